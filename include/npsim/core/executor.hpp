@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// The executor concept, and the serial executor.
+//
+// An executor E offers  e.for_chunks(count, chunk, f)  which calls f(begin, end) for [0, chunk), [chunk, 2 chunk), ...
+// up to count, each exactly once, in any order and on any thread, and returns when all calls have returned.
+// Contract: the chunk size never depends on the number of threads, f does not throw, and a reduction writes one
+// partial result per chunk (index begin / chunk) and combines them in chunk order. Hence the same bits for any
+// thread count. A thread pool stands in exec/; the core has none.
+#ifndef NPSIM_CORE_EXECUTOR_HPP
+#define NPSIM_CORE_EXECUTOR_HPP
+
+#include <cstddef>
+
+#include "npsim/core/config.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+struct SerialExecutor {
+  template <class F>
+  void for_chunks(std::size_t count, std::size_t chunk, F&& f) const {
+    const std::size_t step = chunk == 0 ? 1 : chunk;
+    for (std::size_t begin = 0; begin < count; begin += step) {
+      f(begin, count - begin < step ? count : begin + step);
+    }
+  }
+};
+
+// Number of chunks that for_chunks(count, chunk, ...) makes.
+[[nodiscard]] constexpr std::size_t chunk_count(std::size_t count, std::size_t chunk) noexcept {
+  return chunk == 0 ? count : (count + chunk - 1) / chunk;
+}
+
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_CORE_EXECUTOR_HPP

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// ImageView: a two-dimensional, row-major view with a row stride, over memory that somebody else owns.
+//
+// Shapes are in pixels, the stride in elements. Invariant: 0 <= width <= stride; pixel (x, y) is
+// data[y * stride + x]. A sub-view shares the memory. Colour and normal images hold one Vec3f per pixel.
+#ifndef NPSIM_CORE_IMAGE_VIEW_HPP
+#define NPSIM_CORE_IMAGE_VIEW_HPP
+
+#include <cstddef>
+#include <type_traits>
+
+#include "npsim/core/config.hpp"
+#include "npsim/core/span.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+struct Shape {
+  int width = 0;   // px
+  int height = 0;  // px
+
+  [[nodiscard]] constexpr std::size_t pixels() const noexcept {
+    return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  }
+  [[nodiscard]] constexpr bool empty() const noexcept { return width <= 0 || height <= 0; }
+};
+
+[[nodiscard]] constexpr bool operator==(const Shape& a, const Shape& b) noexcept {
+  return a.width == b.width && a.height == b.height;
+}
+[[nodiscard]] constexpr bool operator!=(const Shape& a, const Shape& b) noexcept { return !(a == b); }
+
+template <class T>
+class ImageView {
+ public:
+  using value_type = std::remove_cv_t<T>;
+
+  constexpr ImageView() noexcept = default;
+  constexpr ImageView(T* data, Shape shape, std::ptrdiff_t stride) noexcept
+      : data_(data), stride_(stride), shape_(shape) {}
+  constexpr ImageView(T* data, Shape shape) noexcept : ImageView(data, shape, shape.width) {}
+  // ImageView<float> converts to ImageView<const float>.
+  template <class U, std::enable_if_t<std::is_same_v<const U, T> && !std::is_same_v<U, T>, int> = 0>
+  constexpr ImageView(const ImageView<U>& other) noexcept  // NOLINT(google-explicit-constructor)
+      : data_(other.data()), stride_(other.stride()), shape_(other.shape()) {}
+
+  [[nodiscard]] constexpr T* data() const noexcept { return data_; }
+  [[nodiscard]] constexpr Shape shape() const noexcept { return shape_; }
+  [[nodiscard]] constexpr int width() const noexcept { return shape_.width; }
+  [[nodiscard]] constexpr int height() const noexcept { return shape_.height; }
+  [[nodiscard]] constexpr std::ptrdiff_t stride() const noexcept { return stride_; }
+  [[nodiscard]] constexpr bool empty() const noexcept { return data_ == nullptr || shape_.empty(); }
+  [[nodiscard]] constexpr bool contiguous() const noexcept { return stride_ == shape_.width; }
+
+  [[nodiscard]] constexpr T* row(int y) const noexcept { return data_ + static_cast<std::ptrdiff_t>(y) * stride_; }
+  [[nodiscard]] constexpr T& operator()(int x, int y) const noexcept { return row(y)[x]; }
+  [[nodiscard]] constexpr bool contains(int x, int y) const noexcept {
+    return x >= 0 && y >= 0 && x < shape_.width && y < shape_.height;
+  }
+  // The rectangle with upper-left pixel (x, y); the caller keeps it inside the view.
+  [[nodiscard]] constexpr ImageView sub(int x, int y, Shape shape) const noexcept {
+    return ImageView(row(y) + x, shape, stride_);
+  }
+  // All pixels as one span; only meaningful when contiguous().
+  [[nodiscard]] constexpr Span<T> pixels() const noexcept { return Span<T>(data_, shape_.pixels()); }
+
+ private:
+  T* data_ = nullptr;
+  std::ptrdiff_t stride_ = 0;
+  Shape shape_{};
+};
+
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_CORE_IMAGE_VIEW_HPP

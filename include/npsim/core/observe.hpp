@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// The observer concept: how a pipeline tells its caller what it is doing, and asks whether to go on.
+//
+// An observer O offers  o.begin(stage), o.progress(done, total), o.end(stage)  and  o.cancelled().
+// begin/end come in pairs from the calling thread; progress may come from any thread. Observing never changes a result.
+#ifndef NPSIM_CORE_OBSERVE_HPP
+#define NPSIM_CORE_OBSERVE_HPP
+
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/config.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+enum class Stage : std::uint8_t {
+  fill, cross_bilateral, uncertainty, refine, sheet, prune, complete, material, lights, build_trace,
+  render, denoise, camera, count_
+};
+
+[[nodiscard]] constexpr const char* stage_name(Stage stage) noexcept {
+  switch (stage) {
+    case Stage::fill: return "depth fill";
+    case Stage::cross_bilateral: return "cross-bilateral filter";
+    case Stage::uncertainty: return "variance filter";
+    case Stage::refine: return "normal-guided refinement";
+    case Stage::sheet: return "sheet mesh";
+    case Stage::prune: return "delete spurious faces";
+    case Stage::complete: return "mesh completion";
+    case Stage::material: return "material";
+    case Stage::lights: return "light sources";
+    case Stage::build_trace: return "ray tracer build";
+    case Stage::render: return "light transport";
+    case Stage::denoise: return "denoise";
+    case Stage::camera: return "camera";
+    case Stage::count_: break;
+  }
+  return "unknown";
+}
+
+struct NullObserver {
+  constexpr void begin(Stage) const noexcept {}
+  constexpr void progress(std::size_t, std::size_t) const noexcept {}
+  constexpr void end(Stage) const noexcept {}
+  [[nodiscard]] constexpr bool cancelled() const noexcept { return false; }
+};
+
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_CORE_OBSERVE_HPP

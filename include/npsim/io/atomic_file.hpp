@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole-file output: written to a temporary name in the same folder, flushed, then renamed over the target.
+//
+// Invariant: under its final name a file is either absent, the old one, or complete. On failure the temporary is removed.
+#ifndef NPSIM_IO_ATOMIC_FILE_HPP
+#define NPSIM_IO_ATOMIC_FILE_HPP
+
+#include <cstddef>
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <system_error>
+
+#include "npsim/io/error.hpp"
+
+namespace npsim {
+inline namespace v1 {
+namespace io {
+
+inline Outcome write_file(const std::string& path, const void* data, std::size_t bytes) {
+  const std::string temporary = path + ".partial";
+  std::FILE* file = std::fopen(temporary.c_str(), "wb");
+  if (file == nullptr) return Error{path, "", "cannot be opened for writing: expected a writable folder"};
+  const bool written = bytes == 0 || std::fwrite(data, 1, bytes, file) == bytes;
+  const bool closed = std::fclose(file) == 0;
+  std::error_code code;
+  if (written && closed) {
+    std::filesystem::rename(temporary, path, code);
+    if (!code) return Done{};
+  }
+  std::error_code ignored;
+  std::filesystem::remove(temporary, ignored);
+  return Error{path, "", "could not be written completely: expected free disk space and a writable folder"};
+}
+
+inline Outcome write_file(const std::string& path, const std::string& text) {
+  return write_file(path, text.data(), text.size());
+}
+
+}  // namespace io
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_IO_ATOMIC_FILE_HPP

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// Image: an owning, contiguous image for hosts. Kernels see it through view().
+#ifndef NPSIM_IO_IMAGE_HPP
+#define NPSIM_IO_IMAGE_HPP
+
+#include <utility>
+#include <vector>
+
+#include "npsim/core/image_view.hpp"
+
+namespace npsim {
+inline namespace v1 {
+namespace io {
+
+template <class T>
+class Image {
+ public:
+  Image() = default;
+  explicit Image(Shape shape, const T& fill = T{}) : pixels_(shape.empty() ? 0 : shape.pixels(), fill), shape_(shape) {}
+
+  [[nodiscard]] bool empty() const { return pixels_.empty(); }
+  [[nodiscard]] Shape shape() const { return shape_; }
+  [[nodiscard]] int width() const { return shape_.width; }
+  [[nodiscard]] int height() const { return shape_.height; }
+  [[nodiscard]] T* data() { return pixels_.data(); }
+  [[nodiscard]] const T* data() const { return pixels_.data(); }
+  [[nodiscard]] ImageView<T> view() { return ImageView<T>(pixels_.data(), shape_); }
+  [[nodiscard]] ImageView<const T> view() const { return ImageView<const T>(pixels_.data(), shape_); }
+  [[nodiscard]] T& operator()(int x, int y) { return view()(x, y); }
+  [[nodiscard]] const T& operator()(int x, int y) const { return view()(x, y); }
+
+ private:
+  std::vector<T> pixels_;
+  Shape shape_{};
+};
+
+}  // namespace io
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_IO_IMAGE_HPP
