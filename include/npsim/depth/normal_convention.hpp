@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+// Finds out which axes and signs a file of normals uses, by comparing it with the normals of the depth map.
+//
+// Normal maps come as (x right, y down, z forward), as (x right, y up, z towards the viewer), with axes permuted or
+// mirrored, and rarely say so. All 48 signed axis permutations are scored by the mean dot product with the normals
+// from depth, over pixels where the depth is smooth; the best one wins. Scores of all 48 follow from the nine sums of
+// products between components, so the image is read once.
+//
+// Derivatives are central, over 4 pixels each way (1 in images under 16 px), in inverse depth: wide enough that
+// quantised depth still shows its slope. A pixel is smooth where inverse depth bends by less than 2 % of itself.
+// Invariant: deterministic; near-ties (1e-6) go to the convention nearest to identity in the order of enumeration, so
+// a fronto-parallel scene, which says nothing about x and y, keeps them.
+// Cost: one pass, serial, double. Memory: none. `agreement` lies in [-1, 1]; below about 0.5, doubt the file.
+#ifndef NPSIM_DEPTH_NORMAL_CONVENTION_HPP
+#define NPSIM_DEPTH_NORMAL_CONVENTION_HPP
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/depth/normals.hpp"
+#include "npsim/simd/isa.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+// Canonical component i (camera frame, facing the camera) is sign[i] times raw component axis[i].
+struct NormalConvention {
+  std::int8_t axis[3] = {0, 1, 2};
+  std::int8_t sign[3] = {1, 1, 1};
+};
+
+[[nodiscard]] constexpr bool operator==(const NormalConvention& a, const NormalConvention& b) noexcept {
+  for (int i = 0; i < 3; ++i) {
+    if (a.axis[i] != b.axis[i] || a.sign[i] != b.sign[i]) return false;
+  }
+  return true;
+}
+[[nodiscard]] constexpr bool operator!=(const NormalConvention& a, const NormalConvention& b) noexcept {
+  return !(a == b);
+}
+
+[[nodiscard]] constexpr Vec3f apply_normal_convention(const NormalConvention& c, const Vec3f& raw) noexcept {
+  const float component[3] = {raw.x, raw.y, raw.z};
+  return {static_cast<float>(c.sign[0]) * component[c.axis[0]], static_cast<float>(c.sign[1]) * component[c.axis[1]],
+          static_cast<float>(c.sign[2]) * component[c.axis[2]]};
+}
+
+inline void apply_normal_convention(const NormalConvention& convention, ImageView<Vec3f> normals) noexcept {
+  if (normals.empty()) return;
+  for (int y = 0; y < normals.height(); ++y) {
+    for (int x = 0; x < normals.width(); ++x) {
+      normals(x, y) = apply_normal_convention(convention, normals(x, y));
+    }
+  }
+}
+
+inline namespace NPSIM_ISA_NAMESPACE {
+namespace depth_detail {
+
+// Smooth second difference of inverse depth, relative to inverse depth itself.
+inline constexpr double kSmoothBend = 0.02;
+
+// Reference normal at (x, y) by central differences `reach` pixels each way; false where depth is missing or bends.
+[[nodiscard]] inline bool smooth_normal(ImageView<const float> depth, const Intrinsics& k, int x, int y, int reach,
+                                        Vec3d& normal) noexcept {
+  const float z[5] = {depth(x, y), depth(x - reach, y), depth(x + reach, y), depth(x, y - reach), depth(x, y + reach)};
+  double w[5] = {};
+  for (int i = 0; i < 5; ++i) {
+    if (!is_valid_depth(z[i])) return false;
+    w[i] = 1.0 / static_cast<double>(z[i]);
+  }
+  if (!(std::abs(w[1] - 2 * w[0] + w[2]) < kSmoothBend * w[0] && std::abs(w[3] - 2 * w[0] + w[4]) < kSmoothBend * w[0]))
+    return false;
+  normal = perspective_normal(k, x + 0.5, y + 0.5, w[0], (w[2] - w[1]) / (2 * reach), (w[4] - w[3]) / (2 * reach));
+  return true;
+}
+
+}  // namespace depth_detail
+
+// raw: normals as read, scaled to [-1, 1] but with unknown axes, the shape of depth. Vectors shorter than 0.1 or not
+// finite are ignored. With nothing to compare the result is the identity and `agreement` is 0.
+[[nodiscard]] inline NormalConvention detect_normal_convention(ImageView<const Vec3f> raw, ImageView<const float> depth,
+                                                               const Intrinsics& intrinsics,
+                                                               float& agreement) noexcept {
+  agreement = 0;
+  NormalConvention best;
+  if (raw.empty() || depth.empty() || raw.shape() != depth.shape() || !validate(intrinsics).ok()) return best;
+
+  const int reach = raw.width() >= 16 && raw.height() >= 16 ? 4 : 1;
+  double product[3][3] = {};  // sum over pixels of depth normal component i times raw component j
+  std::size_t count = 0;
+  for (int y = reach; y < raw.height() - reach; ++y) {
+    for (int x = reach; x < raw.width() - reach; ++x) {
+      const Vec3d r = vec_cast<double>(raw(x, y));
+      const double r_length = length(r);
+      Vec3d n;
+      if (!(r_length > 0.1 && std::isfinite(r_length)) ||
+          !depth_detail::smooth_normal(depth, intrinsics, x, y, reach, n)) {
+        continue;
+      }
+      const double ni[3] = {n.x, n.y, n.z};
+      const double rj[3] = {r.x / r_length, r.y / r_length, r.z / r_length};
+      for (int i = 0; i < 3; ++i) {
+        for (int j = 0; j < 3; ++j) product[i][j] += ni[i] * rj[j];
+      }
+      ++count;
+    }
+  }
+  if (count == 0) return best;
+
+  constexpr std::int8_t kPermutations[6][3] = {{0, 1, 2}, {1, 0, 2}, {0, 2, 1}, {2, 1, 0}, {1, 2, 0}, {2, 0, 1}};
+  double best_score = -2;
+  for (const auto& axis : kPermutations) {
+    for (unsigned negative = 0; negative < 8; ++negative) {
+      NormalConvention candidate;
+      double score = 0;
+      for (unsigned i = 0; i < 3; ++i) {
+        candidate.axis[i] = axis[i];
+        candidate.sign[i] = (negative >> i & 1U) != 0 ? std::int8_t{-1} : std::int8_t{1};
+        score += product[i][axis[i]] * static_cast<double>(candidate.sign[i]);
+      }
+      score /= static_cast<double>(count);
+      if (score > best_score + 1e-6) {
+        best_score = score;
+        best = candidate;
+      }
+    }
+  }
+  agreement = static_cast<float>(best_score < 1.0 ? best_score : 1.0);
+  return best;
+}
+
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_DEPTH_NORMAL_CONVENTION_HPP
