@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Direct light of one variant: the lit emitters, weighted by their visibility.
+//
+//   E(p) = sum_e V(e, p) I_e f_e(direction) cos / d^2                       illuminance, lx, linear RGB
+//   L(p) = sum_e V(e, p) I_e f_e(direction) cos / d^2 * bsdf(camera, light)   luminance towards the camera, cd/m2
+// Emitters count as points at their centre here; their extent enters through V and the bounded distance. For a patch
+// seen at distance d >= 2 extents the illuminance differs from the patch integral by less than 5 %.
+// Cost: one evaluation per pair with V > 0. Every point sums in emitter order, so the bits never depend on threads.
+#ifndef NPSIM_RENDER_DIRECT_HPP
+#define NPSIM_RENDER_DIRECT_HPP
+
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/light/activation.hpp"
+#include "npsim/light/emitter.hpp"
+#include "npsim/material/bsdf.hpp"
+#include "npsim/render/surface_points.hpp"
+#include "npsim/render/visibility.hpp"
+#include "npsim/simd/isa.hpp"
+
+namespace npsim {
+inline namespace v1 {
+inline namespace NPSIM_ISA_NAMESPACE {
+
+// `activations` and `emitters` agree in length; `visibility` is that of compute_visibility().
+template <class Executor>
+Status direct_light(const SurfacePoints& points, Span<const Emitter> emitters, Span<const Activation> activations,
+                    Span<const std::uint8_t> visibility, float f0, Span<Vec3f> illuminance, Span<Vec3f> luminance_out,
+                    Executor& executor) {
+  NPSIM_RETURN_IF_ERROR(validate(points));
+  if (activations.size() != emitters.size() || visibility.size() != emitters.size() * points.size() ||
+      illuminance.size() != points.size() || luminance_out.size() != points.size()) {
+    return Status(StatusCode::shape_mismatch, "direct light: array lengths disagree");
+  }
+  executor.for_chunks(points.size(), 2048, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t p = begin; p < end; ++p) illuminance[p] = luminance_out[p] = Vec3f{};
+    for (std::size_t e = 0; e < emitters.size(); ++e) {
+      if (!activations[e].lit) continue;
+      const std::uint8_t* seen = visibility.data() + e * points.size();
+      const Vec3f intensity = activations[e].intensity_cd;
+      for (std::size_t p = begin; p < end; ++p) {
+        if (seen[p] == 0) continue;
+        Vec3f to_light;
+        const float per_cd = illuminance_per_cd(emitters[e], points.position[p], points.normal[p], to_light);
+        const Vec3f received = intensity * (per_cd * static_cast<float>(seen[p]) * (1.0F / 255.0F));
+        illuminance[p] += received;
+        luminance_out[p] += received * eval_bsdf(points.albedo[p], points.alpha[p], f0, points.normal[p],
+                                                 normalized(-points.position[p]), to_light);
+      }
+    }
+  });
+  return {};
+}
+
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_RENDER_DIRECT_HPP

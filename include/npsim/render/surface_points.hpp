@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// The surface points of a scene: one per mesh vertex, with everything that light transport needs to know there.
+//
+// Structure of arrays, all of one length; index i is vertex i of the traced mesh. Visible and hidden points (background
+// completed behind objects) are alike: both receive light, block it and hand it on. Nothing is owned.
+#ifndef NPSIM_RENDER_SURFACE_POINTS_HPP
+#define NPSIM_RENDER_SURFACE_POINTS_HPP
+
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+inline constexpr std::uint32_t kNoPoint = 0xFFFFFFFFU;
+
+struct SurfacePoints {
+  Span<const Vec3f> position;  // m, camera frame
+  Span<const Vec3f> normal;    // unit, facing the camera
+  Span<const Vec3f> albedo;    // diffuse reflectance, linear RGB in [0, 1]
+  Span<const float> alpha;     // GGX width in (0, 1]
+
+  [[nodiscard]] constexpr std::size_t size() const noexcept { return position.size(); }
+};
+
+[[nodiscard]] inline Status validate(const SurfacePoints& p) noexcept {
+  const bool same = p.normal.size() == p.size() && p.albedo.size() == p.size() && p.alpha.size() == p.size();
+  if (!same) return Status(StatusCode::shape_mismatch, "surface point arrays must have one length");
+  if (p.size() >= kNoPoint) return Status(StatusCode::capacity_exceeded, "more than 2^32 - 2 surface points");
+  return {};
+}
+
+// Start of a ray that leaves a point: pulled out along the normal by a share of the depth. A reconstructed surface is
+// rough by a fraction of its depth, far more than by rounding, so the pull must follow the depth or lamps at a grazing
+// angle would speckle the road with its own shadow.
+[[nodiscard]] constexpr Vec3f pulled_out(const Vec3f& position, const Vec3f& normal, float relative_bias) noexcept {
+  const float reach = position.z > 0.5F ? position.z : 0.5F;
+  return position + normal * (relative_bias * reach);
+}
+
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_RENDER_SURFACE_POINTS_HPP

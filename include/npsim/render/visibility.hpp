@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+// Visibility between emitters and surface points: the costly part of direct light, computed once for all variants.
+//
+// V(e, p) is the share of emitter e's patch that point p sees, from k x k stratified shadow rays (k = 1 for an emitter
+// that looks small from p, `samples_per_side` otherwise), stored in 1/255 steps. It does not depend on which lamps are
+// lit, nor on their strength or colour, so every night of one day shares it.
+// Skipped, V = 0: points behind the emitter or facing away, and pairs whose unshadowed illuminance stays below
+// `cutoff_lx` at the emitter's peak intensity over all variants. The error of the direct illuminance at a point is
+// therefore at most  n_emitters * cutoff_lx + E / 510  plus the penumbra's sampling noise.
+// Faces that carry an emitter's own mark do not block it: a lamp is not hidden by its own glass.
+// Cost: one shadow ray per pair and sample; memory: one byte per pair, emitter-major.
+#ifndef NPSIM_RENDER_VISIBILITY_HPP
+#define NPSIM_RENDER_VISIBILITY_HPP
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/random.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/light/emitter.hpp"
+#include "npsim/render/surface_points.hpp"
+#include "npsim/simd/isa.hpp"
+#include "npsim/trace/bvh.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+struct VisibilityParams {
+  int samples_per_side = 3;         // shadow rays per emitter side where it looks large, 1..16
+  float small_angle = 0.02F;        // patch size / distance below which one ray is enough
+  float cutoff_lx = 1e-3F;          // full moon: 0.25 lx; city sky: 0.1 lx and more
+  float relative_bias = 2e-3F;      // see pulled_out()
+  std::uint64_t seed = 0;
+};
+
+inline namespace NPSIM_ISA_NAMESPACE {
+
+// Unshadowed illuminance (lx) at a point per candela of the emitter's peak intensity; `to_light` is the unit direction.
+// The distance is bounded below by the patch size, where the point-source form would diverge.
+[[nodiscard]] inline float illuminance_per_cd(const Emitter& e, const Vec3f& position, const Vec3f& normal,
+                                              Vec3f& to_light) noexcept {
+  const Vec3f delta = e.centre_m - position;
+  const float squared = dot(delta, delta);
+  if (!(squared > 0.0F)) return 0.0F;
+  to_light = delta / std::sqrt(squared);
+  const float cosine = dot(normal, to_light);
+  if (!(cosine > 0.0F)) return 0.0F;
+  const float floor_m2 = e.area_m2 > 0.0F ? e.area_m2 : 0.0F;
+  return relative_intensity(e, -to_light) * cosine / (squared > floor_m2 ? squared : floor_m2);
+}
+
+// `peak_cd[e]`: greatest luminous intensity that emitter e has in any variant; 0 skips it. `face_mark[f]`: mark of the
+// face's pixel, 0 for none. `visibility` has emitters * points elements.
+template <class Executor, class Observer>
+Status compute_visibility(const VisibilityParams& params, const Bvh& bvh, const SurfacePoints& points,
+                          Span<const Emitter> emitters, Span<const float> peak_cd, Span<const std::uint16_t> face_mark,
+                          Span<std::uint8_t> visibility, Executor& executor, Observer& observer) {
+  NPSIM_RETURN_IF_ERROR(validate(points));
+  if (peak_cd.size() != emitters.size() || visibility.size() != emitters.size() * points.size()) {
+    return Status(StatusCode::shape_mismatch, "visibility needs one peak per emitter and one byte per pair");
+  }
+  if (params.samples_per_side < 1 || params.samples_per_side > 16 || !(params.cutoff_lx >= 0.0F) ||
+      !(params.relative_bias >= 0.0F)) {
+    return Status(StatusCode::invalid_argument, "visibility: samples_per_side in 1..16, cutoff and bias not negative");
+  }
+  constexpr std::size_t kChunk = 2048;
+  executor.for_chunks(points.size(), kChunk, [&](std::size_t begin, std::size_t end) {
+    if (observer.cancelled()) return;
+    for (std::size_t e = 0; e < emitters.size(); ++e) {
+      const Emitter& emitter = emitters[e];
+      std::uint8_t* row = visibility.data() + e * points.size();
+      if (!(peak_cd[e] > 0.0F)) {
+        for (std::size_t p = begin; p < end; ++p) row[p] = 0;
+        continue;
+      }
+      const auto passes = [&](std::uint32_t face) {
+        return emitter.mark == 0 || face >= face_mark.size() || face_mark[face] != emitter.mark;
+      };
+      const float extent = 2.0F * (length(emitter.half_u_m) + length(emitter.half_v_m));
+      for (std::size_t p = begin; p < end; ++p) {
+        row[p] = 0;
+        Vec3f to_light;
+        const Vec3f position = points.position[p];
+        const float unshadowed =
+            peak_cd[e] * illuminance_per_cd(emitter, position, points.normal[p], to_light);
+        if (!(unshadowed > params.cutoff_lx)) continue;
+        const Vec3f origin = pulled_out(position, points.normal[p], params.relative_bias);
+        const float distance = length(emitter.centre_m - origin);
+        const int k = extent < params.small_angle * distance ? 1 : params.samples_per_side;
+        RandomStream random(params.seed, RandomPurpose::direct, 0, static_cast<std::uint32_t>(e),
+                            static_cast<std::uint32_t>(p), 0);
+        int seen = 0;
+        for (int s = 0; s < k * k; ++s) {
+          const float jitter_u = k == 1 ? 0.5F : random.uniform();
+          const float jitter_v = k == 1 ? 0.5F : random.uniform();
+          const float u = (static_cast<float>(s % k) + jitter_u) / static_cast<float>(k);
+          const float v = (static_cast<float>(s / k) + jitter_v) / static_cast<float>(k);
+          Ray ray;
+          ray.origin = origin;
+          ray.direction = sample_point(emitter, u, v) - origin;
+          ray.t_min = 0.0F;
+          ray.t_max = 0.999F;
+          if (!occluded(bvh, ray, passes)) ++seen;
+        }
+        row[p] = static_cast<std::uint8_t>((255 * seen + k * k / 2) / (k * k));
+      }
+    }
+    observer.progress(end, points.size());
+  });
+  return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while tracing shadow rays") : Status();
+}
+
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_RENDER_VISIBILITY_HPP

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// npsim: one daytime street photograph in, photographs of the same street at night out.
+#include <CLI/CLI.hpp>
+
+#include <cstdio>
+#include <string>
+
+#include "console.hpp"
+#include "inspect_command.hpp"
+#include "night_command.hpp"
+#include "npsim/core/config.hpp"
+#include "options.hpp"
+#include "street_command.hpp"
+
+namespace {
+
+constexpr const char* kAbout =
+    "npsim turns a daytime street photograph with depth into physically grounded photographs of it at night.\n"
+    "\n"
+    "A scene is a folder with a scene.json that names the image, the depth and the camera, and, where there are any,\n"
+    "labels, instances, normals, albedo, roughness and marked light sources. To see one, make one:\n"
+    "  npsim street my_street          a generated street with everything a scene can have\n"
+    "  npsim inspect my_street         what is in it, what is missing, ranges\n"
+    "  npsim night my_street -o night  its nights, mesh and refined depth; open night/overview.png first";
+
+constexpr const char* kStatuses =
+    "Exit status: 0 done; 1 the run failed; 2 the input or an option is wrong (one line says what was expected);\n"
+    "130 interrupted. Files appear under their final names only when complete.";
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using namespace npsim::tool;
+  CLI::App app{kAbout, "npsim"};
+  app.set_version_flag("--version", std::string("npsim ") + NPSIM_VERSION_STRING);
+  app.require_subcommand(1);
+  app.footer(kStatuses);
+
+  NightOptions night;
+  CLI::App* night_app = app.add_subcommand("night", "Render nights of a scene");
+  night_app->add_option("scene", night.scene, "Folder with a scene.json, or the scene.json itself")->required();
+  night_app->add_option("-o,--output", night.output, "Folder for the results; made if missing")->required();
+  night_app->add_option("--variants", night.variants, "Number of nights, each with other lamps lit")
+      ->check(CLI::Range(1, 10000))->capture_default_str();
+  night_app->add_option("--seed", night.seed, "Same seed, same bytes, on any number of threads")->capture_default_str();
+  night_app->add_option("--preset", night.preset,
+                        "default: what measured better; thesis: the thesis' settings as literally as they can be read")
+      ->check(CLI::IsMember({"default", "thesis"}))->capture_default_str();
+  night_app->add_option("--threads", night.threads, "0 = one per processor")->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  night_app->add_option("--size", night.size, "Work at WIDTHxHEIGHT, for instance 960x540; default: the image's size");
+  night_app->add_option("--lights", night.light_set,
+                        "JSON list of measured light sources [{class, strength, xy | rg_bg}] that replaces the built-in "
+                        "strengths and colours of the classes it names");
+  night_app->add_flag("--quiet", night.quiet, "No progress");
+
+  StreetOptions street;
+  CLI::App* street_app = app.add_subcommand("street", "Generate a street scene with full ground truth");
+  street_app->add_option("output", street.output, "Folder for the scene; made if missing")->required();
+  street_app->add_option("--seed", street.seed, "Another seed, another street")->capture_default_str();
+  street_app->add_option("--size", street.size, "WIDTHxHEIGHT")->capture_default_str();
+  street_app->add_option("--threads", street.threads, "0 = one per processor")->check(CLI::Range(0, 1024));
+  street_app->add_flag("--quiet", street.quiet, "No progress");
+
+  InspectOptions inspect;
+  CLI::App* inspect_app = app.add_subcommand("inspect", "Say what a scene holds, what is missing, ranges and shares");
+  inspect_app->add_option("scene", inspect.scene, "Folder with a scene.json, or the scene.json itself")->required();
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::CallForHelp& e) {
+    return app.exit(e);
+  } catch (const CLI::CallForAllHelp& e) {
+    return app.exit(e);
+  } catch (const CLI::CallForVersion& e) {
+    return app.exit(e);
+  } catch (const CLI::ParseError& e) {
+    std::fprintf(stderr, "npsim: %s; see npsim --help\n", e.what());
+    return kExitBadInput;
+  }
+
+  watch_for_interrupt();
+  if (*night_app) return run_night(night);
+  if (*street_app) return run_street(street);
+  return run_inspect(inspect);
+}
