@@ -21,7 +21,11 @@ struct Error {
   [[nodiscard]] std::string line() const {
     std::string text = file.empty() ? std::string() : file + ": ";
     if (!field.empty()) text += field + ": ";
-    return text + problem;
+    text += problem;
+    for (char& c : text) {  // names come from files: whatever they hold, this stays one line
+      if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) c = ' ';
+    }
+    return text;
   }
 };
 
