@@ -3,7 +3,7 @@
 //
 // Source: G. Ward, "Real Pixels", Graphics Gems II (1991), and the Radiance file format description. Error: the largest
 // channel of a pixel is off by at most 1/256 of itself, the others by the same absolute amount. Negative values and NaN
-// become 0, values beyond 2^127 are held there. The picture keeps its unit; the header says that it is linear RGB.
+// become 0, values beyond 1.69e38 are held there. The picture keeps its unit; the header says that it is linear RGB.
 #ifndef NPSIM_IO_HDR_HPP
 #define NPSIM_IO_HDR_HPP
 
@@ -27,8 +27,8 @@ namespace detail {
 
 // Mantissas are m / 256 * 2^(e - 128); rounded to nearest, with a carry into the exponent.
 [[nodiscard]] inline std::array<std::uint8_t, 4> rgbe(const Vec3f& rgb) noexcept {
-  constexpr float kLargest = 1.7e38F;  // below 2^127
-  const auto held = [](float v) { return v > 0.0F ? std::min(v, kLargest) : 0.0F; };  // NaN fails the comparison
+  // Below 255/256 of 2^127, so that rounding never carries into an exponent byte that does not exist.
+  const auto held = [](float v) { return v > 0.0F ? std::min(v, 1.69e38F) : 0.0F; };  // NaN fails the comparison
   const float c[3] = {held(rgb.x), held(rgb.y), held(rgb.z)};
   const float largest = std::max(c[0], std::max(c[1], c[2]));
   if (largest < 1e-38F) return {0, 0, 0, 0};
