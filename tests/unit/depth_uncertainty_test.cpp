@@ -1,0 +1,259 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "npsim/depth/uncertainty.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "npsim/core/random.hpp"
+
+using namespace npsim;
+
+namespace {
+
+constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
+
+struct Images {
+  explicit Images(Shape s) : shape(s), depth(s.pixels(), 10.0F), labels(s.pixels(), label::road), mask(s.pixels(), 7),
+                             windows(s.pixels(), 7), variance(s.pixels(), -1.0F) {}
+  float& z(int x, int y) { return depth[static_cast<std::size_t>(y * shape.width + x)]; }
+  Label& h(int x, int y) { return labels[static_cast<std::size_t>(y * shape.width + x)]; }
+
+  template <class Executor>
+  Status run(const UncertaintyParams& p, Executor& executor) {
+    std::vector<unsigned char> bytes(uncertainty_workspace_bytes(p, shape));
+    Workspace workspace(bytes.data(), bytes.size());
+    const UncertaintyOutput out{{mask.data(), shape}, {windows.data(), shape}, {variance.data(), shape}};
+    const Status status = uncertainty(p, {depth.data(), shape}, {labels.data(), shape}, out, workspace, executor);
+    CHECK(workspace.used() == 0);
+    return status;
+  }
+  Status run(const UncertaintyParams& p) {
+    SerialExecutor serial;
+    return run(p, serial);
+  }
+
+  Shape shape;
+  std::vector<float> depth;
+  std::vector<Label> labels;
+  std::vector<std::uint8_t> mask, windows;
+  std::vector<float> variance;
+};
+
+// Straight from the definition: two passes per window, every pair of labels.
+void check_against_naive(Images& im, const UncertaintyParams& p) {
+  const int l = p.window_px;
+  std::vector<std::uint8_t> mask(im.shape.pixels(), 0);
+  for (int y = 0; y < im.shape.height; ++y) {
+    for (int x = 0; x < im.shape.width; ++x) {
+      long double variance = 0;
+      bool edge = false;
+      if (x + l <= im.shape.width && y + l <= im.shape.height) {
+        std::vector<std::pair<long double, Label>> in;
+        for (int j = 0; j < l; ++j) {
+          for (int i = 0; i < l; ++i) {
+            const float z = im.z(x + i, y + j);
+            if (std::isfinite(z) && z > 0) in.emplace_back(static_cast<long double>(z), im.h(x + i, y + j));
+          }
+        }
+        long double mean = 0;
+        for (const auto& s : in) mean += s.first;
+        if (in.size() > 1) {
+          mean /= static_cast<long double>(in.size());
+          for (const auto& s : in) variance += (s.first - mean) * (s.first - mean);
+          variance /= static_cast<long double>(in.size());
+        }
+        for (const auto& s : in) {
+          for (const auto& t : in) {
+            if (s.second != t.second && p.foreground.contains(s.second)) edge = true;
+          }
+        }
+      }
+      const std::size_t at = static_cast<std::size_t>(y * im.shape.width + x);
+      const auto got = static_cast<long double>(im.variance[at]);
+      CHECK(got >= 0);
+      CHECK(std::abs(got - variance) <= 1e-7L * variance);  // the output is rounded to float
+      const bool fires = edge && variance > static_cast<long double>(p.variance_m2);
+      CHECK(static_cast<bool>(im.windows[at]) == fires);
+      if (!fires) continue;
+      for (int j = 0; j < l; ++j) {
+        for (int i = 0; i < l; ++i) mask[static_cast<std::size_t>((y + j) * im.shape.width + x + i)] = 1;
+      }
+    }
+  }
+  CHECK(mask == im.mask);
+}
+
+// Runs chunks last to first: a race or an order dependence would show.
+struct BackwardExecutor {
+  template <class F>
+  void for_chunks(std::size_t count, std::size_t chunk, F&& f) const {
+    for (std::size_t c = chunk_count(count, chunk); c-- > 0;) f(c * chunk, std::min(count, (c + 1) * chunk));
+  }
+};
+
+}  // namespace
+
+TEST_CASE("uncertainty equals the definition on random images: holes, every window size, odd shapes") {
+  for (const int l : {1, 2, 3, 8, 11}) {
+    for (const Shape shape : {Shape{1, 40}, Shape{40, 1}, Shape{7, 9}, Shape{8, 8}, Shape{37, 41}, Shape{33, 18}}) {
+      Images im(shape);
+      RandomStream random(1, RandomPurpose::test, static_cast<std::uint32_t>(l), 0,
+                          static_cast<std::uint32_t>(shape.width), static_cast<std::uint32_t>(shape.height));
+      for (int y = 0; y < shape.height; ++y) {
+        for (int x = 0; x < shape.width; ++x) {
+          im.z(x, y) = 40.0F + random.uniform(-0.05F, 0.06F);
+          if (random.uniform() < 0.3F) im.z(x, y) = random.uniform() < 0.5F ? kNaN : -1.0F;
+          im.h(x, y) = x / 9 + y / 7 == 2 ? label::pole : (x > y ? label::road : label::building);
+        }
+      }
+      UncertaintyParams p;
+      p.window_px = l;
+      REQUIRE(im.run(p).ok());
+      check_against_naive(im, p);
+      const auto mask = im.mask;
+      const BackwardExecutor backward;
+      REQUIRE(im.run(p, backward).ok());
+      CHECK(mask == im.mask);
+    }
+  }
+}
+
+TEST_CASE("variance of 80 m +- 1 mm, and a step from 2 m to 80 m followed by a flat stretch") {
+  Images im({64, 20});
+  RandomStream random(2, RandomPurpose::test, 0, 0, 0, 0);
+  for (int y = 0; y < 20; ++y) {
+    for (int x = 0; x < 64; ++x) {
+      im.z(x, y) = x < 20 ? 2.0F : 80.0F + random.uniform(-0.001F, 0.001F);
+      im.h(x, y) = (x + y) % 2 == 0 ? label::car : label::road;  // every window passes on labels
+    }
+  }
+  UncertaintyParams p;
+  p.variance_m2 = 3.5e-7;
+  REQUIRE(im.run(p).ok());
+  check_against_naive(im, p);
+  for (int x = 10; x <= 56; ++x) {  // the bound that the header states, before rounding to float
+    long double mean = 0;
+    long double variance = 0;
+    for (int i = 0; i < 64; ++i) mean += static_cast<long double>(im.z(x + i % 8, i / 8)) / 64;
+    for (int i = 0; i < 64; ++i) {
+      const long double e = static_cast<long double>(im.z(x + i % 8, i / 8)) - mean;
+      variance += e * e / 64;
+    }
+    const double got = depth_detail::window_variance(ImageView<const float>(im.depth.data() + x, {8, 8}, 64));
+    CHECK(std::abs(static_cast<long double>(got) - variance) <= 1e-12L * variance);
+  }
+  CHECK(im.variance[static_cast<std::size_t>(5 * 64 + 40)] > 1e-7F);
+  CHECK(im.variance[static_cast<std::size_t>(5 * 64 + 40)] < 1e-6F);
+}
+
+TEST_CASE("variance a millionth above or below the threshold is decided rightly; equality does not fire") {
+  Images im({8, 8});
+  for (int y = 0; y < 8; ++y) {
+    for (int x = 0; x < 8; ++x) {
+      im.z(x, y) = x < 4 ? 4.0F : 4.5F;  // variance exactly 1/16
+      im.h(x, y) = x < 4 ? label::car : label::road;
+    }
+  }
+  UncertaintyParams p;
+  p.variance_m2 = 0.0625;
+  REQUIRE(im.run(p).ok());
+  CHECK(std::count(im.mask.begin(), im.mask.end(), 1) == 0);
+  p.variance_m2 = 0.0625 * (1 - 1e-6);
+  REQUIRE(im.run(p).ok());
+  CHECK(std::count(im.mask.begin(), im.mask.end(), 1) == 64);
+  p.variance_m2 = 0.0625 * (1 + 1e-6);
+  REQUIRE(im.run(p).ok());
+  CHECK(std::count(im.mask.begin(), im.mask.end(), 1) == 0);
+}
+
+TEST_CASE("labels: one class never fires, two background classes never, one foreground pixel does") {
+  Images im({24, 16});
+  for (int y = 0; y < 16; ++y) {
+    for (int x = 0; x < 24; ++x) im.z(x, y) = x < 12 ? 5.0F : 50.0F;
+  }
+  const UncertaintyParams p;
+  im.labels.assign(im.labels.size(), label::car);
+  REQUIRE(im.run(p).ok());
+  CHECK(std::count(im.mask.begin(), im.mask.end(), 0) == 24 * 16);
+  for (int y = 0; y < 16; ++y) {
+    for (int x = 0; x < 24; ++x) im.h(x, y) = x < 12 ? label::building : label::sky;
+  }
+  REQUIRE(im.run(p).ok());
+  CHECK(std::count(im.mask.begin(), im.mask.end(), 0) == 24 * 16);
+  im.h(12, 8) = label::pole;
+  REQUIRE(im.run(p).ok());
+  check_against_naive(im, p);
+  CHECK(std::count(im.mask.begin(), im.mask.end(), 1) > 64);
+  im.h(12, 8) = 200;  // an id outside Cityscapes counts as unlabeled, which is no foreground
+  REQUIRE(im.run(p).ok());
+  CHECK(std::count(im.mask.begin(), im.mask.end(), 1) == 0);
+}
+
+TEST_CASE("one valid pixel, all invalid and a column of NaN do not fire by themselves") {
+  Images im({16, 16});
+  for (int y = 0; y < 16; ++y) {
+    for (int x = 0; x < 16; ++x) im.h(x, y) = x < 8 ? label::car : label::road;
+  }
+  const UncertaintyParams p;
+  for (int y = 0; y < 16; ++y) im.z(7, y) = kNaN;
+  REQUIRE(im.run(p).ok());
+  CHECK(std::count(im.mask.begin(), im.mask.end(), 0) == 256);
+  im.depth.assign(256, 0.0F);
+  REQUIRE(im.run(p).ok());
+  CHECK(std::count(im.mask.begin(), im.mask.end(), 0) == 256);
+  im.z(9, 9) = 3;
+  REQUIRE(im.run(p).ok());
+  CHECK(std::count(im.mask.begin(), im.mask.end(), 0) == 256);
+}
+
+TEST_CASE("uncertainty on strided sub-views writes inside them only, and outputs may be left out") {
+  Images im({40, 24});
+  RandomStream random(4, RandomPurpose::test, 0, 0, 0, 0);
+  for (float& z : im.depth) z = random.uniform(3, 4);
+  for (Label& h : im.labels) h = random.uniform() < 0.1F ? label::person : label::road;
+  const UncertaintyParams p;
+  const Shape part{21, 13};
+  std::vector<unsigned char> bytes(uncertainty_workspace_bytes(p, part));
+  Workspace workspace(bytes.data(), bytes.size());
+  SerialExecutor executor;
+  const ImageView<float> z(im.depth.data(), im.shape);
+  const ImageView<Label> h(im.labels.data(), im.shape);
+  const ImageView<std::uint8_t> mask(im.mask.data(), im.shape);
+  REQUIRE(uncertainty(p, z.sub(5, 6, part), h.sub(5, 6, part), {mask.sub(5, 6, part), {}, {}}, workspace, executor).ok());
+  Images copy(part);
+  for (int y = 0; y < part.height; ++y) {
+    for (int x = 0; x < part.width; ++x) {
+      copy.z(x, y) = z(x + 5, y + 6);
+      copy.h(x, y) = h(x + 5, y + 6);
+    }
+  }
+  REQUIRE(copy.run(p).ok());
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 40; ++x) {
+      const bool inside = x >= 5 && x < 26 && y >= 6 && y < 19;
+      CHECK(mask(x, y) == (inside ? copy.mask[static_cast<std::size_t>((y - 6) * 21 + x - 5)] : 7));
+    }
+  }
+}
+
+TEST_CASE("uncertainty refuses bad arguments") {
+  Images im({16, 16});
+  UncertaintyParams p;
+  p.window_px = 0;
+  CHECK(im.run(p).code() == StatusCode::invalid_argument);
+  p = {};
+  p.variance_m2 = std::numeric_limits<double>::quiet_NaN();
+  CHECK(im.run(p).code() == StatusCode::invalid_argument);
+  p = {};
+  SerialExecutor executor;
+  Workspace none;
+  CHECK(uncertainty(p, {im.depth.data(), im.shape}, {im.labels.data(), im.shape}, {}, none, executor).code() ==
+        StatusCode::workspace_exhausted);
+  CHECK(uncertainty(p, {im.depth.data(), im.shape}, {im.labels.data(), {16, 15}}, {}, none, executor).code() ==
+        StatusCode::shape_mismatch);
+  CHECK(uncertainty(p, {}, {im.labels.data(), {16, 15}}, {}, none, executor).code() == StatusCode::no_valid_input);
+}
