@@ -51,10 +51,10 @@ inline namespace NPSIM_ISA_NAMESPACE {
   return tangent * x + bitangent * y + n * z;
 }
 
-// Traces the rays of `receivers` (indices into points). hits[r * rays + s] becomes the point that ray s of receiver r
+// Traces the rays of `receivers` (indices into points, which are the vertices of `faces`). hits[r * rays + s] becomes the point that ray s of receiver r
 // reaches, or kNoPoint; sky_irradiance[r] (lx, linear RGB) what the escaping rays bring.
 template <class Executor, class Observer>
-Status trace_gather_rays(const GatherParams& params, const Bvh& bvh, const SurfacePoints& points,
+Status trace_gather_rays(const GatherParams& params, const Bvh& bvh, Span<const Face> faces, const SurfacePoints& points,
                          Span<const std::uint32_t> receivers, const SkyParams& sky, const Vec3f& up,
                          Span<std::uint32_t> hits, Span<Vec3f> sky_irradiance, Executor& executor, Observer& observer) {
   NPSIM_RETURN_IF_ERROR(validate(points));
@@ -87,7 +87,7 @@ Status trace_gather_rays(const GatherParams& params, const Bvh& bvh, const Surfa
         reached = kNoPoint;
         Hit hit;
         if (closest_hit(bvh, ray, hit)) {
-          const Face face = bvh.mesh.faces[hit.face];
+          const Face face = faces[hit.face];
           const float w = 1.0F - hit.u - hit.v;
           reached = w >= hit.u && w >= hit.v ? face.a : (hit.u >= hit.v ? face.b : face.c);
           // The back of a sheet is unknown; it hands on nothing.
