@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: Apache-2.0
+// Completes the background behind foreground objects (section 3.5.2 and Algorithm 1), row by row.
+//
+// Region to complete: the uncertain pixels, the foreground (every segment, or as the thesis has it those that touch an
+// uncertain pixel; a segment is a connected component of one label), and surface pixels that have no vertex. What is
+// left of the sheet is kept. In each row a run of the region is filled
+//   - between two kept vertices: linearly with Algorithm 1's weights, in position (as printed) or in inverse depth,
+//     which is linear in the image for a plane and leaves vertices on the rays of their pixels (the default);
+//   - from one kept vertex, where the run's other end is the image border or the sky: along the plane fitted in
+//     inverse depth to the kept vertices around it, the depth clamped to a factor of the anchor's, so that the plane
+//     neither passes through the camera nor runs off to infinity; with too few vertices for a plane, at constant depth;
+//   - not at all where neither end is kept. Nothing is ever spanned across the sky.
+// Two anchors whose depths differ by more than max_join_ratio belong to different surfaces (a house front and the far
+// end of the street): no ramp joins them. Each is continued by its plane to the middle, where one steep quad closes
+// the sheet behind the object instead of across the visible pixels beside it.
+//
+// Invariant: kept vertices are bitwise those of the sheet; a run with an anchor is filled completely; all faces that
+// the vertices allow exist, so the layer has no hole but where it has no vertex. Vertices of a row stay in the order
+// of their columns, hence every face has its front towards the camera. Rows are independent: any order, same bits.
+// Cost: one pass, and (2 fit_radius_px + 1)^2 samples per one-anchored run. Memory: thesis region 8 bytes a pixel.
+// Error: inverse depth between two anchors, and position, within 4 ulp of exact arithmetic.
+#ifndef NPSIM_MESH_COMPLETE_BACKGROUND_HPP
+#define NPSIM_MESH_COMPLETE_BACKGROUND_HPP
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/camera.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/labels/cityscapes.hpp"
+#include "npsim/mesh/components.hpp"
+#include "npsim/mesh/interpolate_rows.hpp"
+#include "npsim/mesh/sheet.hpp"
+#include "npsim/simd/isa.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+enum class BackgroundInterpolation : std::uint8_t { linear_position, linear_inverse_depth };
+enum class BackgroundRegion : std::uint8_t { touching_segments, all_foreground };
+
+struct BackgroundParams {
+  BackgroundInterpolation interpolation = BackgroundInterpolation::linear_inverse_depth;
+  BackgroundRegion region = BackgroundRegion::all_foreground;
+  LabelSet foreground = kForegroundLabels;  // section 3.4.2
+  float max_join_ratio = 4.0F;       // > 1, or 0: join any two anchors. Our choice, not in the thesis
+  float max_extension_ratio = 2.0F;  // >= 1. A house front 700 px from its vanishing point, 300 px on, is 1.4
+  int fit_radius_px = 4;             // 1 .. 64
+  float fit_tolerance = 0.25F;       // > 0: inverse depths this much off the anchor's, relatively, are another surface
+
+  // The text as printed; it does not say what happens at borders, so that part is shared.
+  [[nodiscard]] static constexpr BackgroundParams thesis() noexcept {
+    BackgroundParams params;
+    params.interpolation = BackgroundInterpolation::linear_position;
+    params.region = BackgroundRegion::touching_segments;
+    params.max_join_ratio = 0.0F;
+    return params;
+  }
+};
+
+[[nodiscard]] constexpr std::size_t complete_background_workspace_bytes(const BackgroundParams& params,
+                                                                        Shape shape) noexcept {
+  if (params.region == BackgroundRegion::all_foreground || shape.empty()) return kWorkspaceAlignment;
+  // Component ids, one flag per component, and the labelling's own.
+  return allocation_bytes<std::uint32_t>(shape.pixels()) +
+         std::max(allocation_bytes<std::uint8_t>(shape.pixels() + 1), connected_components_workspace_bytes(shape)) +
+         kWorkspaceAlignment;
+}
+
+[[nodiscard]] inline Status validate(const BackgroundParams& params) noexcept {
+  const bool join = params.max_join_ratio == 0.0F || (params.max_join_ratio > 1.0F && std::isfinite(params.max_join_ratio));
+  const bool extension = params.max_extension_ratio >= 1.0F && std::isfinite(params.max_extension_ratio);
+  const bool fit = params.fit_radius_px >= 1 && params.fit_radius_px <= 64 && params.fit_tolerance > 0.0F &&
+                   std::isfinite(params.fit_tolerance);
+  return join && extension && fit ? Status()
+                                  : Status(StatusCode::invalid_argument, "a background completion parameter is out of range");
+}
+
+inline namespace NPSIM_ISA_NAMESPACE {
+namespace mesh_detail {
+
+// Marks with 1 the foreground pixels of segments that touch an uncertain pixel; leaves the others at 0.
+[[nodiscard]] inline Status mark_touching_segments(LabelSet foreground, ImageView<const Label> labels,
+                                                   ImageView<const std::uint8_t> uncertain,
+                                                   ImageView<std::uint8_t> marked, Workspace& workspace) {
+  const Shape shape = labels.shape();
+  const WorkspaceScope scope(workspace);
+  ImageView<std::uint32_t> segment;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, segment));
+  std::uint32_t count = 0;
+  NPSIM_RETURN_IF_ERROR(connected_components(
+      [&](int x, int y) { return foreground.contains(labels(x, y)); },
+      [&](int x0, int y0, int x1, int y1) { return labels(x0, y0) == labels(x1, y1); }, segment, workspace, count));
+  Span<std::uint8_t> touches;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(std::size_t{count} + 1, touches));
+  std::fill(touches.begin(), touches.end(), std::uint8_t{0});
+  const auto touch = [&](int x, int y) {
+    if (segment.contains(x, y)) touches[segment(x, y)] = 1;
+  };
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (!mask_at(uncertain, x, y, false)) continue;
+      touch(x, y);
+      touch(x - 1, y);
+      touch(x + 1, y);
+      touch(x, y - 1);
+      touch(x, y + 1);
+    }
+  }
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      marked(x, y) = segment(x, y) != 0 && touches[segment(x, y)] != 0 ? 1 : 0;
+    }
+  }
+  return {};
+}
+
+// d(1/z)/dx, per pixel, of the plane through the kept vertices around the anchor (x, y): least squares of
+// 1/z - 1/z_anchor = s + p dx + q dy. 0 where they do not span a plane.
+[[nodiscard]] inline double inverse_depth_slope(const BackgroundParams& params, ImageView<const Vec3f> vertices,
+                                                ImageView<const std::uint8_t> state, int x, int y) noexcept {
+  const int radius = params.fit_radius_px;
+  const double anchor = 1.0 / static_cast<double>(vertices(x, y).z);
+  double n = 0, sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0, sw = 0, sxw = 0, syw = 0;
+  for (int j = std::max(0, y - radius); j <= std::min(vertices.height() - 1, y + radius); ++j) {
+    for (int i = std::max(0, x - radius); i <= std::min(vertices.width() - 1, x + radius); ++i) {
+      if (state(i, j) != row_state::known) continue;
+      const double w = 1.0 / static_cast<double>(vertices(i, j).z) - anchor;
+      if (!(std::fabs(w) <= static_cast<double>(params.fit_tolerance) * anchor)) continue;
+      const double dx = i - x;
+      const double dy = j - y;
+      n += 1, sx += dx, sy += dy, sxx += dx * dx, sxy += dx * dy, syy += dy * dy;
+      sw += w, sxw += dx * w, syw += dy * w;
+    }
+  }
+  if (n < 4) return 0.0;
+  const double cxx = sxx - sx * sx / n;
+  const double cxy = sxy - sx * sy / n;
+  const double cyy = syy - sy * sy / n;
+  const double cxw = sxw - sx * sw / n;
+  const double cyw = syw - sy * sw / n;
+  const double determinant = cxx * cyy - cxy * cxy;
+  if (!(determinant > 1e-6 * cxx * cyy)) {  // one row, one column or one diagonal: no tilt can be told across it
+    return cxx > 0 && cyy == 0 ? cxw / cxx : 0.0;
+  }
+  return (cyy * cxw - cxy * cyw) / determinant;
+}
+
+// Vertex at column j of the plane through the anchor.
+[[nodiscard]] inline Vec3f extend_anchor(const BackgroundParams& params, const Intrinsics& intrinsics,
+                                         float anchor_z_m, double slope, int anchor_x, int j, int y) noexcept {
+  const double w = 1.0 / static_cast<double>(anchor_z_m);
+  const auto ratio = static_cast<double>(params.max_extension_ratio);
+  const double extended = w + slope * static_cast<double>(j - anchor_x);
+  return unproject_pixel(intrinsics, j, y, static_cast<float>(1.0 / std::clamp(extended, w / ratio, w * ratio)));
+}
+
+}  // namespace mesh_detail
+
+// sheet: vertices of build_sheet(); may be background.vertices itself. labels: Cityscapes ids. uncertain, surface:
+// masks, may be empty views (nothing uncertain; surface everywhere). A foreground pixel is completed whatever its
+// surface says: the mask speaks of what is seen there, not of what is behind. state: row_state of every pixel.
+template <class Executor>
+[[nodiscard]] Status complete_background(const BackgroundParams& params, ImageView<const Vec3f> sheet,
+                                         ImageView<const Label> labels, ImageView<const std::uint8_t> uncertain,
+                                         ImageView<const std::uint8_t> surface, const Intrinsics& intrinsics,
+                                         const SheetLayer& background, ImageView<std::uint8_t> state,
+                                         Workspace& workspace, Executor& executor) {
+  NPSIM_RETURN_IF_ERROR(validate(params));
+  NPSIM_RETURN_IF_ERROR(validate(intrinsics));
+  NPSIM_RETURN_IF_ERROR(validate(background));
+  const Shape shape = background.vertices.shape();
+  if (sheet.data() == nullptr || sheet.shape() != shape || labels.data() == nullptr || labels.shape() != shape ||
+      state.data() == nullptr || state.shape() != shape || !mesh_detail::mask_fits(uncertain, shape) ||
+      !mesh_detail::mask_fits(surface, shape)) {
+    return {StatusCode::shape_mismatch, "sheet, labels, masks, states and background must have one shape"};
+  }
+  const bool all = params.region == BackgroundRegion::all_foreground;
+  if (!all) {
+    NPSIM_RETURN_IF_ERROR(mesh_detail::mark_touching_segments(params.foreground, labels, uncertain, state, workspace));
+  }
+  mesh_detail::for_rows(executor, shape.height, [&](int y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const bool removed = all ? params.foreground.contains(labels(x, y)) : state(x, y) != 0;
+      const bool no_surface = !removed && !mesh_detail::mask_at(surface, x, y, true);
+      const bool region = removed || mesh_detail::mask_at(uncertain, x, y, false) || !has_vertex(sheet(x, y));
+      state(x, y) = no_surface ? row_state::blocked : (region ? row_state::missing : row_state::known);
+    }
+  });
+  // From here on only kept vertices are read, and only the others written: rows cannot disturb each other.
+  mesh_detail::for_rows(executor, shape.height, [&](int y) {
+    for (int x = 0; x < shape.width; ++x) {
+      background.vertices(x, y) = state(x, y) == row_state::known ? sheet(x, y) : Vec3f{};
+    }
+  });
+  const ImageView<const Vec3f> kept = background.vertices;
+  mesh_detail::for_rows(executor, shape.height, [&](int y) {
+    Vec3f* row = background.vertices.row(y);
+    mesh_detail::for_missing_runs(state.row(y), shape.width, [&](int l, int r, bool left, bool right) {
+      if (!left && !right) return;
+      const float zl = left ? row[l - 1].z : 0.0F;
+      const float zr = right ? row[r + 1].z : 0.0F;
+      const float ratio = params.max_join_ratio;
+      if (left && right && (ratio == 0.0F || std::max(zl, zr) <= ratio * std::min(zl, zr))) {
+        for (int j = l; j <= r; ++j) {
+          if (params.interpolation == BackgroundInterpolation::linear_position) {
+            row[j] = mesh_detail::between_anchors(row[l - 1], row[r + 1], l, r, j);
+          } else {
+            // 1 / (wl a / n + wr b / n), w = 1 / z, without leaving float range: n zl zr / (zr a + zl b).
+            const double a = r - j + 1;
+            const double b = j - l + 1;
+            const auto dl = static_cast<double>(zl);
+            const auto dr = static_cast<double>(zr);
+            row[j] = unproject_pixel(intrinsics, j, y, static_cast<float>((a + b) * dl * dr / (dr * a + dl * b)));
+          }
+        }
+        return;
+      }
+      const double left_slope = left ? mesh_detail::inverse_depth_slope(params, kept, state, l - 1, y) : 0.0;
+      const double right_slope = right ? mesh_detail::inverse_depth_slope(params, kept, state, r + 1, y) : 0.0;
+      for (int j = l; j <= r; ++j) {
+        const bool from_left = left && (!right || j - l <= r - j);
+        row[j] = from_left ? mesh_detail::extend_anchor(params, intrinsics, zl, left_slope, l - 1, j, y)
+                           : mesh_detail::extend_anchor(params, intrinsics, zr, right_slope, r + 1, j, y);
+      }
+    });
+  });
+  mesh_detail::connect_layer(background, executor);
+  return {};
+}
+
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_MESH_COMPLETE_BACKGROUND_HPP
