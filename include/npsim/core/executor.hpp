@@ -20,15 +20,17 @@ struct SerialExecutor {
   template <class F>
   void for_chunks(std::size_t count, std::size_t chunk, F&& f) const {
     const std::size_t step = chunk == 0 ? 1 : chunk;
-    for (std::size_t begin = 0; begin < count; begin += step) {
-      f(begin, count - begin < step ? count : begin + step);
+    for (std::size_t begin = 0; begin < count;) {
+      const std::size_t end = count - begin < step ? count : begin + step;  // begin + step could wrap past the last
+      f(begin, end);
+      begin = end;
     }
   }
 };
 
 // Number of chunks that for_chunks(count, chunk, ...) makes.
 [[nodiscard]] constexpr std::size_t chunk_count(std::size_t count, std::size_t chunk) noexcept {
-  return chunk == 0 ? count : (count + chunk - 1) / chunk;
+  return chunk == 0 ? count : count / chunk + (count % chunk != 0 ? 1 : 0);
 }
 
 }  // namespace v1

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+# Installs the headers, the CMake package and the pkg-config file.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+set(npsim_cmake_dir "${CMAKE_INSTALL_LIBDIR}/cmake/npsim")
+
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/include/npsim" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}"
+        FILES_MATCHING PATTERN "*.hpp")
+install(TARGETS npsim EXPORT npsim_targets INCLUDES DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
+install(TARGETS npsim_io EXPORT npsim_io_targets)
+install(EXPORT npsim_targets NAMESPACE npsim:: FILE npsim-targets.cmake DESTINATION "${npsim_cmake_dir}")
+install(EXPORT npsim_io_targets NAMESPACE npsim:: FILE npsim-io-targets.cmake DESTINATION "${npsim_cmake_dir}")
+
+configure_package_config_file("${CMAKE_CURRENT_LIST_DIR}/npsim-config.cmake.in" "${CMAKE_BINARY_DIR}/npsim-config.cmake"
+                              INSTALL_DESTINATION "${npsim_cmake_dir}")
+write_basic_package_version_file("${CMAKE_BINARY_DIR}/npsim-config-version.cmake" COMPATIBILITY SameMinorVersion
+                                 ARCH_INDEPENDENT)
+install(FILES "${CMAKE_BINARY_DIR}/npsim-config.cmake" "${CMAKE_BINARY_DIR}/npsim-config-version.cmake"
+              "${CMAKE_CURRENT_LIST_DIR}/npsim_dependencies.cmake" DESTINATION "${npsim_cmake_dir}")
+
+set(npsim_pc_fp_flag "")
+if(NPSIM_STRICT_FP)
+  set(npsim_pc_fp_flag " -ffp-contract=off")
+endif()
+configure_file("${CMAKE_CURRENT_LIST_DIR}/npsim.pc.in" "${CMAKE_BINARY_DIR}/npsim.pc" @ONLY)
+install(FILES "${CMAKE_BINARY_DIR}/npsim.pc" DESTINATION "${CMAKE_INSTALL_DATADIR}/pkgconfig")
+install(FILES "${PROJECT_SOURCE_DIR}/LICENSE" DESTINATION "${CMAKE_INSTALL_DOCDIR}")

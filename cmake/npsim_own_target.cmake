@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: Apache-2.0
+# How our own programs and tests are compiled: warnings, and the instruction set of this machine where the preset
+# says so. None of this reaches a user of npsim::npsim.
+function(npsim_own_target target)
+  target_compile_features(${target} PRIVATE cxx_std_17)
+  set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
+  if(CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
+    target_compile_options(${target} PRIVATE
+      -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Wdouble-promotion)
+    if(NPSIM_WARNINGS_AS_ERRORS)
+      target_compile_options(${target} PRIVATE -Werror)
+    endif()
+    if(NPSIM_NATIVE AND NOT CMAKE_CROSSCOMPILING)
+      target_compile_options(${target} PRIVATE -march=native)
+    endif()
+  endif()
+endfunction()
