@@ -41,6 +41,9 @@ namespace detail {
 
 static_assert(sizeof(Rgb8) == 3 && sizeof(Rgba8) == 4 && sizeof(Rgb16) == 6, "pixels are packed");
 
+// What the decoder needs besides pixels (its tables).
+inline constexpr std::size_t kDecoderState = std::size_t{1} << 20;  // bytes
+
 // Pixels of T as `channels` samples each, decoded by stb (8 or 16 bits a sample, as T has them).
 template <class T>
 Expected<Image<T>> decode(const std::string& path, const Bytes& bytes, Shape shape, int channels) {
@@ -49,8 +52,8 @@ Expected<Image<T>> decode(const std::string& path, const Bytes& bytes, Shape sha
   }
   constexpr bool kWide = sizeof(T) == 6 || std::is_same_v<T, std::uint16_t>;
   // The largest buffer of an honest file: 8 bytes a pixel and one filter byte a row, doubled by the growing inflater.
-  stb_allocation_limit() = bytes.size() + (static_cast<std::size_t>(shape.width) * 8 + 64) *
-                                              (static_cast<std::size_t>(shape.height) + 64) * 2;
+  stb_allocation_limit() = kDecoderState + 2 * bytes.size() + (static_cast<std::size_t>(shape.width) * 8 + 64) *
+                                                                  (static_cast<std::size_t>(shape.height) + 64) * 2;
   int width = 0;
   int height = 0;
   int found = 0;
@@ -108,6 +111,7 @@ inline Expected<Image<Rgb8>> read_rgb8(const std::string& path, const ReadLimits
       int width = 0;
       int height = 0;
       int channels = 0;
+      detail::stb_allocation_limit() = detail::kDecoderState;
       if (bytes.size() > static_cast<std::size_t>(INT_MAX) ||
           detail::stb::stbi_info_from_memory(bytes.data(), static_cast<int>(bytes.size()), &width, &height,
                                              &channels) == 0) {
