@@ -23,6 +23,8 @@ set(npsim_pc_fp_flag "")
 if(NPSIM_STRICT_FP)
   set(npsim_pc_fp_flag " -ffp-contract=off")
 endif()
+# Relative to the file itself, so that the installed tree can be moved.
+file(RELATIVE_PATH npsim_pc_to_prefix "/${CMAKE_INSTALL_DATADIR}/pkgconfig" "/")
 configure_file("${CMAKE_CURRENT_LIST_DIR}/npsim.pc.in" "${CMAKE_BINARY_DIR}/npsim.pc" @ONLY)
 install(FILES "${CMAKE_BINARY_DIR}/npsim.pc" DESTINATION "${CMAKE_INSTALL_DATADIR}/pkgconfig")
 install(FILES "${PROJECT_SOURCE_DIR}/LICENSE" DESTINATION "${CMAKE_INSTALL_DOCDIR}")
