@@ -1,0 +1,352 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gives a depth to pixels that have none (stereo shadows, sparse LiDAR, bonnet), guided by labels where there are any.
+//
+// Depth is continued within its label region only, in inverse depth, which is linear in the image on every plane: the
+// filled pixels solve the membrane equation (each is the mean of its neighbours of the same label) with the valid
+// pixels fixed, so a hole in a plane is filled with that plane. For the ground classes the membrane is stretched over
+// the plane that fits all valid pixels of the class, so that the ground also goes on as a plane beyond the last
+// measurement; elsewhere a hole that reaches the border of its region loses the slope across that border. A region
+// without any valid pixel takes the plane of its class, else the membrane over whatever surrounds it. Labels without
+// a surface (the sky) get 0 and are never a source. Without labels the image is one region.
+//
+// Invariant: valid depths on surfaces come out unchanged, and every other surface pixel gets a positive depth within a
+// factor 4 of the range of valid depths of its label. Depths outside 1e-4..1e6 m are kept but not used.
+// Method: nearest valid pixel of the region along 4-connected paths, then red-black over-relaxation, at most max_sweeps.
+// Cost: O(pixels) + O(filled pixels x sweeps). Memory: 9 bytes per pixel. Deterministic for any executor.
+#ifndef NPSIM_DEPTH_FILL_HPP
+#define NPSIM_DEPTH_FILL_HPP
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+#include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/executor.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/labels/cityscapes.hpp"
+#include "npsim/simd/isa.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+struct FillParams {
+  LabelSet no_surface = kNoSurfaceLabels;
+  LabelSet planar = LabelSet::of(label::ground, label::road, label::sidewalk, label::parking, label::rail_track);
+  int max_sweeps = 400;       // holes up to about this many pixels wide converge
+  float tolerance = 1e-5F;    // stop when no inverse depth changes by more than this share of itself in one sweep
+  float relaxation = 1.9F;    // of the over-relaxation, in (0, 2)
+};
+
+inline constexpr std::size_t kFillChunkRows = 16;
+
+[[nodiscard]] constexpr std::size_t fill_workspace_bytes(const FillParams&, Shape shape) noexcept {
+  return kWorkspaceAlignment + allocation_bytes<float>(shape.pixels()) + allocation_bytes<std::int32_t>(shape.pixels()) +
+         allocation_bytes<std::uint8_t>(shape.pixels()) +
+         allocation_bytes<float>(chunk_count(static_cast<std::size_t>(shape.height), kFillChunkRows));
+}
+
+inline namespace NPSIM_ISA_NAMESPACE {
+namespace depth_detail {
+
+inline constexpr std::int32_t kUnreached = std::numeric_limits<std::int32_t>::max();
+enum FillFlag : std::uint8_t { kLeft = 1, kRight = 2, kUp = 4, kDown = 8, kOrphan = 16 };
+
+// What is known of one label: range of inverse depth, and for planar labels the plane w = w0 + slope_u x + slope_v y.
+struct FillClass {
+  bool surface = true;
+  bool plane = false;
+  float low = 0;
+  float high = 0;
+  double w0 = 0;
+  float slope_u = 0;
+  float slope_v = 0;
+};
+
+struct FillState {
+  ImageView<const Label> labels;  // empty: one class
+  ImageView<float> w;             // inverse depth
+  ImageView<std::int32_t> steps;  // length of the path to the valid pixel that a pixel started from; 0: valid itself
+  ImageView<std::uint8_t> flags;  // which neighbours a filled pixel is the mean of
+  std::array<FillClass, 256> classes;
+
+  [[nodiscard]] Label label_at(int x, int y) const noexcept { return labels.empty() ? Label{0} : labels(x, y); }
+  [[nodiscard]] const FillClass& class_at(int x, int y) const noexcept { return classes[label_at(x, y)]; }
+};
+
+[[nodiscard]] inline bool is_fill_source(float z_m) noexcept { return z_m >= 1e-4F && z_m <= 1e6F; }
+
+// Sums for the least-squares plane of one label, relative to the image centre.
+struct PlaneSums {
+  double n = 0, u = 0, v = 0, uu = 0, uv = 0, vv = 0, w = 0, uw = 0, vw = 0;
+  int left = std::numeric_limits<int>::max(), right = -1, top = std::numeric_limits<int>::max(), bottom = -1;  // valid
+  int label_left = std::numeric_limits<int>::max(), label_right = -1;
+  int label_top = std::numeric_limits<int>::max(), label_bottom = -1;
+};
+
+// Fits the plane if the valid pixels determine it: at least 16, spread over a quarter of the label's extent each way.
+inline void fit_plane(const PlaneSums& s, double u0, double v0, FillClass& c) noexcept {
+  if (s.n < 16 || 4 * (s.right - s.left) < s.label_right - s.label_left ||
+      4 * (s.bottom - s.top) < s.label_bottom - s.label_top) {
+    return;
+  }
+  const double uu = s.uu - s.u * s.u / s.n;
+  const double uv = s.uv - s.u * s.v / s.n;
+  const double vv = s.vv - s.v * s.v / s.n;
+  const double uw = s.uw - s.u * s.w / s.n;
+  const double vw = s.vw - s.v * s.w / s.n;
+  const double determinant = uu * vv - uv * uv;
+  if (!(determinant > 1e-3 * uu * vv) || !(uu > 0) || !(vv > 0)) return;
+  const double slope_u = (vv * uw - uv * vw) / determinant;
+  const double slope_v = (uu * vw - uv * uw) / determinant;
+  c.plane = true;
+  c.slope_u = static_cast<float>(slope_u);
+  c.slope_v = static_cast<float>(slope_v);
+  c.w0 = (s.w - slope_u * s.u - slope_v * s.v) / s.n - slope_u * u0 - slope_v * v0;
+}
+
+// Copies valid depths as inverse depth and describes each label. Returns the number of usable pixels.
+[[nodiscard]] inline std::size_t describe_classes(const FillParams& params, ImageView<const float> depth,
+                                                  FillState& state) noexcept {
+  const double u0 = 0.5 * depth.width();
+  const double v0 = 0.5 * depth.height();
+  const auto each_pixel = [&](const auto& f) {
+    for (int y = 0; y < depth.height(); ++y) {
+      for (int x = 0; x < depth.width(); ++x) f(x, y);
+    }
+  };
+  float low = std::numeric_limits<float>::max();
+  float high = 0;
+  for (std::size_t l = 0; l < state.classes.size(); ++l) {
+    state.classes[l] = {};
+    state.classes[l].surface = state.labels.empty() || !params.no_surface.contains(static_cast<Label>(l));
+    state.classes[l].low = low;
+  }
+  std::size_t usable = 0;
+  each_pixel([&](int x, int y) {
+    FillClass& c = state.classes[state.label_at(x, y)];
+    const bool source = c.surface && is_fill_source(depth(x, y));
+    state.steps(x, y) = source ? 0 : kUnreached;
+    state.w(x, y) = source ? 1.0F / depth(x, y) : 0.0F;
+    if (!source) return;
+    ++usable;
+    const float w = state.w(x, y);
+    c.low = w < c.low ? w : c.low;
+    c.high = w > c.high ? w : c.high;
+    low = w < low ? w : low;
+    high = w > high ? w : high;
+  });
+  for (std::size_t l = 0; l < state.classes.size(); ++l) {
+    FillClass& c = state.classes[l];
+    if (c.high == 0) {
+      c.low = low;
+      c.high = high;
+    }
+    c.low *= 0.25F;
+    c.high *= 4.0F;
+    if (state.labels.empty() || !c.surface || !params.planar.contains(static_cast<Label>(l))) continue;
+    PlaneSums s;
+    each_pixel([&](int x, int y) {
+      if (state.label_at(x, y) != l) return;
+      s.label_left = x < s.label_left ? x : s.label_left;
+      s.label_right = x > s.label_right ? x : s.label_right;
+      s.label_top = y < s.label_top ? y : s.label_top;
+      s.label_bottom = y > s.label_bottom ? y : s.label_bottom;
+      if (state.steps(x, y) != 0) return;
+      s.left = x < s.left ? x : s.left;
+      s.right = x > s.right ? x : s.right;
+      s.top = y < s.top ? y : s.top;
+      s.bottom = y > s.bottom ? y : s.bottom;
+      const double u = x - u0;
+      const double v = y - v0;
+      const double w = static_cast<double>(state.w(x, y));
+      s.n += 1; s.u += u; s.v += v; s.w += w;
+      s.uu += u * u; s.uv += u * v; s.vv += v * v; s.uw += u * w; s.vw += v * w;
+    });
+    fit_plane(s, u0, v0, c);
+  }
+  return usable;
+}
+
+enum class FillReach { same_label, any_surface, anything };
+
+// One shortest-path relaxation of (x, y) from its neighbour; true if it improved.
+[[nodiscard]] inline bool relax(FillState& state, FillReach reach, int x, int y, int from_x, int from_y) noexcept {
+  if (!state.w.contains(from_x, from_y) || state.steps(from_x, from_y) == kUnreached) return false;
+  const FillClass& c = state.class_at(x, y);
+  const bool same = state.label_at(x, y) == state.label_at(from_x, from_y);
+  if (reach == FillReach::same_label && !(same && c.surface)) return false;
+  if (reach != FillReach::same_label && (state.flags(x, y) & kOrphan) == 0) return false;
+  if (reach == FillReach::any_surface && !(c.surface && state.class_at(from_x, from_y).surface)) return false;
+  if (state.steps(from_x, from_y) + 1 >= state.steps(x, y)) return false;
+  state.steps(x, y) = state.steps(from_x, from_y) + 1;
+  float w = state.w(from_x, from_y);
+  if (same) w += static_cast<float>(x - from_x) * c.slope_u + static_cast<float>(y - from_y) * c.slope_v;
+  state.w(x, y) = w;
+  return true;
+}
+
+// Nearest valid pixel along paths, by raster passes to and fro until nothing changes, at most 16 times. Pixels in
+// windings that 16 passes do not reach count as unreached, which is a worse start and not an error.
+inline void spread(FillState& state, FillReach reach) noexcept {
+  const int width = state.w.width();
+  const int height = state.w.height();
+  bool changed = true;
+  for (int pass = 0; pass < 16 && changed; ++pass) {
+    changed = false;
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        if (relax(state, reach, x, y, x - 1, y)) changed = true;
+        if (relax(state, reach, x, y, x, y - 1)) changed = true;
+      }
+    }
+    for (int y = height - 1; y >= 0; --y) {
+      for (int x = width - 1; x >= 0; --x) {
+        if (relax(state, reach, x, y, x + 1, y)) changed = true;
+        if (relax(state, reach, x, y, x, y + 1)) changed = true;
+      }
+    }
+  }
+}
+
+// A start value for every pixel: from its region, else from its class' plane, else from any surface, else from anything.
+inline void initialise(FillState& state) noexcept {
+  spread(state, FillReach::same_label);
+  for (int y = 0; y < state.w.height(); ++y) {
+    for (int x = 0; x < state.w.width(); ++x) {
+      state.flags(x, y) = 0;
+      if (state.steps(x, y) != kUnreached) continue;
+      const FillClass& c = state.class_at(x, y);
+      if (c.plane) {
+        state.w(x, y) = static_cast<float>(c.w0 + static_cast<double>(c.slope_u) * x + static_cast<double>(c.slope_v) * y);
+        state.steps(x, y) = 1;
+      } else {
+        state.flags(x, y) = kOrphan;
+      }
+    }
+  }
+  spread(state, FillReach::any_surface);
+  spread(state, FillReach::anything);
+}
+
+// Which neighbours a pixel is the mean of: those of its label; for an orphan, all surfaces.
+[[nodiscard]] inline std::uint8_t couplings(const FillState& state, int x, int y) noexcept {
+  if (state.steps(x, y) == 0 || !state.class_at(x, y).surface) return 0;
+  const bool orphan = (state.flags(x, y) & kOrphan) != 0;
+  const auto coupled = [&](int i, int j) {
+    return state.w.contains(i, j) &&
+           (orphan ? state.class_at(i, j).surface : state.label_at(i, j) == state.label_at(x, y));
+  };
+  return static_cast<std::uint8_t>((orphan ? kOrphan : 0) | (coupled(x - 1, y) ? kLeft : 0) |
+                                   (coupled(x + 1, y) ? kRight : 0) | (coupled(x, y - 1) ? kUp : 0) |
+                                   (coupled(x, y + 1) ? kDown : 0));
+}
+
+// One over-relaxed update; the relative change.
+[[nodiscard]] inline float relax_membrane(FillState& state, float relaxation, int x, int y) noexcept {
+  const std::uint8_t flags = state.flags(x, y);
+  const FillClass& c = state.class_at(x, y);
+  const bool orphan = (flags & kOrphan) != 0;
+  const float du = orphan ? 0.0F : c.slope_u;
+  const float dv = orphan ? 0.0F : c.slope_v;
+  float sum = 0;
+  float count = 0;
+  if ((flags & kLeft) != 0) { sum += state.w(x - 1, y) + du; count += 1; }
+  if ((flags & kRight) != 0) { sum += state.w(x + 1, y) - du; count += 1; }
+  if ((flags & kUp) != 0) { sum += state.w(x, y - 1) + dv; count += 1; }
+  if ((flags & kDown) != 0) { sum += state.w(x, y + 1) - dv; count += 1; }
+  float& w = state.w(x, y);
+  const float before = w;
+  float after = before + relaxation * (sum / count - before);
+  after = after > c.low ? after : c.low;
+  w = after < c.high ? after : c.high;
+  return std::abs(w - before) / w;
+}
+
+}  // namespace depth_detail
+
+// labels: empty, or the shape of depth. output: the shape of depth; it may be the same memory. filled: empty, or gets 1
+// where a depth was made up and 0 elsewhere. Status no_valid_input if no surface pixel has a usable depth; then the
+// outputs are untouched.
+template <class Executor>
+[[nodiscard]] Status fill_depth(const FillParams& params, ImageView<const float> depth, ImageView<const Label> labels,
+                                ImageView<float> output, ImageView<std::uint8_t> filled, Workspace& workspace,
+                                Executor& executor) noexcept {
+  using namespace depth_detail;
+  if (params.max_sweeps < 0 || params.max_sweeps > 100000) {
+    return {StatusCode::invalid_argument, "fill_depth: max_sweeps must lie in 0..100000"};
+  }
+  if (!(params.tolerance >= 0) || !(params.relaxation > 0 && params.relaxation < 2)) {
+    return {StatusCode::invalid_argument, "fill_depth: tolerance must not be negative, relaxation must lie in (0, 2)"};
+  }
+  if (depth.empty()) return {StatusCode::no_valid_input, "fill_depth: the depth image is empty"};
+  const Shape shape = depth.shape();
+  if (output.empty() || output.shape() != shape || (!labels.empty() && labels.shape() != shape) ||
+      (!filled.empty() && filled.shape() != shape)) {
+    return {StatusCode::shape_mismatch, "fill_depth: labels and outputs must have the shape of the depth"};
+  }
+
+  const WorkspaceScope scope(workspace);
+  FillState state;
+  state.labels = labels;
+  Span<float> change;
+  const auto rows = static_cast<std::size_t>(shape.height);
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, state.w));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, state.steps));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, state.flags));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(chunk_count(rows, kFillChunkRows), change));
+
+  if (describe_classes(params, depth, state) == 0) {
+    return {StatusCode::no_valid_input, "fill_depth: no pixel of a surface has a usable depth"};
+  }
+  initialise(state);
+  executor.for_chunks(rows, kFillChunkRows, [&](std::size_t begin, std::size_t end) {
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      for (int x = 0; x < shape.width; ++x) state.flags(x, y) = couplings(state, x, y);
+    }
+  });
+
+  // Red pixels read black ones only and the reverse, so the order within a half-sweep does not matter.
+  for (int sweep = 0; sweep < params.max_sweeps; ++sweep) {
+    for (std::size_t i = 0; i < change.size(); ++i) change[i] = 0;
+    for (int colour = 0; colour < 2; ++colour) {
+      executor.for_chunks(rows, kFillChunkRows, [&](std::size_t begin, std::size_t end) {
+        float largest = change[begin / kFillChunkRows];
+        for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+          for (int x = (y + colour) & 1; x < shape.width; x += 2) {
+            if ((state.flags(x, y) & (kLeft | kRight | kUp | kDown)) == 0) continue;
+            const float moved = relax_membrane(state, params.relaxation, x, y);
+            largest = moved > largest ? moved : largest;
+          }
+        }
+        change[begin / kFillChunkRows] = largest;
+      });
+    }
+    float largest = 0;
+    for (const float c : change) largest = c > largest ? c : largest;
+    if (largest <= params.tolerance) break;
+  }
+
+  executor.for_chunks(rows, kFillChunkRows, [&](std::size_t begin, std::size_t end) {
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        const FillClass& c = state.class_at(x, y);
+        const bool keep = c.surface && is_valid_depth(depth(x, y));
+        const float w = state.w(x, y) < c.low ? c.low : (state.w(x, y) > c.high ? c.high : state.w(x, y));
+        output(x, y) = keep ? depth(x, y) : (c.surface ? 1.0F / w : 0.0F);
+        if (!filled.empty()) filled(x, y) = c.surface && !keep ? 1 : 0;
+      }
+    }
+  });
+  return {};
+}
+
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_DEPTH_FILL_HPP
