@@ -15,6 +15,7 @@
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/trace/bvh.hpp"
@@ -88,10 +89,8 @@ struct MeshView {
   float raise_m = 2.5F;      // moved up, looking down at the pivot
 };
 
-[[nodiscard]] inline io::Image<Rgb8> mesh_picture(const Bvh& bvh, ImageView<const std::uint32_t> face_pixel_unused,
-                                                  Span<const Vec3f> albedo, const Intrinsics& camera, Shape shape,
-                                                  const MeshView& view) {
-  (void)face_pixel_unused;
+[[nodiscard]] inline io::Image<Rgb8> mesh_picture(const Bvh& bvh, const TriangleMeshView& mesh, Span<const Vec3f> albedo,
+                                                  const Intrinsics& camera, Shape shape, const MeshView& view) {
   io::Image<Rgb8> out(shape, Rgb8{28, 30, 36});
   const float c = std::cos(view.yaw_rad);
   const float s = std::sin(view.yaw_rad);
@@ -111,9 +110,9 @@ struct MeshView {
       ray.direction = normalized(turn(unproject_pixel(camera, x, y, 1.0F)));
       Hit hit;
       if (!closest_hit(bvh, ray, hit)) continue;
-      const Face f = bvh.mesh.faces[hit.face];
-      const Vec3f a = bvh.mesh.vertices[f.a];
-      const Vec3f n = normalized(cross(bvh.mesh.vertices[f.b] - a, bvh.mesh.vertices[f.c] - a));
+      const Face f = mesh.faces[hit.face];
+      const Vec3f a = mesh.vertices[f.a];
+      const Vec3f n = normalized(cross(mesh.vertices[f.b] - a, mesh.vertices[f.c] - a));
       // Backs of sheets are shown reddish: from the side they are what is missing.
       const bool back = dot(n, ray.direction) > 0;
       const float shade = 0.35F + 0.65F * std::fabs(dot(n, normalized(Vec3f{0.4F, -0.8F, -0.5F})));

@@ -55,8 +55,8 @@ inline namespace NPSIM_ISA_NAMESPACE {
 // reaches, or kNoPoint; sky_irradiance[r] (lx, linear RGB) what the escaping rays bring.
 template <class Executor, class Observer>
 Status trace_gather_rays(const GatherParams& params, const Bvh& bvh, Span<const Face> faces, const SurfacePoints& points,
-                         Span<const std::uint32_t> receivers, const SkyParams& sky, const Vec3f& up,
-                         Span<std::uint32_t> hits, Span<Vec3f> sky_irradiance, Executor& executor, Observer& observer) {
+                         Span<const std::uint32_t> receivers, const SkyParams& sky, Span<std::uint32_t> hits,
+                         Span<Vec3f> sky_irradiance, Executor& executor, Observer& observer) {
   NPSIM_RETURN_IF_ERROR(validate(points));
   if (params.rays < 1 || params.rays > 4096 || !(params.relative_bias >= 0.0F)) {
     return Status(StatusCode::invalid_argument, "gather: rays in 1..4096, bias not negative");
@@ -92,7 +92,7 @@ Status trace_gather_rays(const GatherParams& params, const Bvh& bvh, Span<const 
           reached = w >= hit.u && w >= hit.v ? face.a : (hit.u >= hit.v ? face.b : face.c);
           // The back of a sheet is unknown; it hands on nothing.
           if (dot(points.normal[reached], ray.direction) >= 0.0F) reached = kNoPoint;
-        } else if (dot(ray.direction, up) > 0.0F) {
+        } else {
           sky_sum += sky_luminance(sky, ray.direction);
         }
       }

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+// The whole method: one day in, `variants` nights out.
+//
+//   refine_depth (3.2 - 3.9) -> reconstruct (3.1, 3.5) -> prepare_relighting (3.6) -> per variant: relight -> photograph
+// The sink receives what is made while it is still in the workspace:
+//   Status sink.reconstructed(const RefinedDepth&, const SceneMesh&, const Relighting&, const Bvh&)   once
+//   Status sink.night(const Night&)                                                                   per variant
+// A status other than ok from the sink stops the run and is returned.
+// Invariant: the bytes depend on the scene, the parameters and the seed, never on the executor.
+#ifndef NPSIM_PIPELINE_NIGHT_HPP
+#define NPSIM_PIPELINE_NIGHT_HPP
+
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/observe.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/pipeline/photograph.hpp"
+#include "npsim/pipeline/reconstruct.hpp"
+#include "npsim/pipeline/refine_depth.hpp"
+#include "npsim/pipeline/relight.hpp"
+#include "npsim/pipeline/scene_view.hpp"
+#include "npsim/trace/bvh.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+struct NightParams {
+  RefineDepthParams depth;
+  ReconstructParams mesh;
+  RelightParams relight;
+  PhotographParams camera;
+  std::uint64_t seed = 0;
+  int variants = 1;
+};
+
+// What measured better than the text, see docs/guide.md.
+[[nodiscard]] inline NightParams default_night_params() noexcept { return {}; }
+
+// The thesis' settings, as literally as a reading allows.
+[[nodiscard]] inline NightParams thesis_night_params() noexcept {
+  NightParams params;
+  params.depth = RefineDepthParams::thesis();
+  params.mesh.background = BackgroundParams::thesis();
+  params.mesh.foreground = ForegroundParams::thesis();
+  params.camera = PhotographParams::thesis();
+  return params;
+}
+
+struct Night {
+  int variant = 0;
+  ImageView<const Vec3f> luminance;  // linear sRGB, luminance(rgb) in cd/m2, before the camera
+  ImageView<const Rgb8> picture;
+  CameraExposure exposure;
+  Span<const Emitter> emitters;
+  Span<const Activation> activations;
+};
+
+[[nodiscard]] constexpr std::size_t night_workspace_bytes(const NightParams& params, const SceneView& scene) noexcept {
+  const Shape shape = scene.shape();
+  const std::size_t faces = 4 * shape.pixels();
+  return refine_depth_workspace_bytes(params.depth, shape) + reconstruct_workspace_bytes(params.mesh, shape) +
+         bvh_workspace_bytes(faces) + relight_workspace_bytes(params.relight, scene, params.variants) +
+         photograph_workspace_bytes(params.camera, shape) + allocation_bytes<Vec3f>(shape.pixels()) +
+         allocation_bytes<Rgb8>(shape.pixels()) + kWorkspaceAlignment;
+}
+
+template <class Executor, class Observer, class Sink>
+Status make_nights(const NightParams& params, const SceneView& scene, Workspace& workspace, Executor& executor,
+                   Observer& observer, Sink& sink) {
+  NPSIM_RETURN_IF_ERROR(validate(scene));
+  RefinedDepth refined;
+  NPSIM_RETURN_IF_ERROR(refine_depth(params.depth, scene, workspace, executor, observer, refined));
+  SceneMesh mesh;
+  NPSIM_RETURN_IF_ERROR(reconstruct(params.mesh, scene, refined, workspace, executor, observer, mesh));
+
+  observer.begin(Stage::build_trace);
+  Bvh bvh;
+  NPSIM_RETURN_IF_ERROR(build_bvh(mesh.mesh, workspace, bvh));
+  observer.end(Stage::build_trace);
+
+  Relighting light;
+  NPSIM_RETURN_IF_ERROR(prepare_relighting(params.relight, params.seed, params.variants, scene, refined, mesh, bvh,
+                                           workspace, executor, observer, light));
+  NPSIM_RETURN_IF_ERROR(sink.reconstructed(refined, mesh, light, bvh));
+
+  Night night;
+  ImageView<Vec3f> linear;
+  ImageView<Rgb8> picture;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), linear));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), picture));
+  for (int variant = 0; variant < params.variants; ++variant) {
+    NPSIM_RETURN_IF_ERROR(relight(params.relight, scene, light, variant, linear, workspace, executor, observer));
+    observer.begin(Stage::camera);
+    NPSIM_RETURN_IF_ERROR(photograph(params.camera, params.seed, static_cast<std::uint32_t>(variant), linear, picture,
+                                     night.exposure, workspace, executor));
+    observer.end(Stage::camera);
+    night.variant = variant;
+    night.luminance = linear;
+    night.picture = picture;
+    night.emitters = light.emitters;
+    night.activations = light.activations.sub(static_cast<std::size_t>(variant) * light.emitters.size(),
+                                              light.emitters.size());
+    NPSIM_RETURN_IF_ERROR(sink.night(night));
+  }
+  return {};
+}
+
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_PIPELINE_NIGHT_HPP

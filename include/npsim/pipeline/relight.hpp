@@ -1,0 +1,329 @@
+// SPDX-License-Identifier: Apache-2.0
+// Section 3.6: light the reconstructed scene. What all variants share is prepared once, then each night is cheap.
+//
+// Shared: emitters, which variants light them, visibility from every emitter to every surface point, and the points
+// that the bounce rays of every pixel reach. A variant adds up its lit emitters, gathers `bounces` times and looks.
+// Light is linear, so nothing is lost by the split; forty variants cost little more than one.
+// Memory (workspace): emitters + 4 rays per pixel bytes and about 120 bytes per surface point; see the bytes functions.
+#ifndef NPSIM_PIPELINE_RELIGHT_HPP
+#define NPSIM_PIPELINE_RELIGHT_HPP
+
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/observe.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/light/activation.hpp"
+#include "npsim/light/emitter.hpp"
+#include "npsim/light/ground.hpp"
+#include "npsim/light/headlamps.hpp"
+#include "npsim/light/placement.hpp"
+#include "npsim/light/sky.hpp"
+#include "npsim/material/albedo.hpp"
+#include "npsim/pipeline/reconstruct.hpp"
+#include "npsim/pipeline/refine_depth.hpp"
+#include "npsim/pipeline/scene_view.hpp"
+#include "npsim/pipeline/surface_attributes.hpp"
+#include "npsim/render/denoise.hpp"
+#include "npsim/render/direct.hpp"
+#include "npsim/render/gather.hpp"
+#include "npsim/render/surface_points.hpp"
+#include "npsim/render/visibility.hpp"
+#include "npsim/trace/bvh.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+struct RelightParams {
+  PlacementParams placement;
+  ActivationParams activation;
+  VisibilityParams visibility;
+  GatherParams gather;
+  DenoiseParams denoise;
+  SkyParams sky;
+  AlbedoParams albedo;
+  GroundParams ground;
+  int bounces = 2;             // diffuse bounces after the direct light, 1..16
+  float f0 = 0.04F;            // normal reflectance of a dielectric of index 1.5
+  bool ego_headlamps = true;   // the low beams of the car that carries the camera
+  EgoHeadlampParams ego;
+};
+
+// Everything that the variants share; spans into the workspace.
+struct Relighting {
+  GroundPlane ground;
+  SkyParams sky;                                 // with the scene's up direction
+  SurfacePoints points;
+  ImageView<const std::uint32_t> visible_point;  // per pixel; kNoPoint where the scene has no surface
+  Span<const Emitter> emitters;                  // marked ones first, then the ego vehicle's
+  Span<const Activation> activations;            // variant-major: variant * emitters + emitter
+  Span<const std::uint32_t> emitter_of_mark;     // mark position -> emitter, or kNoPoint
+  Span<const std::uint8_t> visibility;
+  Span<const std::uint32_t> receivers;           // the points that pixels show
+  Span<const std::uint32_t> hits;
+  Span<const Vec3f> sky_irradiance;
+  int variants = 0;
+};
+
+inline constexpr float kInversePi = 0.31830989F;
+
+// Upper bound of what prepare_relighting() and relight() take together.
+[[nodiscard]] constexpr std::size_t relight_workspace_bytes(const RelightParams& params, const SceneView& scene,
+                                                            int variants) noexcept {
+  const std::size_t pixels = scene.shape().pixels();
+  const std::size_t points = kMaxVerticesPerPixel * pixels;
+  const std::size_t emitters = scene.lights.size() + kEgoHeadlampCount;
+  return allocation_bytes<Vec3f>(points) * 5 + allocation_bytes<float>(points) +
+         bvh_workspace_bytes(4 * pixels) + allocation_bytes<std::uint16_t>(4 * pixels) +
+         allocation_bytes<std::uint8_t>(emitters * points) + allocation_bytes<std::uint32_t>(pixels) * 2 +
+         allocation_bytes<std::uint32_t>(pixels * static_cast<std::size_t>(params.gather.rays)) +
+         allocation_bytes<Vec3f>(pixels) * 5 + denoise_workspace_bytes(params.denoise, scene.shape()) +
+         allocation_bytes<Emitter>(emitters) +
+         allocation_bytes<Activation>(emitters * static_cast<std::size_t>(variants)) +
+         allocation_bytes<float>(emitters) + allocation_bytes<std::uint32_t>(scene.lights.size()) +
+         allocation_bytes<Vec3f>(emitters) +
+         placement_workspace_bytes(params.placement, scene.shape()) + ground_workspace_bytes(params.ground, scene.shape()) +
+         surface_attributes_workspace_bytes(params.albedo, scene.shape()) +
+         kWorkspaceAlignment;
+}
+
+namespace relight_detail {
+
+// Linear colour of the brightest tenth of each emitter's pixels: what a signal shows by day.
+inline void daytime_colours(const SceneView& scene, Span<const std::uint32_t> emitter_of_mark, Span<Vec3f> colour,
+                            Span<float> brightest) {
+  for (std::size_t e = 0; e < colour.size(); ++e) {
+    colour[e] = {};
+    brightest[e] = 0;
+  }
+  if (scene.light_index.empty()) return;
+  const auto linear = [](std::uint8_t v) {
+    const float s = static_cast<float>(v) / 255.0F;
+    return s * s;  // close enough to rank colours
+  };
+  for (int y = 0; y < scene.shape().height; ++y) {
+    for (int x = 0; x < scene.shape().width; ++x) {
+      const std::uint16_t mark = scene.light_index(x, y);
+      if (mark == 0 || emitter_of_mark[mark - 1U] == kNoPoint) continue;
+      const std::uint32_t e = emitter_of_mark[mark - 1U];
+      const Rgb8 c = scene.image(x, y);
+      const Vec3f rgb{linear(c.r), linear(c.g), linear(c.b)};
+      const float peak = rgb.x > rgb.y ? (rgb.x > rgb.z ? rgb.x : rgb.z) : (rgb.y > rgb.z ? rgb.y : rgb.z);
+      // Brighter pixels count far more: the lit disc, not its housing.
+      const float weight = peak * peak * peak * peak;
+      colour[e] += rgb * weight;
+      brightest[e] += weight;
+    }
+  }
+  for (std::size_t e = 0; e < colour.size(); ++e) {
+    if (brightest[e] > 0) colour[e] = colour[e] / brightest[e];
+  }
+}
+
+}  // namespace relight_detail
+
+// Places the lamps, draws which are lit in every variant, and traces every ray that the variants share.
+template <class Executor, class Observer>
+Status prepare_relighting(const RelightParams& params, std::uint64_t seed, int variants, const SceneView& scene,
+                          const RefinedDepth& refined, const SceneMesh& mesh, const Bvh& bvh, Workspace& workspace,
+                          Executor& executor, Observer& observer, Relighting& out) {
+  if (variants < 1) return Status(StatusCode::invalid_argument, "at least one variant is needed");
+  const std::size_t points = mesh.mesh.vertices.size();
+
+  observer.begin(Stage::lights);
+  NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, refined.depth, refined.labels, refined.uncertain, scene.camera,
+                                        workspace, out.ground));
+  out.sky = params.sky;
+  out.sky.up = out.ground.up;
+  Span<Emitter> emitters;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size() + kEgoHeadlampCount, emitters));
+  std::size_t count = 0;
+  if (!scene.light_index.empty() && !scene.lights.empty()) {
+    NPSIM_RETURN_IF_ERROR(place_lights(params.placement, scene.lights, scene.light_index, refined.depth, refined.labels,
+                                       refined.uncertain, refined.normals, scene.camera, out.ground, workspace,
+                                       emitters.sub(0, scene.lights.size()), count));
+  }
+  const std::size_t marked = count;
+  if (params.ego_headlamps) count += kEgoHeadlampCount;
+  emitters = emitters.sub(0, count);
+
+  Span<std::uint32_t> emitter_of_mark;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), emitter_of_mark));
+  for (std::uint32_t& e : emitter_of_mark) e = kNoPoint;
+  for (std::size_t e = 0; e < marked; ++e) emitter_of_mark[emitters[e].mark - 1U] = static_cast<std::uint32_t>(e);
+
+  Span<Activation> activations;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(count * static_cast<std::size_t>(variants), activations));
+  Span<float> peak_cd;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(count, peak_cd));
+  Span<Vec3f> day_rgb;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(count, day_rgb));
+  relight_detail::daytime_colours(scene, emitter_of_mark, day_rgb, peak_cd);
+  for (float& peak : peak_cd) peak = 0;
+  for (int v = 0; v < variants; ++v) {
+    const Span<Activation> drawn = activations.sub(static_cast<std::size_t>(v) * count, count);
+    NPSIM_RETURN_IF_ERROR(activate_lights(params.activation, seed, static_cast<std::uint32_t>(v),
+                                          emitters.sub(0, marked), day_rgb.sub(0, marked), drawn.sub(0, marked)));
+    if (params.ego_headlamps) {
+      NPSIM_RETURN_IF_ERROR(ego_headlamps(params.ego, out.ground, seed, static_cast<std::uint32_t>(v),
+                                          emitters.sub(marked, kEgoHeadlampCount),
+                                          drawn.sub(marked, kEgoHeadlampCount)));
+    }
+    for (std::size_t e = 0; e < count; ++e) {
+      const float cd = drawn[e].lit ? luminance(drawn[e].intensity_cd) : 0.0F;
+      if (cd > peak_cd[e]) peak_cd[e] = cd;
+    }
+  }
+  observer.end(Stage::lights);
+
+  observer.begin(Stage::material);
+  Span<Vec3f> normal;
+  Span<Vec3f> albedo;
+  Span<float> alpha;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(points, normal));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(points, albedo));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(points, alpha));
+  out.points = SurfacePoints{mesh.mesh.vertices, normal, albedo, alpha};
+  NPSIM_RETURN_IF_ERROR(surface_attributes(params.albedo, scene, refined, mesh, SurfaceAttributes{normal, albedo, alpha},
+                                           workspace, executor));
+  Span<std::uint32_t> receivers;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.shape().pixels(), receivers));
+  std::size_t receiver_count = 0;
+  for (int y = 0; y < scene.shape().height; ++y) {
+    for (int x = 0; x < scene.shape().width; ++x) {
+      if (mesh.visible_vertex(x, y) != kNoVertex) receivers[receiver_count++] = mesh.visible_vertex(x, y);
+    }
+  }
+  receivers = receivers.sub(0, receiver_count);
+  Span<std::uint16_t> face_mark;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(mesh.mesh.faces.size(), face_mark));
+  const int width = scene.shape().width;
+  for (std::size_t f = 0; f < face_mark.size(); ++f) {
+    face_mark[f] = 0;
+    if (scene.light_index.empty()) continue;
+    // A face carries a mark when any of its corners does, so that a lamp of one pixel is not walled in by its rim.
+    const Face face = mesh.mesh.faces[f];
+    for (const std::uint32_t vertex : {face.a, face.b, face.c}) {
+      const auto pixel = static_cast<int>(mesh.vertex_pixel[vertex]);
+      const std::uint16_t mark = scene.light_index(pixel % width, pixel / width);
+      if (mark != 0) face_mark[f] = mark;
+    }
+  }
+  observer.end(Stage::material);
+
+  observer.begin(Stage::render);
+  Span<std::uint8_t> visibility;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(count * points, visibility));
+  VisibilityParams visibility_params = params.visibility;
+  visibility_params.seed = seed;
+  NPSIM_RETURN_IF_ERROR(compute_visibility(visibility_params, bvh, out.points, emitters, peak_cd, face_mark, visibility,
+                                           executor, observer));
+  Span<std::uint32_t> hits;
+  Span<Vec3f> sky_irradiance;
+  NPSIM_RETURN_IF_ERROR(
+      workspace.allocate(receiver_count * static_cast<std::size_t>(params.gather.rays), hits));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(receiver_count, sky_irradiance));
+  GatherParams gather_params = params.gather;
+  gather_params.seed = seed;
+  NPSIM_RETURN_IF_ERROR(trace_gather_rays(gather_params, bvh, mesh.mesh.faces, out.points, receivers, out.sky, hits, sky_irradiance, executor, observer));
+  observer.end(Stage::render);
+
+  out.visible_point = mesh.visible_vertex;
+  out.emitters = emitters;
+  out.activations = activations;
+  out.emitter_of_mark = emitter_of_mark;
+  out.visibility = visibility;
+  out.receivers = receivers;
+  out.hits = hits;
+  out.sky_irradiance = sky_irradiance;
+  out.variants = variants;
+  return {};
+}
+
+// One variant's linear image: luminance(rgb) is in cd/m2.
+template <class Executor, class Observer>
+Status relight(const RelightParams& params, const SceneView& scene, const Relighting& shared, int variant,
+               ImageView<Vec3f> out, Workspace& workspace, Executor& executor, Observer& observer) {
+  const Shape shape = scene.shape();
+  if (variant < 0 || variant >= shared.variants) {
+    return Status(StatusCode::invalid_argument, "the variant was not prepared");
+  }
+  if (out.shape() != shape) return Status(StatusCode::shape_mismatch, "the night image must have the scene's size");
+  WorkspaceScope scope(workspace);
+  const std::size_t points = shared.points.size();
+  const std::size_t count = shared.emitters.size();
+  const Span<const Activation> lit = shared.activations.sub(static_cast<std::size_t>(variant) * count, count);
+
+  observer.begin(Stage::render);
+  Span<Vec3f> illuminance;
+  Span<Vec3f> direct;
+  Span<Vec3f> indirect;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(points, illuminance));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(points, direct));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(shared.receivers.size(), indirect));
+  NPSIM_RETURN_IF_ERROR(direct_light(shared.points, shared.emitters, lit, shared.visibility, params.f0, illuminance,
+                                     direct, executor));
+  // Gathering direct light plus what k bounces brought to the points that pixels show gives k + 1 bounces.
+  Span<Vec3f> handed_on;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(points, handed_on));
+  for (std::size_t p = 0; p < points; ++p) handed_on[p] = illuminance[p];
+  for (int bounce = 1;; ++bounce) {
+    NPSIM_RETURN_IF_ERROR(
+        gather_irradiance(shared.points, handed_on, shared.hits, params.gather.rays, indirect, executor));
+    for (std::size_t r = 0; r < indirect.size(); ++r) indirect[r] += shared.sky_irradiance[r];
+    if (bounce >= params.bounces) break;
+    for (std::size_t r = 0; r < indirect.size(); ++r) {
+      handed_on[shared.receivers[r]] = illuminance[shared.receivers[r]] + indirect[r];
+    }
+  }
+  observer.end(Stage::render);
+
+  observer.begin(Stage::denoise);
+  ImageView<Vec3f> position;
+  ImageView<Vec3f> normal;
+  ImageView<Vec3f> irradiance;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, position));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, normal));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, irradiance));
+  std::size_t receiver = 0;
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const std::uint32_t point = shared.visible_point(x, y);
+      position(x, y) = normal(x, y) = irradiance(x, y) = Vec3f{};
+      if (point == kNoPoint) continue;
+      position(x, y) = shared.points.position[point];
+      normal(x, y) = shared.points.normal[point];
+      irradiance(x, y) = indirect[receiver++];
+    }
+  }
+  NPSIM_RETURN_IF_ERROR(denoise_irradiance(params.denoise, position, normal, irradiance, workspace, executor));
+  observer.end(Stage::denoise);
+
+  executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
+    for (auto y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        const std::uint32_t point = shared.visible_point(x, y);
+        Vec3f seen;
+        if (point != kNoPoint) {
+          seen = direct[point] + shared.points.albedo[point] * irradiance(x, y) * kInversePi;
+        } else {
+          // No surface: the sky above the horizon; what belongs to the camera's own car stays black.
+          const bool sky = scene.labels.empty() || scene.labels(x, y) == label::sky;
+          const Vec3f direction = normalized(unproject_pixel(scene.camera, x, y, 1.0F));
+          if (sky) seen = sky_luminance(shared.sky, direction);
+        }
+        const std::uint16_t mark = scene.light_index.empty() ? std::uint16_t{0} : scene.light_index(x, y);
+        const std::uint32_t emitter = mark == 0 ? kNoPoint : shared.emitter_of_mark[mark - 1U];
+        if (emitter != kNoPoint && lit[emitter].lit) seen += lit[emitter].luminance_cd_m2;
+        out(x, y) = seen;
+      }
+    }
+  });
+  return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while relighting") : Status();
+}
+
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_PIPELINE_RELIGHT_HPP

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// From a scene on disk to the view that the pipeline takes.
+#ifndef NPSIM_SAMPLES_NPSIM_LOADING_HPP
+#define NPSIM_SAMPLES_NPSIM_LOADING_HPP
+
+#include <string>
+
+#include "npsim/io/scene.hpp"
+#include "npsim/pipeline/scene_view.hpp"
+#include "options.hpp"
+
+namespace npsim::tool {
+
+[[nodiscard]] inline SceneView view_of(const io::Scene& scene) {
+  SceneView view;
+  view.camera = scene.intrinsics;
+  view.image = scene.image.view();
+  view.depth = scene.depth.view();
+  view.labels = scene.labels.view();
+  view.instances = scene.instances.view();
+  view.normals = scene.normals.view();
+  view.albedo = scene.albedo.view();
+  view.roughness = scene.roughness.view();
+  view.light_index = scene.light_index.view();
+  view.lights = Span<const LightMark>(scene.lights.data(), scene.lights.size());
+  return view;
+}
+
+// Reads the scene and, where `size` is not empty, resamples it.
+[[nodiscard]] inline io::Expected<io::Scene> load_scene(const std::string& path, const std::string& size) {
+  Shape shape;
+  if (!size.empty()) {
+    const io::Expected<Shape> parsed = parse_size(size);
+    if (!parsed) return parsed.error();
+    shape = parsed.value();
+  }
+  io::Expected<io::Scene> scene = io::read_scene(path);
+  if (scene && !size.empty()) io::resize_scene(scene.value(), shape);
+  return scene;
+}
+
+}  // namespace npsim::tool
+
+#endif  // NPSIM_SAMPLES_NPSIM_LOADING_HPP

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// npsim street: generates a street and writes it as a scene with full ground truth.
+#ifndef NPSIM_SAMPLES_NPSIM_STREET_COMMAND_HPP
+#define NPSIM_SAMPLES_NPSIM_STREET_COMMAND_HPP
+
+#include <cstdint>
+#include <cstdio>
+#include <string>
+
+#include "console.hpp"
+#include "npsim/exec/thread_pool.hpp"
+#include "options.hpp"
+#include "street/street.hpp"
+
+namespace npsim::tool {
+
+struct StreetOptions {
+  std::string output;
+  std::uint64_t seed = 1;
+  std::string size = "960x540";
+  int threads = 0;
+  bool quiet = false;
+};
+
+inline int run_street(const StreetOptions& options) {
+  const io::Expected<Shape> size = parse_size(options.size);
+  if (!size) return fail(size.error());
+  if (const io::Outcome made = make_folder(options.output); !made) return fail(made.error());
+  Console console(options.quiet);
+  street::StreetParams params;
+  params.seed = options.seed;
+  params.shape = size.value();
+  ThreadPool pool(thread_count(options.threads));
+  const street::Street street = console.timed("build and photograph", [&] { return street::make_street(params, pool); });
+  if (console.cancelled()) return fail(options.output, Status(StatusCode::cancelled, ""));
+  const io::Outcome written = console.timed("write scene", [&] { return street::write_street(street, options.output); });
+  if (!written) return fail(written.error());
+  std::printf("%s\n", (options.output + "/scene.json").c_str());
+  return kExitDone;
+}
+
+}  // namespace npsim::tool
+
+#endif  // NPSIM_SAMPLES_NPSIM_STREET_COMMAND_HPP

@@ -1,0 +1,264 @@
+// SPDX-License-Identifier: Apache-2.0
+// Light transport against closed forms: patch integrals, blockers, furnaces.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "npsim/core/executor.hpp"
+#include "npsim/core/observe.hpp"
+#include "npsim/core/random.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/render/direct.hpp"
+#include "npsim/render/gather.hpp"
+#include "npsim/render/visibility.hpp"
+
+namespace {
+
+using namespace npsim;
+
+constexpr double kPi = 3.14159265358979323846;
+
+struct World {
+  std::vector<Vec3f> vertices;
+  std::vector<Vec3f> normals;
+  std::vector<Vec3f> albedo;
+  std::vector<float> alpha;
+  std::vector<Face> faces;
+  std::vector<unsigned char> memory;
+  Bvh bvh;
+
+  void add_point(Vec3f position, Vec3f normal) {
+    vertices.push_back(position);
+    normals.push_back(normal);
+    albedo.push_back({0.5F, 0.5F, 0.5F});
+    alpha.push_back(1.0F);
+  }
+  // A quad whose vertices carry `normal`.
+  void add_quad(Vec3f a, Vec3f b, Vec3f c, Vec3f d, Vec3f normal) {
+    const auto first = static_cast<std::uint32_t>(vertices.size());
+    for (const Vec3f& v : {a, b, c, d}) add_point(v, normal);
+    faces.push_back({first, first + 1, first + 2});
+    faces.push_back({first, first + 2, first + 3});
+  }
+  void build() {
+    memory.resize(bvh_workspace_bytes(faces.size()));
+    Workspace workspace(memory.data(), memory.size());
+    REQUIRE(build_bvh({{vertices.data(), vertices.size()}, {faces.data(), faces.size()}}, workspace, bvh).ok());
+  }
+  [[nodiscard]] SurfacePoints points() const {
+    return {{vertices.data(), vertices.size()},
+            {normals.data(), normals.size()},
+            {albedo.data(), albedo.size()},
+            {alpha.data(), alpha.size()}};
+  }
+};
+
+// A square lamp of side `side`, 4 m above the origin of a y-down frame, shining down.
+Emitter lamp_above(float side) {
+  Emitter e;
+  e.centre_m = {0, -4, 10};
+  e.half_u_m = {side / 2, 0, 0};
+  e.half_v_m = {0, 0, side / 2};
+  e.axis = {0, 1, 0};
+  e.up = {0, 0, 1};
+  e.area_m2 = side * side;
+  e.profile = EmissionProfile::lambert;
+  e.mark = 7;
+  return e;
+}
+
+std::vector<std::uint8_t> visibility_of(const World& world, const Emitter& emitter, float peak_cd,
+                                        const std::vector<std::uint16_t>& face_mark, float cutoff_lx = 1e-3F) {
+  std::vector<std::uint8_t> out(world.vertices.size(), 99);
+  VisibilityParams params;
+  params.samples_per_side = 16;
+  params.cutoff_lx = cutoff_lx;
+  SerialExecutor serial;
+  NullObserver observer;
+  const float peak[1] = {peak_cd};
+  REQUIRE(compute_visibility(params, world.bvh, world.points(), Span<const Emitter>(&emitter, 1), peak,
+                             {face_mark.data(), face_mark.size()}, {out.data(), out.size()}, serial, observer)
+              .ok());
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("illuminance of a square lamp is within 5 % of its patch integral from two extents on") {
+  RandomStream random(11, RandomPurpose::test, 0, 0, 0, 0);
+  for (int trial = 0; trial < 200; ++trial) {
+    const Emitter lamp = lamp_above(random.uniform(0.05F, 1.0F));
+    const Vec3f position{random.uniform(-6, 6), random.uniform(-1.8F, 2), 10 + random.uniform(-6, 6)};
+    const double distance = static_cast<double>(length(lamp.centre_m - position));
+    if (distance < 2 * 2 * static_cast<double>(length(lamp.half_u_m))) continue;
+    const Vec3f normal{0, -1, 0};
+    double exact = 0;
+    constexpr int n = 64;
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; j < n; ++j) {
+        const Vec3d q = vec_cast<double>(sample_point(lamp, (static_cast<float>(i) + 0.5F) / n, (static_cast<float>(j) + 0.5F) / n));
+        const Vec3d d = q - vec_cast<double>(position);
+        const double r2 = dot(d, d);
+        const double cos_both = (-d.y / std::sqrt(r2)) * (-d.y / std::sqrt(r2));
+        exact += cos_both / r2 / (n * n);
+      }
+    }
+    Vec3f to_light;
+    const auto got = static_cast<double>(illuminance_per_cd(lamp, position, normal, to_light));
+    CHECK(got == doctest::Approx(exact).epsilon(0.05));
+  }
+}
+
+TEST_CASE("visibility: free points see all, points under a half blocker half, behind it nothing, facing away nothing") {
+  World world;
+  world.add_point({0, 0, 10}, {0, -1, 0});   // directly below, blocker covers x > 0 half of the lamp
+  world.add_point({-5, 0, 10}, {0, -1, 0});  // looks past the blocker
+  world.add_point({2, 0, 10}, {0, -1, 0});   // in the umbra
+  world.add_point({0, 0, 10}, {0, 1, 0});    // turned away
+  // Blocker at y = -2: a lamp half-plane x > 0 seen from the origin crosses y = -2 at x > 0.
+  world.add_quad({0, -2, 5}, {8, -2, 5}, {8, -2, 15}, {0, -2, 15}, {0, -1, 0});
+  world.build();
+  const std::vector<std::uint16_t> no_marks(world.faces.size(), 0);
+  const auto seen = visibility_of(world, lamp_above(1.0F), 1000, no_marks);
+  CHECK(static_cast<int>(seen[0]) == doctest::Approx(127.5).epsilon(0.06));
+  CHECK(seen[1] == 255);
+  CHECK(seen[2] == 0);
+  CHECK(seen[3] == 0);
+}
+
+TEST_CASE("visibility: faces with the emitter's own mark do not hide it, faces with another mark do") {
+  World world;
+  world.add_point({0, 0, 10}, {0, -1, 0});
+  world.add_quad({-3, -3.9F, 7}, {3, -3.9F, 7}, {3, -3.9F, 13}, {-3, -3.9F, 13}, {0, -1, 0});
+  world.build();
+  CHECK(visibility_of(world, lamp_above(0.3F), 1000, std::vector<std::uint16_t>(2, 7))[0] == 255);
+  CHECK(visibility_of(world, lamp_above(0.3F), 1000, std::vector<std::uint16_t>(2, 6))[0] == 0);
+}
+
+TEST_CASE("visibility: pairs below the cut-off and emitters that no variant lights are skipped") {
+  World world;
+  world.add_point({0, 0, 10}, {0, -1, 0});
+  world.add_quad({50, 50, 50}, {51, 50, 50}, {51, 51, 50}, {50, 51, 50}, {0, 0, -1});
+  world.build();
+  const std::vector<std::uint16_t> no_marks(2, 0);
+  // 1 cd at 4 m is 1/16 lx.
+  CHECK(visibility_of(world, lamp_above(0.1F), 1.0F, no_marks, 0.0624F)[0] == 255);
+  CHECK(visibility_of(world, lamp_above(0.1F), 1.0F, no_marks, 0.0626F)[0] == 0);
+  CHECK(visibility_of(world, lamp_above(0.1F), 0.0F, no_marks)[0] == 0);
+}
+
+TEST_CASE("cosine directions are unit vectors above the surface with mean cosine 2/3, for every normal") {
+  for (const Vec3f& n : {Vec3f{0, 0, 1}, Vec3f{0, 0, -1}, Vec3f{1, 0, 0}, Vec3f{0, -1, 0},
+                         normalized(Vec3f{0.3F, -0.2F, -0.9999F}), normalized(Vec3f{1e-4F, 1e-4F, -1})}) {
+    double mean = 0;
+    constexpr int kCount = 4096;
+    for (int i = 0; i < kCount; ++i) {
+      const Vec3f d = cosine_direction(n, (static_cast<float>(i) + 0.5F) / kCount,
+                                       static_cast<float>(i % 64) / 64.0F);
+      CHECK(length(d) == doctest::Approx(1.0).epsilon(1e-5));
+      CHECK(dot(d, n) >= -1e-6F);
+      mean += static_cast<double>(dot(d, n)) / kCount;
+    }
+    CHECK(mean == doctest::Approx(2.0 / 3.0).epsilon(2e-3));
+  }
+}
+
+TEST_CASE("gather: inside a closed white-lit box every ray lands and the furnace gives albedo times irradiance") {
+  World world;
+  const float s = 2.0F;
+  const Vec3f c{0, 0, 10};
+  const auto corner = [&](float x, float y, float z) { return c + Vec3f{x * s, y * s, z * s}; };
+  world.add_quad(corner(-1, -1, -1), corner(1, -1, -1), corner(1, 1, -1), corner(-1, 1, -1), {0, 0, 1});
+  world.add_quad(corner(-1, -1, 1), corner(1, -1, 1), corner(1, 1, 1), corner(-1, 1, 1), {0, 0, -1});
+  world.add_quad(corner(-1, -1, -1), corner(-1, 1, -1), corner(-1, 1, 1), corner(-1, -1, 1), {1, 0, 0});
+  world.add_quad(corner(1, -1, -1), corner(1, 1, -1), corner(1, 1, 1), corner(1, -1, 1), {-1, 0, 0});
+  world.add_quad(corner(-1, -1, -1), corner(1, -1, -1), corner(1, -1, 1), corner(-1, -1, 1), {0, 1, 0});
+  world.add_quad(corner(-1, 1, -1), corner(1, 1, -1), corner(1, 1, 1), corner(-1, 1, 1), {0, -1, 0});
+  // A receiver that no face uses, on the middle of the floor.
+  world.add_point(c + Vec3f{0.1F, s, 0.2F}, {0, -1, 0});
+  world.build();
+
+  GatherParams params;
+  params.rays = 64;
+  const std::uint32_t receiver = static_cast<std::uint32_t>(world.vertices.size() - 1);
+  std::vector<std::uint32_t> hits(64);
+  std::vector<Vec3f> sky(1);
+  SerialExecutor serial;
+  NullObserver observer;
+  REQUIRE(trace_gather_rays(params, world.bvh, {world.faces.data(), world.faces.size()}, world.points(),
+                            Span<const std::uint32_t>(&receiver, 1), SkyParams{}, {hits.data(), hits.size()}, {sky.data(), 1}, serial, observer)
+              .ok());
+  for (const std::uint32_t h : hits) CHECK(h != kNoPoint);
+  CHECK(sky[0] == Vec3f{});
+  std::vector<Vec3f> irradiance(world.vertices.size(), Vec3f{10, 20, 30});
+  Vec3f gathered;
+  REQUIRE(gather_irradiance(world.points(), {irradiance.data(), irradiance.size()}, {hits.data(), hits.size()}, 64,
+                            Span<Vec3f>(&gathered, 1), serial)
+              .ok());
+  CHECK(gathered.x == doctest::Approx(5).epsilon(1e-5));
+  CHECK(gathered.z == doctest::Approx(15).epsilon(1e-5));
+}
+
+TEST_CASE("gather: an open road under the night sky gets the sky's irradiance, and nothing from the backs of walls") {
+  World world;
+  world.add_point({0, 1.5F, 10}, {0, -1, 0});
+  // A wall beside the point that faces away from it.
+  world.add_quad({1, -50, -40}, {1, 1.5F, -40}, {1, 1.5F, 60}, {1, -50, 60}, {1, 0, 0});
+  world.build();
+  GatherParams params;
+  params.rays = 1024;
+  const std::uint32_t receiver = 0;
+  std::vector<std::uint32_t> hits(1024);
+  std::vector<Vec3f> sky(1);
+  SerialExecutor serial;
+  NullObserver observer;
+  REQUIRE(trace_gather_rays(params, world.bvh, {world.faces.data(), world.faces.size()}, world.points(),
+                            Span<const std::uint32_t>(&receiver, 1), SkyParams{}, {hits.data(), hits.size()}, {sky.data(), 1}, serial, observer)
+              .ok());
+  for (const std::uint32_t h : hits) CHECK(h == kNoPoint);
+  // Numeric integral over the free half of the hemisphere (x < 0 side and what passes above the wall is small).
+  double half = 0;
+  double whole = 0;
+  constexpr int n = 400;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) {
+      const double theta = (i + 0.5) / n * kPi / 2;
+      const double phi = (j + 0.5) / n * 2 * kPi;
+      const Vec3d d{std::sin(theta) * std::cos(phi), -std::cos(theta), std::sin(theta) * std::sin(phi)};
+      const double weight = std::cos(theta) * std::sin(theta) * (kPi / 2 / n) * (2 * kPi / n);
+      const double l = static_cast<double>(luminance(sky_luminance(SkyParams{}, vec_cast<float>(d)))) * weight;
+      whole += l;
+      if (d.x < 0) half += l;
+    }
+  }
+  CHECK(static_cast<double>(luminance(sky[0])) > 0.95 * half);
+  CHECK(static_cast<double>(luminance(sky[0])) < 0.60 * whole);
+}
+
+TEST_CASE("direct light: a lit lamp on a Lambertian road gives E = I cos / d^2 and L = albedo E / pi; unlit gives none") {
+  World world;
+  world.add_point({0, 0, 10}, {0, -1, 0});
+  const Emitter lamp = lamp_above(0.2F);
+  Activation on;
+  on.lit = true;
+  on.intensity_cd = {1600, 800, 400};
+  Activation off = on;
+  off.lit = false;
+  const std::uint8_t seen[1] = {255};
+  Vec3f illuminance;
+  Vec3f out;
+  SerialExecutor serial;
+  REQUIRE(direct_light(world.points(), Span<const Emitter>(&lamp, 1), Span<const Activation>(&on, 1), seen, 0.0F,
+                       Span<Vec3f>(&illuminance, 1), Span<Vec3f>(&out, 1), serial)
+              .ok());
+  CHECK(illuminance.x == doctest::Approx(100).epsilon(1e-5));
+  CHECK(illuminance.z == doctest::Approx(25).epsilon(1e-5));
+  CHECK(out.x == doctest::Approx(0.5 * 100 / kPi).epsilon(1e-4));
+  REQUIRE(direct_light(world.points(), Span<const Emitter>(&lamp, 1), Span<const Activation>(&off, 1), seen, 0.04F,
+                       Span<Vec3f>(&illuminance, 1), Span<Vec3f>(&out, 1), serial)
+              .ok());
+  CHECK(illuminance == Vec3f{});
+  CHECK(out == Vec3f{});
+}
