@@ -1,0 +1,291 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "npsim/depth/cross_bilateral.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <vector>
+
+#include "npsim/core/random.hpp"
+
+using namespace npsim;
+
+namespace {
+
+constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
+
+struct BackwardExecutor {
+  template <class F>
+  void for_chunks(std::size_t count, std::size_t chunk, F&& f) const {
+    for (std::size_t c = chunk_count(count, chunk); c-- > 0;) f(c * chunk, std::min(count, (c + 1) * chunk));
+  }
+};
+
+template <class L>
+struct Scene {
+  explicit Scene(Shape s) : shape(s), depth(s.pixels(), 10.0F), labels(s.pixels(), L{1}),
+                            lab(s.pixels(), Vec3f{50, 0, 0}), out(s.pixels(), -5.0F) {}
+  std::size_t at(int x, int y) const { return static_cast<std::size_t>(y * shape.width + x); }
+
+  // Two surfaces with a ragged edge, colours that follow it loosely, holes.
+  void randomise(std::uint32_t seed, float holes) {
+    RandomStream random(seed, RandomPurpose::test, 0, 0, 0, 0);
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        const bool near = x + (y * 7) % 5 < shape.width / 2;
+        depth[at(x, y)] = near ? random.uniform(2.0F, 3.0F) : random.uniform(70.0F, 80.0F);
+        labels[at(x, y)] = near ? L{26} : static_cast<L>(1000 * (sizeof(L) - 1) + static_cast<std::size_t>(y / 9));
+        const float l = near ? 30.0F : 45.0F;
+        lab[at(x, y)] = {l + random.uniform(-9, 9), random.uniform(-9, 9), random.uniform(-9, 9)};
+        if (random.uniform() < holes) depth[at(x, y)] = random.uniform() < 0.5F ? kNaN : 0.0F;
+      }
+    }
+  }
+  template <class Executor>
+  Status run(const CrossBilateralParams& p, Executor& executor) {
+    std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, shape));
+    Workspace workspace(bytes.data(), bytes.size());
+    const Status s = cross_bilateral(p, {depth.data(), shape}, ImageView<const L>(labels.data(), shape),
+                                     {lab.data(), shape}, {out.data(), shape}, workspace, executor);
+    CHECK(workspace.used() == 0);
+    return s;
+  }
+  Status run(const CrossBilateralParams& p) {
+    const SerialExecutor serial;
+    return run(p, serial);
+  }
+
+  // Equation (3.2) as it stands, in double. `weight` is the denominator.
+  double naive(const CrossBilateralParams& p, int x, int y, double& weight) const {
+    const int radius = p.radius_px >= 0 ? p.radius_px : static_cast<int>(std::ceil(3 * p.sigma_s_px));
+    const double sigma_s = static_cast<double>(p.sigma_s_px);
+    const double sigma_c = static_cast<double>(p.sigma_c);
+    double numerator = 0;
+    weight = 0;
+    for (int qy = std::max(0, y - radius); qy <= std::min(shape.height - 1, y + radius); ++qy) {
+      for (int qx = std::max(0, x - radius); qx <= std::min(shape.width - 1, x + radius); ++qx) {
+        const float z = depth[at(qx, qy)];
+        if (!(std::isfinite(z) && z > 0)) continue;
+        const Vec3d step = vec_cast<double>(lab[at(qx, qy)]) - vec_cast<double>(lab[at(x, y)]);
+        double bracket = p.use_labels && labels[at(qx, qy)] == labels[at(x, y)] ? 1.0 : 0.0;
+        if (p.use_colour && is_finite(step)) {
+          bracket += static_cast<double>(p.mu) * std::exp(-dot(step, step) / (2 * sigma_c * sigma_c));
+        }
+        const double r2 = (qx - x) * (qx - x) + (qy - y) * (qy - y);
+        const double w = std::exp(-r2 / (2 * sigma_s * sigma_s)) * bracket;
+        numerator += w * static_cast<double>(z);
+        weight += w;
+      }
+    }
+    return numerator / weight;
+  }
+
+  // Largest relative error; validity must agree, except within a factor 2 of the weight that counts as none.
+  double worst(const CrossBilateralParams& p) const {
+    double worst = 0;
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        double weight = 0;
+        const double expected = naive(p, x, y, weight);
+        const float got = out[at(x, y)];
+        if (weight < 0.5e-12) CHECK(got == 0.0F);
+        if (weight > 2e-12) worst = std::max(worst, std::abs(static_cast<double>(got) - expected) / expected);
+      }
+    }
+    return worst;
+  }
+
+  Shape shape;
+  std::vector<float> depth;
+  std::vector<L> labels;
+  std::vector<Vec3f> lab;
+  std::vector<float> out;
+};
+
+}  // namespace
+
+TEST_CASE("cross-bilateral at the thesis' settings is within 2e-5 of double precision") {
+  Scene<std::uint8_t> s({90, 66});
+  s.randomise(1, 0.1F);
+  const CrossBilateralParams p;
+  REQUIRE(s.run(p).ok());
+  CHECK(s.worst(p) < 2e-5);
+}
+
+TEST_CASE("cross-bilateral: every combination of terms, instances, widths around the lane count, many settings") {
+  const Shape shapes[] = {{1, 1}, {1, 30}, {30, 1}, {7, 5}, {8, 9}, {15, 4}, {16, 4}, {17, 6}, {33, 20}};
+  for (const Shape shape : shapes) {
+    for (int variant = 0; variant < 7; ++variant) {
+      CrossBilateralParams p;
+      p.sigma_s_px = 2.0F;
+      if (variant == 1) p.use_labels = false;
+      if (variant == 2) p.use_colour = false;
+      if (variant == 3) p.mu = kCrossBilateralMuCitedCode;
+      if (variant == 4) p.sigma_c = 0.5F;
+      if (variant == 5) p.radius_px = 1;
+      if (variant == 6) p.mu = 0.0F;
+      Scene<std::uint8_t> s(shape);
+      s.randomise(static_cast<std::uint32_t>(variant), 0.3F);
+      REQUIRE(s.run(p).ok());
+      CHECK(s.worst(p) < 2e-5);
+      Scene<std::uint16_t> instances(shape);
+      instances.randomise(static_cast<std::uint32_t>(variant), 0.3F);
+      REQUIRE(instances.run(p).ok());
+      CHECK(instances.worst(p) < 2e-5);
+    }
+  }
+}
+
+TEST_CASE("cross-bilateral: sigma tiny keeps the depth, sigma huge averages over the window") {
+  Scene<std::uint8_t> s({40, 30});
+  s.randomise(3, 0.0F);
+  CrossBilateralParams p;
+  p.sigma_s_px = 0.001F;
+  REQUIRE(s.run(p).ok());
+  for (std::size_t i = 0; i < s.out.size(); ++i) CHECK(std::abs(s.out[i] / s.depth[i] - 1.0F) < 1e-6F);
+  p.sigma_s_px = 1e6F;  // the radius is clamped to the image
+  p.sigma_c = 1e6F;
+  REQUIRE(s.run(p).ok());
+  CHECK(s.worst(p) < 2e-5);
+  p = {};
+  p.sigma_c = 0.001F;
+  REQUIRE(s.run(p).ok());
+  CHECK(s.worst(p) < 2e-5);
+}
+
+TEST_CASE("cross-bilateral: one class is a Gaussian blur, and where every pixel is its own class nothing mixes") {
+  Scene<std::uint16_t> s({33, 21});
+  s.randomise(4, 0.0F);
+  CrossBilateralParams p;
+  p.use_colour = false;
+  p.sigma_s_px = 3.0F;
+  for (std::size_t i = 0; i < s.labels.size(); ++i) s.labels[i] = static_cast<std::uint16_t>(i);
+  REQUIRE(s.run(p).ok());
+  for (std::size_t i = 0; i < s.out.size(); ++i) CHECK(std::abs(s.out[i] / s.depth[i] - 1.0F) < 1e-6F);
+  s.labels.assign(s.labels.size(), 65535);
+  REQUIRE(s.run(p).ok());
+  CHECK(s.worst(p) < 2e-5);
+}
+
+TEST_CASE("cross-bilateral: classes that touch at one corner do not mix through it") {
+  Scene<std::uint8_t> s({32, 32});
+  for (int y = 0; y < 32; ++y) {
+    for (int x = 0; x < 32; ++x) {
+      const bool even = (x < 16) == (y < 16);
+      s.labels[s.at(x, y)] = even ? 1 : 2;
+      s.depth[s.at(x, y)] = even ? 2.0F : 80.0F;
+    }
+  }
+  CrossBilateralParams p;
+  p.use_colour = false;
+  REQUIRE(s.run(p).ok());
+  for (std::size_t i = 0; i < s.out.size(); ++i) CHECK(std::abs(s.out[i] / s.depth[i] - 1.0F) < 2e-5F);
+}
+
+TEST_CASE("cross-bilateral: one valid pixel, a column of NaN, all invalid, colours that are not finite") {
+  Scene<std::uint8_t> s({50, 9});
+  s.depth.assign(s.depth.size(), 0.0F);
+  s.depth[s.at(10, 4)] = 7.0F;
+  CrossBilateralParams p;
+  p.radius_px = 5;
+  REQUIRE(s.run(p).ok());
+  for (int y = 0; y < 9; ++y) {
+    for (int x = 0; x < 50; ++x) {
+      const float expected = std::abs(x - 10) <= 5 ? 7.0F : 0.0F;
+      CHECK(std::abs(s.out[s.at(x, y)] - expected) < 1e-5F);
+    }
+  }
+  p.keep_invalid = true;
+  REQUIRE(s.run(p).ok());
+  for (std::size_t i = 0; i < s.out.size(); ++i) {
+    CHECK(std::abs(s.out[i] - (i == s.at(10, 4) ? 7.0F : 0.0F)) < 1e-5F);
+  }
+  s.depth.assign(s.depth.size(), kNaN);
+  p = {};
+  REQUIRE(s.run(p).ok());
+  for (const float z : s.out) CHECK(z == 0.0F);
+
+  s.randomise(5, 0.0F);
+  for (int y = 0; y < 9; ++y) {
+    s.depth[s.at(25, y)] = kNaN;
+    s.lab[s.at(20, y)] = {kNaN, 0, 0};
+    s.lab[s.at(21, y)].y = std::numeric_limits<float>::infinity();
+  }
+  REQUIRE(s.run(p).ok());
+  CHECK(s.worst(p) < 2e-5);
+}
+
+TEST_CASE("cross-bilateral gives the same bits with one lane, with chunks backwards, in place and on strided views") {
+  Scene<std::uint8_t> s({45, 23});
+  s.randomise(6, 0.2F);
+  CrossBilateralParams p;
+  p.sigma_s_px = 3.0F;
+  REQUIRE(s.run(p).ok());
+  const std::vector<float> expected = s.out;
+  const BackwardExecutor backward;
+  REQUIRE(s.run(p, backward).ok());
+  CHECK(s.out == expected);
+
+  std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, s.shape));
+  Workspace workspace(bytes.data(), bytes.size());
+  SerialExecutor serial;
+  s.out.assign(s.out.size(), -1.0F);
+  REQUIRE(depth_detail::cross_bilateral_with<simd::scalar::F32>(
+              p, ImageView<const float>(s.depth.data(), s.shape), ImageView<const std::uint8_t>(s.labels.data(), s.shape),
+              ImageView<const Vec3f>(s.lab.data(), s.shape), ImageView<float>(s.out.data(), s.shape), workspace, serial)
+              .ok());
+  CHECK(s.out == expected);
+
+  std::vector<float> wide(60 * 23, -9.0F);
+  std::vector<Vec3f> wide_lab(50 * 23);
+  std::vector<std::uint8_t> wide_labels(70 * 23);
+  const ImageView<float> z(wide.data() + 4, s.shape, 60);
+  const ImageView<Vec3f> lab(wide_lab.data() + 1, s.shape, 50);
+  const ImageView<std::uint8_t> labels(wide_labels.data() + 9, s.shape, 70);
+  for (int y = 0; y < 23; ++y) {
+    for (int x = 0; x < 45; ++x) {
+      z(x, y) = s.depth[s.at(x, y)];
+      lab(x, y) = s.lab[s.at(x, y)];
+      labels(x, y) = s.labels[s.at(x, y)];
+    }
+  }
+  REQUIRE(cross_bilateral(p, z, labels, lab, z, workspace, serial).ok());
+  for (int y = 0; y < 23; ++y) {
+    for (int x = 0; x < 45; ++x) CHECK(z(x, y) == expected[s.at(x, y)]);
+    CHECK(wide[static_cast<std::size_t>(y * 60 + 3)] == -9.0F);
+    CHECK(wide[static_cast<std::size_t>(y * 60 + 49)] == -9.0F);
+  }
+}
+
+TEST_CASE("cross-bilateral refuses bad arguments") {
+  Scene<std::uint8_t> s({8, 8});
+  const auto code = [&](CrossBilateralParams p) { return s.run(p).code(); };
+  CrossBilateralParams p;
+  p.mu = -1.0F;
+  CHECK(code(p) == StatusCode::invalid_argument);
+  p.mu = kNaN;
+  CHECK(code(p) == StatusCode::invalid_argument);
+  p = {};
+  p.sigma_s_px = 0.0F;
+  CHECK(code(p) == StatusCode::invalid_argument);
+  p = {};
+  p.sigma_c = kNaN;
+  CHECK(code(p) == StatusCode::invalid_argument);
+  p = {};
+  p.use_labels = false;
+  p.use_colour = false;
+  CHECK(code(p) == StatusCode::invalid_argument);
+  p = {};
+  Workspace none;
+  SerialExecutor serial;
+  const ImageView<const float> z(s.depth.data(), s.shape);
+  const ImageView<float> out(s.out.data(), s.shape);
+  const ImageView<const std::uint8_t> labels(s.labels.data(), s.shape);
+  const ImageView<const Vec3f> lab(s.lab.data(), s.shape);
+  CHECK(cross_bilateral(p, z, labels, lab, out, none, serial).code() == StatusCode::workspace_exhausted);
+  CHECK(cross_bilateral(p, z, labels, {}, out, none, serial).code() == StatusCode::shape_mismatch);
+  CHECK(cross_bilateral(p, {}, labels, lab, out, none, serial).code() == StatusCode::no_valid_input);
+}
