@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <nlohmann/json.hpp>
 #include <stb/stb_image.h>
 #include <tiny_obj_loader.h>
+#include <nlohmann/json.hpp>
 
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/atomic_file.hpp"

@@ -72,7 +72,10 @@ std::string code_only(const std::string& text) {
         if (in == In::line_comment || in == In::block_comment) blanked[i] = ' ';
         break;
       case In::line_comment:
-        if (c == '\n') in = In::code; else blanked[i] = ' ';
+        if (c == '\n')
+          in = In::code;
+        else
+          blanked[i] = ' ';
         break;
       case In::block_comment:
         blanked[i] = c == '\n' ? c : ' ';
@@ -168,11 +171,36 @@ TEST_CASE("only npsim/simd sees xsimd and intrinsics") {
 }
 
 TEST_CASE("the core includes no threads, files, streams, owning containers or heap") {
-  const std::set<std::string> forbidden = {
-      "thread", "mutex",   "condition_variable", "future",      "iostream",      "fstream",       "sstream", "ostream",
-      "istream", "cstdio", "stdio.h",            "filesystem",  "vector",        "string",        "memory",  "new",
-      "functional", "map", "unordered_map",      "set",         "unordered_set", "deque",         "list",    "any",
-      "memory_resource",   "exception",          "stdexcept",   "typeinfo",      "cstdlib",       "stdlib.h"};
+  const std::set<std::string> forbidden = {"thread",
+                                           "mutex",
+                                           "condition_variable",
+                                           "future",
+                                           "iostream",
+                                           "fstream",
+                                           "sstream",
+                                           "ostream",
+                                           "istream",
+                                           "cstdio",
+                                           "stdio.h",
+                                           "filesystem",
+                                           "vector",
+                                           "string",
+                                           "memory",
+                                           "new",
+                                           "functional",
+                                           "map",
+                                           "unordered_map",
+                                           "set",
+                                           "unordered_set",
+                                           "deque",
+                                           "list",
+                                           "any",
+                                           "memory_resource",
+                                           "exception",
+                                           "stdexcept",
+                                           "typeinfo",
+                                           "cstdlib",
+                                           "stdlib.h"};
   for (const Header& header : headers()) {
     if (for_hosts(header)) continue;
     CAPTURE(header.name);
@@ -184,8 +212,9 @@ TEST_CASE("the core includes no threads, files, streams, owning containers or he
 }
 
 TEST_CASE("the core neither throws nor allocates nor asks for types at run time") {
-  const std::set<std::string> forbidden = {"throw", "try",    "catch", "dynamic_cast", "typeid", "new",
-                                           "delete", "malloc", "calloc", "realloc", "free", "printf", "thread_local"};
+  const std::set<std::string> forbidden = {"throw", "try",    "catch",       "dynamic_cast", "typeid",
+                                           "new",   "delete", "malloc",      "calloc",       "realloc",
+                                           "free",  "printf", "thread_local"};
   static const std::regex deleted_function(R"(=\s*delete\s*;)");  // that is not the heap's delete
   for (const Header& header : headers()) {
     if (for_hosts(header)) continue;

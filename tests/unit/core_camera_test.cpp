@@ -40,8 +40,10 @@ TEST_CASE("project undoes unproject, for cameras and depths of very different sc
     const Vec3f p = unproject(k, u, v, z);
     const Vec2f back = project(k, p);
     REQUIRE(p.z == z);
-    REQUIRE(std::abs(static_cast<double>(back.x) - static_cast<double>(u)) <= bound(u - k.cx, std::abs(u) + std::abs(k.cx)));
-    REQUIRE(std::abs(static_cast<double>(back.y) - static_cast<double>(v)) <= bound(v - k.cy, std::abs(v) + std::abs(k.cy)));
+    REQUIRE(std::abs(static_cast<double>(back.x) - static_cast<double>(u)) <=
+            bound(u - k.cx, std::abs(u) + std::abs(k.cx)));
+    REQUIRE(std::abs(static_cast<double>(back.y) - static_cast<double>(v)) <=
+            bound(v - k.cy, std::abs(v) + std::abs(k.cy)));
   }
 }
 

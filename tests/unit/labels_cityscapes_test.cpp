@@ -7,8 +7,8 @@
 #include <string>
 
 using npsim::Label;
-using npsim::LabelSet;
 using npsim::label_from_train_id;
+using npsim::LabelSet;
 namespace label = npsim::label;
 
 TEST_CASE("names sit at their ids") {

@@ -28,7 +28,8 @@ inline namespace v1 {
 
 class ThreadPool {
  public:
-  // `threads` counts the caller; 0 takes what the machine offers. Where the system refuses a thread, the pool has fewer.
+  // `threads` counts the caller; 0 takes what the machine offers. Where the system refuses a thread, the pool has
+  // fewer.
   explicit ThreadPool(unsigned threads = 0) {
     const unsigned wanted = threads != 0 ? threads : std::thread::hardware_concurrency();
     try {
@@ -62,7 +63,9 @@ class ThreadPool {
     }
     using Function = std::remove_reference_t<F>;
     Job job;
-    job.call = [](void* function, std::size_t begin, std::size_t end) { (*static_cast<Function*>(function))(begin, end); };
+    job.call = [](void* function, std::size_t begin, std::size_t end) {
+      (*static_cast<Function*>(function))(begin, end);
+    };
     job.function = const_cast<void*>(static_cast<const void*>(std::addressof(f)));
     job.count = count;
     job.step = step;
