@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: Apache-2.0
+// Probabilistic light source activation (section 3.6.2): which sources are on in one night, how strong, of which colour.
+//
+// Every (group, class) draws one p ~ U(a, b), one strength and one colour; every source of it is then on with probability
+// p, independently. Groups are independent of each other and of ungrouped sources, each of which is its own group.
+// Beyond the text, because one sees it at once when it is missing:
+//   - the lamps of one vehicle are switched together: one p and one draw for front and rear; rear lamps are stop lamps
+//     with stop_probability;
+//   - street lamps of a class share technology and strength all over the image, with a small jitter per lamp;
+//   - of a traffic light that shows several discs one is on: the annotated one, else the one that glows by day, else any.
+//     Unknown states follow the daytime colour, then the place in the panel, then a draw.
+// Randomness: streams (seed, activation, variant, key) with key = kind | class | group or mark in disjoint bits, so the
+// order of emitters and the presence of others never change a draw, and each variant is a new night.
+// The seed must differ between photographs; otherwise their windows light up together.
+// Cost: O(n), plus O(n) for each disc of a grouped traffic light. Memory: none.
+#ifndef NPSIM_LIGHT_ACTIVATION_HPP
+#define NPSIM_LIGHT_ACTIVATION_HPP
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/config.hpp"
+#include "npsim/core/random.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/labels/light_classes.hpp"
+#include "npsim/light/emitter.hpp"
+#include "npsim/light/light_set.hpp"
+#include "npsim/light/photometry.hpp"
+#include "npsim/simd/isa.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+struct Activation {
+  bool lit = false;
+  float strength = 0;     // as drawn, in the unit of the profile (strength_unit); also where not lit
+  float probability = 0;  // the p of its (group, class)
+  Vec2f xy;
+  Vec3f intensity_cd;     // peak luminous intensity times linear RGB of luminance 1; zero where not lit
+  Vec3f luminance_cd_m2;  // what the camera at the origin sees on the emitter's pixels; zero where not lit
+};
+
+struct ActivationParams {
+  Span<const LightSetEntry> light_set;    // replaces the default strengths and colours of the classes that it names
+  float stop_probability = 0.35F;         // of rear lamps of a moving vehicle that are lit [default]
+  float street_strength_jitter = 0.1F;    // relative, of single lamps: age and dirt [default]
+  float street_xy_jitter = 0.003F;        // about one step of a 3-step MacAdam ellipse
+  float bicycle_parked_p[2] = {0.1F, 0.2F};
+  float signal_draw[2] = {0.5F, 0.05F};   // shares of red and amber where nothing tells the state; green is the rest
+};
+
+[[nodiscard]] inline Status validate(const ActivationParams& p) noexcept {
+  const auto share = [](float v) { return v >= 0.0F && v <= 1.0F; };
+  const bool good = share(p.stop_probability) && share(p.street_strength_jitter) && p.street_xy_jitter >= 0.0F &&
+                    p.street_xy_jitter <= 0.05F && share(p.bicycle_parked_p[0]) && share(p.bicycle_parked_p[1]) &&
+                    share(p.signal_draw[0]) && share(p.signal_draw[1]) && share(p.signal_draw[0] + p.signal_draw[1]);
+  if (!good) return Status(StatusCode::invalid_argument, "activation: a probability or jitter lies outside its range");
+  for (const LightSetEntry& e : p.light_set) {
+    if (!std::isfinite(e.strength) || e.strength < 0.0F || !(e.xy.x >= 0.0F) || !(e.xy.y > 0.0F) ||
+        !(e.xy.x + e.xy.y <= 1.0F)) {
+      return Status(StatusCode::invalid_argument, "light set: strength not negative, (x, y) inside the colour triangle");
+    }
+  }
+  return {};
+}
+
+inline namespace NPSIM_ISA_NAMESPACE {
+namespace light_detail {
+
+enum class ActivationKey : std::uint32_t { group, alone, source, technology, vehicle, signal, ego };
+
+[[nodiscard]] constexpr RandomStream activation_stream(std::uint64_t seed, std::uint32_t variant, ActivationKey key,
+                                                       std::uint32_t id, LightClass cls) noexcept {
+  const std::uint32_t light =
+      (static_cast<std::uint32_t>(key) << 21U) | (static_cast<std::uint32_t>(cls) << 16U) | (id & 0xFFFFU);
+  return RandomStream(seed, RandomPurpose::activation, variant, light, 0, 0);
+}
+
+[[nodiscard]] constexpr bool is_vehicle_lamp(LightClass c) noexcept {
+  return c == LightClass::parked_front || c == LightClass::parked_rear || c == LightClass::moving_front ||
+         c == LightClass::moving_rear;
+}
+[[nodiscard]] constexpr bool is_street_light(LightClass c) noexcept {
+  return c == LightClass::street_light_ht || c == LightClass::street_light_lt;
+}
+[[nodiscard]] constexpr bool is_traffic_light(const Emitter& e) noexcept {
+  return e.cls == LightClass::inferred_object && e.profile == EmissionProfile::signal;
+}
+
+// Uniform in the square root.
+[[nodiscard]] inline float draw_strength(float low, float high, float u) noexcept {
+  const float a = std::sqrt(low);
+  const float root = a + u * (std::sqrt(high) - a);
+  return root * root;
+}
+
+// Red, amber or green as a lit signal photographs by day; unknown where the colour is dark or nearly white.
+// The limit between red and amber: signal amber has g/r = 0.24 in linear sRGB, signal red 0.
+[[nodiscard]] inline SignalState state_from_colour(const Vec3f& c) noexcept {
+  if (!is_finite(c)) return SignalState::unknown;
+  const float high = c.x > c.y ? (c.x > c.z ? c.x : c.z) : (c.y > c.z ? c.y : c.z);
+  const float low = c.x < c.y ? (c.x < c.z ? c.x : c.z) : (c.y < c.z ? c.y : c.z);
+  if (!(high > 0.02F) || high - low < 0.3F * high) return SignalState::unknown;
+  if (c.y >= c.x) return c.y >= 0.8F * c.z ? SignalState::green : SignalState::unknown;
+  if (c.z > 0.8F * c.x) return SignalState::unknown;
+  return c.y < 0.18F * c.x ? SignalState::red : SignalState::amber;
+}
+
+struct SignalChoice {
+  bool on = true;
+  SignalState state = SignalState::unknown;
+};
+
+[[nodiscard]] inline SignalChoice choose_signal(const ActivationParams& p, std::uint64_t seed, std::uint32_t variant,
+                                                Span<const Emitter> emitters, Span<const Vec3f> day_rgb,
+                                                std::size_t self) noexcept {
+  const Emitter& e = emitters[self];
+  const auto day = [&](std::size_t i) { return day_rgb.empty() ? Vec3f{} : day_rgb[i]; };
+  SignalChoice choice;
+  choice.state = e.state != SignalState::unknown ? e.state : state_from_colour(day(self));
+  std::size_t discs = 1;
+  std::size_t above = 0;
+  if (e.group != 0) {
+    // Evidence that a disc is the lit one: 2 annotated, 1 a signal colour by day, 0 none. The strongest wins, then the
+    // brighter one, then the draw.
+    int best_evidence = -1;
+    float best_weight = -1.0F;
+    std::size_t best = self;
+    discs = 0;
+    RandomStream random = activation_stream(seed, variant, ActivationKey::signal, e.group, LightClass::none);
+    for (std::size_t i = 0; i < emitters.size(); ++i) {
+      const Emitter& other = emitters[i];
+      if (other.group != e.group || !is_traffic_light(other)) continue;
+      ++discs;
+      if (other.centre_m.y < e.centre_m.y || (other.centre_m.y == e.centre_m.y && i < self)) ++above;
+      const float u = random.uniform();
+      const int evidence = other.state != SignalState::unknown ? 2 : (state_from_colour(day(i)) != SignalState::unknown);
+      const float weight = evidence == 1 ? luminance(day(i)) : u;
+      if (evidence > best_evidence || (evidence == best_evidence && weight > best_weight)) {
+        best_evidence = evidence;
+        best_weight = weight;
+        best = i;
+      }
+    }
+    choice.on = best == self || (e.state != SignalState::unknown && e.state == emitters[best].state);
+  }
+  if (choice.state == SignalState::unknown) {
+    if (discs > 1) {
+      choice.state = above == 0 ? SignalState::red : (above + 1 == discs ? SignalState::green : SignalState::amber);
+    } else {
+      RandomStream random = activation_stream(seed, variant, ActivationKey::source, e.mark, e.cls);
+      const float u = random.uniform();
+      choice.state = u < p.signal_draw[0]                      ? SignalState::red
+                     : u < p.signal_draw[0] + p.signal_draw[1] ? SignalState::amber
+                                                               : SignalState::green;
+    }
+  }
+  return choice;
+}
+
+// Replaces strength and colour by one of the user's entries of this class, if there are any.
+inline bool draw_from_set(Span<const LightSetEntry> set, LightClass cls, float u, float& strength, Vec2f& xy) noexcept {
+  std::size_t n = 0;
+  for (const LightSetEntry& e : set) n += e.cls == cls ? 1U : 0U;
+  if (n == 0) return false;
+  const auto wanted = static_cast<std::size_t>(u * static_cast<float>(n));
+  std::size_t seen = 0;
+  for (const LightSetEntry& e : set) {
+    if (e.cls != cls || seen++ != (wanted < n ? wanted : n - 1)) continue;
+    strength = e.strength;
+    xy = e.xy;
+  }
+  return true;
+}
+
+}  // namespace light_detail
+
+// What an emitter of given strength and colour gives off.
+[[nodiscard]] inline Activation make_activation(const Emitter& e, bool lit, float probability, float strength,
+                                                const Vec2f& xy) noexcept {
+  Activation a;
+  a.lit = lit;
+  a.strength = strength;
+  a.probability = probability;
+  a.xy = xy;
+  if (lit) {
+    const Vec3f rgb = light_rgb(xy);
+    const float peak = peak_intensity_cd(e.profile, strength, e.area_m2);
+    a.intensity_cd = rgb * peak;
+    a.luminance_cd_m2 = rgb * seen_luminance_cd_m2(e, peak);
+  }
+  return a;
+}
+
+// One night. `day_rgb` is empty or holds, per emitter, the linear mean colour of its brightest pixels by day.
+// Emitters of a class without a model (groups, none) stay dark.
+[[nodiscard]] inline Status activate_lights(const ActivationParams& p, std::uint64_t seed, std::uint32_t variant,
+                                            Span<const Emitter> emitters, Span<const Vec3f> day_rgb,
+                                            Span<Activation> out) noexcept {
+  using light_detail::ActivationKey;
+  NPSIM_RETURN_IF_ERROR(validate(p));
+  if (out.size() != emitters.size() || (!day_rgb.empty() && day_rgb.size() != emitters.size())) {
+    return Status(StatusCode::shape_mismatch, "activation: one activation and one daytime colour per emitter");
+  }
+  for (std::size_t i = 0; i < emitters.size(); ++i) {
+    const Emitter& e = emitters[i];
+    const LightClassModel model = light_class_model(e.cls, e.profile);
+    if (model.xy_count == 0) {
+      out[i] = Activation{};
+      continue;
+    }
+    const bool ego = e.mark == 0;
+    const bool vehicle = light_detail::is_vehicle_lamp(e.cls);
+    const bool street = light_detail::is_street_light(e.cls);
+    const ActivationKey key = ego              ? ActivationKey::ego
+                              : street         ? ActivationKey::technology
+                              : e.group != 0   ? ActivationKey::group
+                                               : ActivationKey::alone;
+    const std::uint32_t id = ego || street ? 0U : (e.group != 0 ? e.group : e.mark);
+    RandomStream shared = light_detail::activation_stream(seed, variant, key, id, e.cls);
+    RandomStream source = light_detail::activation_stream(seed, variant, ActivationKey::source, e.mark, e.cls);
+    float u_p = shared.uniform();
+    const float u_strength = shared.uniform();
+    const float u_xy = shared.uniform();
+    const float u_stop = shared.uniform();
+    float u_lit = source.uniform();
+    if (vehicle && !ego && e.group != 0) {
+      RandomStream lamps = light_detail::activation_stream(seed, variant, ActivationKey::vehicle, e.group, LightClass::none);
+      u_p = lamps.uniform();
+      u_lit = lamps.uniform();
+    }
+
+    float p_low = model.p_low;
+    float p_high = model.p_high;
+    if (e.group_cls == LightClass::bicycle_group &&
+        (e.cls == LightClass::parked_front || e.cls == LightClass::parked_rear)) {
+      p_low = p.bicycle_parked_p[0];
+      p_high = p.bicycle_parked_p[1];
+    }
+    const float probability = ego ? 1.0F : p_low + (p_high - p_low) * u_p;
+    bool lit = u_lit < probability;
+
+    float strength = light_detail::draw_strength(model.strength_low, model.strength_high, u_strength);
+    if (e.cls == LightClass::moving_rear && u_stop < p.stop_probability) {
+      strength = light_detail::draw_strength(kStopLampCd[0], kStopLampCd[1], u_strength);
+    }
+    const auto pick = static_cast<int>(u_xy * static_cast<float>(model.xy_count));
+    Vec2f xy = model.xy[pick < model.xy_count ? pick : model.xy_count - 1];
+    if (e.cls == LightClass::inferred_object && !day_rgb.empty() && is_finite(day_rgb[i]) &&
+        luminance(day_rgb[i]) > 0.0F) {
+      xy = light_xy(day_rgb[i]);
+    }
+    light_detail::draw_from_set(p.light_set, e.cls, u_xy, strength, xy);
+    if (street) {
+      strength *= 1.0F + p.street_strength_jitter * source.uniform(-1.0F, 1.0F);
+      xy = {xy.x + p.street_xy_jitter * source.uniform(-1.0F, 1.0F),
+            xy.y + p.street_xy_jitter * source.uniform(-1.0F, 1.0F)};
+    }
+    if (light_detail::is_traffic_light(e)) {
+      // The colour of a signal is its meaning: neither a light set nor a draw may change it.
+      const light_detail::SignalChoice choice = light_detail::choose_signal(p, seed, variant, emitters, day_rgb, i);
+      lit = lit && choice.on;
+      xy = choice.state == SignalState::red     ? chromaticity::signal_red
+           : choice.state == SignalState::amber ? chromaticity::signal_amber
+                                                : chromaticity::signal_green;
+    }
+    out[i] = make_activation(e, lit, probability, strength, xy);
+  }
+  return {};
+}
+
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_LIGHT_ACTIVATION_HPP

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+// The low beams of the vehicle that carries the camera, as two emitters with mark 0.
+//
+// Placed by the ground plane: 0.65 m above it (UN R48 allows 0.5 to 1.2 m), 0.6 m to either side of the camera, 1.7 m
+// ahead of a windscreen camera (where Cityscapes mounts it), axes 1 % down. The vehicle is taken to point where the
+// camera looks. activate_lights() draws their technology and strength once for both.
+#ifndef NPSIM_LIGHT_HEADLAMPS_HPP
+#define NPSIM_LIGHT_HEADLAMPS_HPP
+
+#include <cstddef>
+
+#include "npsim/core/config.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/light/emitter.hpp"
+#include "npsim/light/ground.hpp"
+#include "npsim/simd/isa.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+inline constexpr std::size_t kEgoHeadlampCount = 2;
+
+struct EgoHeadlampParams {
+  float height_m = 0.65F;        // above the ground
+  float lateral_m = 0.6F;        // from the camera to either side
+  float ahead_m = 1.7F;          // of the camera
+  float half_width_m = 0.08F;    // of the luminous area
+  float half_height_m = 0.05F;
+};
+
+inline namespace NPSIM_ISA_NAMESPACE {
+
+// Writes the left and the right lamp and returns their number, or 0 where `out` has less room or the mounting is not
+// finite and positive.
+[[nodiscard]] inline std::size_t place_ego_headlamps(const EgoHeadlampParams& p, const GroundPlane& ground,
+                                                     Span<Emitter> out) noexcept {
+  const Vec3f forward = forward_on_ground(ground);
+  const Vec3f right = cross(forward, ground.up);  // z forward x (-y) up = x right
+  const Vec3f middle = forward * p.ahead_m + ground.up * (p.height_m - ground.camera_height_m);
+  if (out.size() < kEgoHeadlampCount || !is_finite(middle) || !is_finite(right * p.lateral_m) ||
+      !(p.half_width_m > 0.0F) || !(p.half_height_m > 0.0F)) {
+    return 0;
+  }
+  for (std::size_t i = 0; i < kEgoHeadlampCount; ++i) {
+    Emitter e;
+    e.centre_m = middle + right * (i == 0 ? -p.lateral_m : p.lateral_m);
+    e.half_u_m = right * p.half_width_m;
+    e.half_v_m = ground.up * p.half_height_m;
+    e.axis = normalized(forward - ground.up * kLowBeamAim);
+    e.up = normalized(ground.up + forward * kLowBeamAim);
+    e.area_m2 = 4.0F * p.half_width_m * p.half_height_m;
+    e.profile = EmissionProfile::low_beam;
+    e.cls = LightClass::moving_front;
+    out[i] = e;
+  }
+  return kEgoHeadlampCount;
+}
+
+[[nodiscard]] inline std::size_t place_ego_headlamps(const GroundPlane& ground, Span<Emitter> out) noexcept {
+  return place_ego_headlamps(EgoHeadlampParams{}, ground, out);
+}
+
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_LIGHT_HEADLAMPS_HPP

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+// From what a data sheet says of a source (lumens, candelas, cd/m2) to intensity and luminance, in SI units.
+//
+// Flux of a profile per candela of its peak, integral of relative_intensity over the sphere (exact but for low_beam):
+//   lambert pi;  signal 2 pi / 5;  street_luminaire (1 - g) 5 pi / 6 + 4 pi g;  low_beam 0.02188 (quadrature, 0.1 %)
+// Example: 10 klm of street_luminaire have their peak at 3708 cd and 1873 cd straight down, so 29 lx at 8 m.
+// Luminance that the camera sees: intensity towards it / luminous area seen, so that what a pixel shows and what glare
+// spreads agree with the intensity; for lambert this is the luminance itself. It is bounded by the luminance of the
+// bare light source, because annotated regions of two or three pixels have no reliable area.
+#ifndef NPSIM_LIGHT_PHOTOMETRY_HPP
+#define NPSIM_LIGHT_PHOTOMETRY_HPP
+
+#include <cmath>
+#include <cstdint>
+
+#include "npsim/core/config.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/light/emitter.hpp"
+#include "npsim/simd/isa.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+// The unit in which the strength of a class is given.
+enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
+
+[[nodiscard]] constexpr StrengthUnit strength_unit(EmissionProfile profile) noexcept {
+  switch (profile) {
+    case EmissionProfile::street_luminaire: return StrengthUnit::lumen;
+    case EmissionProfile::low_beam:
+    case EmissionProfile::signal: return StrengthUnit::candela;  // at the peak
+    case EmissionProfile::lambert: break;
+  }
+  return StrengthUnit::candela_per_m2;
+}
+
+// lm per cd of peak intensity, so sr.
+[[nodiscard]] constexpr float profile_flux_sr(EmissionProfile profile) noexcept {
+  constexpr float kPi = 3.14159265F;
+  switch (profile) {
+    case EmissionProfile::street_luminaire: return (1.0F - kStreetGlow) * 5.0F * kPi / 6.0F + 4.0F * kPi * kStreetGlow;
+    case EmissionProfile::low_beam: return 0.02188F;
+    case EmissionProfile::signal: return 2.0F * kPi / 5.0F;
+    case EmissionProfile::lambert: break;
+  }
+  return kPi;
+}
+
+// Greatest luminance that an emitter of a profile may show, cd/m2: a lit LED or a tungsten filament behind its optics,
+// a signal of 200 cd over a 200 mm disc (6400) with a margin for the bright spot, a billboard by night times ten. [default]
+[[nodiscard]] constexpr float luminance_cap_cd_m2(EmissionProfile profile) noexcept {
+  switch (profile) {
+    case EmissionProfile::street_luminaire: return 3e5F;
+    case EmissionProfile::low_beam: return 1e6F;
+    case EmissionProfile::signal: return 2e4F;
+    case EmissionProfile::lambert: break;
+  }
+  return 1e3F;
+}
+
+// Peak intensity in cd of a source of a strength in its profile's unit; a lambert surface needs its area.
+[[nodiscard]] constexpr float peak_intensity_cd(EmissionProfile profile, float strength, float area_m2) noexcept {
+  switch (strength_unit(profile)) {
+    case StrengthUnit::lumen: return strength / profile_flux_sr(profile);
+    case StrengthUnit::candela: return strength;
+    case StrengthUnit::candela_per_m2: break;
+  }
+  return strength * area_m2;
+}
+
+// Linear RGB of luminance 1 with chromaticity (x, y). Colours outside the gamut of sRGB lose their negative components and
+// are scaled back to luminance 1, so energy is kept and only saturation is lost.
+[[nodiscard]] constexpr Vec3f light_rgb(const Vec2f& xy) noexcept {
+  if (!(xy.y > 1e-4F)) return {1.0F, 1.0F, 1.0F};
+  const float cx = xy.x / xy.y;
+  const float cz = (1.0F - xy.x - xy.y) / xy.y;
+  Vec3f rgb{3.2406F * cx - 1.5372F - 0.4986F * cz, -0.9689F * cx + 1.8758F + 0.0415F * cz,
+            0.0557F * cx - 0.2040F + 1.0570F * cz};
+  rgb = {rgb.x > 0.0F ? rgb.x : 0.0F, rgb.y > 0.0F ? rgb.y : 0.0F, rgb.z > 0.0F ? rgb.z : 0.0F};
+  const float y = luminance(rgb);
+  return y > 0.0F ? rgb / y : Vec3f{1.0F, 1.0F, 1.0F};
+}
+
+// Chromaticity of linear RGB; that of D65 for black.
+[[nodiscard]] constexpr Vec2f light_xy(const Vec3f& rgb) noexcept {
+  const float x = 0.4124F * rgb.x + 0.3576F * rgb.y + 0.1805F * rgb.z;
+  const float y = 0.2126F * rgb.x + 0.7152F * rgb.y + 0.0722F * rgb.z;
+  const float z = 0.0193F * rgb.x + 0.1192F * rgb.y + 0.9505F * rgb.z;
+  const float sum = x + y + z;
+  return sum > 0.0F ? Vec2f{x / sum, y / sum} : Vec2f{0.3127F, 0.3290F};
+}
+
+inline namespace NPSIM_ISA_NAMESPACE {
+
+// Luminance in cd/m2 of the emitter's pixels for a camera at the origin.
+[[nodiscard]] inline float seen_luminance_cd_m2(const Emitter& e, float peak_cd) noexcept {
+  const float cap = luminance_cap_cd_m2(e.profile);
+  const float distance = length(e.centre_m);
+  if (!(e.area_m2 > 0.0F) || !(distance > 0.0F) || !(peak_cd > 0.0F)) return 0.0F;
+  float value = peak_cd / e.area_m2;  // lambert: intensity and projected area both carry the same cosine
+  if (e.profile != EmissionProfile::lambert) {
+    // area_m2 is parallel to the image; seen along the ray it shrinks by the cosine to the optical axis.
+    const float cosine = std::fabs(e.centre_m.z) / distance;
+    value *= relative_intensity(e, -e.centre_m / distance) / (cosine > 0.05F ? cosine : 0.05F);
+  }
+  return value < cap ? value : cap;
+}
+
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_LIGHT_PHOTOMETRY_HPP

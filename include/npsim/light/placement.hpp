@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: Apache-2.0
+// From annotated regions to emitters in space: one per marked source that has pixels and whose distance can be known.
+//
+// Depth: the median over the region's surface pixels, certain ones first, without outliers (region_depth.hpp). A region without depth takes that of its surroundings. Street lamps hang before the sky,
+// where depth is worst; see street_lamp.hpp for how their distance is found.
+// Patch: the region's rectangle with the region's area. Windows and signs lie in their facade's plane and face along its
+// normal; lamps are parallel to the image; a street lamp's is level, at the lower edge of its head. All are pulled off
+// their surface by offset_m along the axis, so that the surface does not shade them.
+// Axes: vehicle lamps along the street (against the viewing direction on the ground), or along the local normal where
+// that is far off it, low beams 1 % down; signals towards the camera's lane; street lamps down.
+// Regions of which no depth can be found, and marks that are groups, give no emitter. Order is that of the marks.
+// Cost: two passes over the image and one over each region's rectangle. Memory: about 3 MB, see the bytes function.
+#ifndef NPSIM_LIGHT_PLACEMENT_HPP
+#define NPSIM_LIGHT_PLACEMENT_HPP
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/labels/cityscapes.hpp"
+#include "npsim/labels/light_classes.hpp"
+#include "npsim/light/emitter.hpp"
+#include "npsim/light/ground.hpp"
+#include "npsim/light/region_depth.hpp"
+#include "npsim/light/street_lamp.hpp"
+#include "npsim/simd/isa.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+struct PlacementParams {
+  float offset_m = 0.02F;              // patches stand off their surface by this, >= 0
+  float min_area_m2 = 1e-3F;           // of any patch: a lamp of 3 cm
+  float min_street_area_m2 = 0.02F;    // of a street lamp's luminous opening
+  float max_side_m = 20.0F;            // bounds a patch where depth or normal is absurd
+  float min_facing_cosine = 0.15F;     // a normal closer to grazing than this is not trusted for a facade
+  float max_lamp_yaw_cosine = 0.3F;    // vehicle lamps: below this to the street's direction the normal decides
+  StreetLampParams street;
+};
+
+inline constexpr std::size_t kMaxLightMarks = 65535;  // an index plane can name no more
+
+[[nodiscard]] constexpr std::size_t placement_workspace_bytes(const PlacementParams&, Shape) noexcept {
+  return allocation_bytes<LightRegion>(kMaxLightMarks + 1) + allocation_bytes<float>(kMaxRegionSamples) +
+         kWorkspaceAlignment;
+}
+
+[[nodiscard]] inline Status validate(const PlacementParams& p) noexcept {
+  const bool good = p.offset_m >= 0.0F && std::isfinite(p.offset_m) && p.min_area_m2 > 0.0F &&
+                    p.min_street_area_m2 > 0.0F && p.max_side_m > 0.0F && std::isfinite(p.max_side_m) &&
+                    p.min_facing_cosine > 0.0F && p.min_facing_cosine < 1.0F && p.street.min_height_m > 0.0F &&
+                    p.street.max_height_m > p.street.min_height_m && p.street.default_height_m > 0.0F &&
+                    std::isfinite(p.street.max_height_m) && std::isfinite(p.max_lamp_yaw_cosine);
+  return good ? Status() : Status(StatusCode::invalid_argument, "placement: a parameter lies outside its range");
+}
+
+inline namespace NPSIM_ISA_NAMESPACE {
+namespace light_detail {
+
+// Mean normal of the region, facing the camera; zero where there is none to trust.
+[[nodiscard]] inline Vec3f region_normal(const RegionInput& in, const LightRegion& r, std::uint16_t value,
+                                         ImageView<const Vec3f> normals, const Vec3f& ray) noexcept {
+  Vec3d sum;
+  if (!normals.empty()) {
+    for (int y = r.y0; y <= r.y1; ++y) {
+      for (int x = r.x0; x <= r.x1; ++x) {
+        if (in.light_index(x, y) == value && is_finite(normals(x, y))) sum += vec_cast<double>(normals(x, y));
+      }
+    }
+  }
+  const Vec3f n = vec_cast<float>(normalized(sum));
+  return dot(n, ray) > 0.0F ? -n : n;
+}
+
+[[nodiscard]] inline EmissionProfile profile_of(const LightMark& mark, LightClass group) noexcept {
+  switch (mark.cls) {
+    case LightClass::street_light_ht:
+    case LightClass::street_light_lt: return EmissionProfile::street_luminaire;
+    case LightClass::moving_front:
+      return group == LightClass::bicycle_group ? EmissionProfile::signal : EmissionProfile::low_beam;
+    case LightClass::moving_rear:
+    case LightClass::parked_front:
+    case LightClass::parked_rear: return EmissionProfile::signal;
+    case LightClass::inferred_object:
+      return mark.state != SignalState::unknown || group == LightClass::traffic_light_group ? EmissionProfile::signal
+                                                                                            : EmissionProfile::lambert;
+    default: break;
+  }
+  return EmissionProfile::lambert;
+}
+
+// A unit vector normal to `axis`, as close to `wish` as possible.
+[[nodiscard]] inline Vec3f perpendicular(const Vec3f& axis, const Vec3f& wish) noexcept {
+  const Vec3f a = wish - axis * dot(wish, axis);
+  if (dot(a, a) > 1e-6F) return normalized(a);
+  const Vec3f other = std::fabs(axis.x) < 0.7F ? Vec3f{1.0F, 0.0F, 0.0F} : Vec3f{0.0F, 1.0F, 0.0F};
+  return normalized(other - axis * dot(other, axis));
+}
+
+// Scales the half sides so that 4 |u x v| = area, after bounding each side.
+inline void set_patch(Emitter& e, Vec3f u, Vec3f v, float fill, float min_area, float max_side) noexcept {
+  const auto bounded = [&](const Vec3f& a) {
+    const float l = length(a);
+    return l > 0.5F * max_side ? a * (0.5F * max_side / l) : a;
+  };
+  u = bounded(u);
+  v = bounded(v);
+  const float rectangle = 4.0F * length(cross(u, v));
+  e.area_m2 = std::max(rectangle * fill, min_area);
+  const float scale = rectangle > 0.0F ? std::sqrt(e.area_m2 / rectangle) : 1.0F;
+  e.half_u_m = u * scale;
+  e.half_v_m = v * scale;
+}
+
+inline void place_in_plane(const PlacementParams& p, const Intrinsics& k, const LightRegion& r, float u, float v,
+                           float z, Vec3f normal, const GroundPlane& ground, Emitter& e) noexcept {
+  const Vec3f centre = unproject(k, u, v, z);
+  const Vec3f ray = normalized(centre);
+  if (!(-dot(normal, ray) >= p.min_facing_cosine)) normal = -ray;
+  // Edge points of the region's rectangle, on the plane through the centre.
+  const float half_width = 0.5F * static_cast<float>(r.x1 - r.x0 + 1);
+  const float half_height = 0.5F * static_cast<float>(r.y1 - r.y0 + 1);
+  const float plane = dot(normal, centre);
+  const auto on_plane = [&](float pu, float pv) {
+    const Vec3f d = unproject(k, pu, pv, 1.0F);
+    const float s = dot(normal, d);
+    return std::fabs(s) > 1e-4F ? d * (plane / s) : d * z;
+  };
+  set_patch(e, (on_plane(u + half_width, v) - on_plane(u - half_width, v)) * 0.5F,
+            (on_plane(u, v + half_height) - on_plane(u, v - half_height)) * 0.5F, r.fill(), p.min_area_m2, p.max_side_m);
+  e.axis = normal;
+  e.up = perpendicular(normal, ground.up);
+  e.centre_m = centre + normal * p.offset_m;
+}
+
+inline void place_lamp(const PlacementParams& p, const Intrinsics& k, const LightRegion& r, float u, float v, float z,
+                       const Vec3f& normal, const GroundPlane& ground, Emitter& e) noexcept {
+  const Vec3f centre = unproject(k, u, v, z);
+  const auto level = [&](const Vec3f& a) { return normalized(a - ground.up * dot(a, ground.up)); };
+  const Vec3f to_camera = level(-centre);
+  Vec3f axis = to_camera;
+  if (e.cls != LightClass::inferred_object) {
+    axis = -forward_on_ground(ground);
+    const Vec3f facing = level(normal);
+    if (dot(facing, facing) > 0.5F && dot(axis, facing) < p.max_lamp_yaw_cosine) axis = facing;
+    if (!(dot(axis, to_camera) > 0.0F)) axis = to_camera;  // a lamp that is seen faces the camera
+  }
+  if (!(dot(axis, axis) > 0.5F)) axis = normalized(-centre);
+  if (e.profile == EmissionProfile::low_beam) axis = normalized(axis - ground.up * kLowBeamAim);
+  set_patch(e, {0.5F * static_cast<float>(r.x1 - r.x0 + 1) * z / k.fx, 0.0F, 0.0F},
+            {0.0F, 0.5F * static_cast<float>(r.y1 - r.y0 + 1) * z / k.fy, 0.0F}, r.fill(), p.min_area_m2, p.max_side_m);
+  e.axis = axis;
+  e.up = perpendicular(axis, ground.up);
+  e.centre_m = centre + axis * p.offset_m;
+}
+
+inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, const LightRegion& r, float u, float z,
+                              const GroundPlane& ground, Emitter& e) noexcept {
+  const Vec3f down = -ground.up;
+  const Vec3f along = forward_on_ground(ground);
+  const Vec3f across = cross(along, ground.up);
+  const float half_width = 0.5F * static_cast<float>(r.x1 - r.x0 + 1) * z / k.fx;
+  const float seen_area = static_cast<float>(r.pixels) * z * z / (k.fx * k.fy);
+  // How deep the head is along the road cannot be seen; a square opening is assumed.
+  set_patch(e, across * half_width, along * half_width, 1.0F, p.min_street_area_m2, p.max_side_m);
+  e.area_m2 = std::max(seen_area, p.min_street_area_m2);
+  e.axis = down;
+  e.up = along;
+  e.centre_m = unproject(k, u, static_cast<float>(r.y1 + 1), z) + down * p.offset_m;
+}
+
+}  // namespace light_detail
+
+// `labels`, `uncertain` and `normals` may be empty. `out` holds at least as many elements as there are marks that are
+// not groups; `count` is how many were written.
+[[nodiscard]] inline Status place_lights(const PlacementParams& p, Span<const LightMark> marks,
+                                         ImageView<const std::uint16_t> light_index, ImageView<const float> depth,
+                                         ImageView<const Label> labels, ImageView<const std::uint8_t> uncertain,
+                                         ImageView<const Vec3f> normals, const Intrinsics& k, const GroundPlane& ground,
+                                         Workspace& workspace, Span<Emitter> out, std::size_t& count) noexcept {
+  count = 0;
+  NPSIM_RETURN_IF_ERROR(validate(p));
+  NPSIM_RETURN_IF_ERROR(validate(k));
+  const Shape shape = light_index.shape();
+  if (light_index.empty() || depth.shape() != shape || (!labels.empty() && labels.shape() != shape) ||
+      (!uncertain.empty() && uncertain.shape() != shape) || (!normals.empty() && normals.shape() != shape)) {
+    return Status(StatusCode::shape_mismatch, "placement: every plane must have the shape of the light index");
+  }
+  if (marks.size() > kMaxLightMarks) return Status(StatusCode::capacity_exceeded, "placement: more than 65535 marks");
+  if (!is_finite(ground.up) || std::fabs(length(ground.up) - 1.0F) > 1e-3F || !std::isfinite(ground.camera_height_m)) {
+    return Status(StatusCode::invalid_argument, "placement: the ground plane needs a unit normal");
+  }
+  const WorkspaceScope scope(workspace);
+  Span<LightRegion> regions;
+  Span<float> scratch;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(marks.size() + 1, regions));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(kMaxRegionSamples, scratch));
+  NPSIM_RETURN_IF_ERROR(light_detail::measure_regions(light_index, regions));
+  const RegionInput in{light_index, depth, labels, uncertain};
+
+  for (std::size_t m = 0; m < marks.size(); ++m) {
+    const LightMark& mark = marks[m];
+    const LightRegion& region = regions[m + 1];
+    if (region.pixels == 0 || is_group(mark.cls) || mark.cls == LightClass::none) continue;
+    const auto value = static_cast<std::uint16_t>(m + 1);
+    Emitter e;
+    e.cls = mark.cls;
+    e.state = mark.state;
+    e.mark = value;
+    e.group = mark.group <= marks.size() ? mark.group : std::uint16_t{0};
+    e.group_cls = e.group != 0 ? marks[e.group - 1U].cls : LightClass::none;
+    e.profile = light_detail::profile_of(mark, e.group_cls);
+    const float u = static_cast<float>(region.mean_x());
+    const float v = static_cast<float>(region.mean_y());
+    const bool street = e.profile == EmissionProfile::street_luminaire;
+    const float z = street ? light_detail::street_lamp_depth(p.street, in, region, value, k, ground, scratch)
+                           : light_detail::region_depth(in, region, value, scratch);
+    if (!is_valid_depth(z)) continue;
+    const Vec3f normal = light_detail::region_normal(in, region, value, normals, unproject(k, u, v, 1.0F));
+    if (street) {
+      light_detail::place_street_lamp(p, k, region, u, z, ground, e);
+    } else if (e.profile == EmissionProfile::lambert) {
+      light_detail::place_in_plane(p, k, region, u, v, z, normal, ground, e);
+    } else {
+      light_detail::place_lamp(p, k, region, u, v, z, normal, ground, e);
+    }
+    if (!is_finite(e.centre_m) || !is_finite(e.half_u_m) || !is_finite(e.half_v_m)) continue;
+    if (count == out.size()) return Status(StatusCode::capacity_exceeded, "placement: more emitters than room for them");
+    out[count++] = e;
+  }
+  return {};
+}
+
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_LIGHT_PLACEMENT_HPP

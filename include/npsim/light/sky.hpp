@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// The night sky over a city: scattered street light, brightest at the horizon.
+//
+//   L(direction) = zenith + (horizon - zenith) (1 - s)^4,   s = sine of the elevation; nothing from below the horizon.
+// Illuminance on a level surface: integral of L s over the upper hemisphere = pi zenith + pi/15 (horizon - zenith).
+// Defaults span the measured range of city skies, 0.018 to 0.1 cd/m2 (a natural dark sky has 0.0002): 0.074 lx.
+// Colour: horizon glow like a mix of sodium and white lamps, zenith nearly neutral. [default]
+#ifndef NPSIM_LIGHT_SKY_HPP
+#define NPSIM_LIGHT_SKY_HPP
+
+#include "npsim/core/config.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/simd/isa.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+struct SkyParams {
+  Vec3f zenith_cd_m2{0.0195F, 0.0177F, 0.0168F};  // linear sRGB; luminance 0.018
+  Vec3f horizon_cd_m2{0.145F, 0.0913F, 0.0540F};  // luminance 0.1
+  Vec3f up{0.0F, -1.0F, 0.0F};                    // unit; GroundPlane::up of the scene
+};
+
+[[nodiscard]] inline Status validate(const SkyParams& p) noexcept {
+  const bool good = is_finite(p.zenith_cd_m2) && is_finite(p.horizon_cd_m2) && is_finite(p.up) &&
+                    p.zenith_cd_m2.x >= 0 && p.zenith_cd_m2.y >= 0 && p.zenith_cd_m2.z >= 0 &&
+                    p.horizon_cd_m2.x >= 0 && p.horizon_cd_m2.y >= 0 && p.horizon_cd_m2.z >= 0;
+  return good ? Status() : Status(StatusCode::invalid_argument, "sky luminances must be finite and not negative");
+}
+
+inline namespace NPSIM_ISA_NAMESPACE {
+
+// cd/m2, linear RGB; `direction` is a unit vector away from the observer.
+[[nodiscard]] inline Vec3f sky_luminance(const SkyParams& p, const Vec3f& direction) noexcept {
+  const float s = dot(p.up, direction);
+  if (!(s >= 0.0F)) return {};
+  const float t = s < 1.0F ? 1.0F - s : 0.0F;
+  const float t2 = t * t;
+  return p.zenith_cd_m2 + (p.horizon_cd_m2 - p.zenith_cd_m2) * (t2 * t2);
+}
+
+// Illuminance in lx, linear RGB, on an unobstructed level surface.
+[[nodiscard]] inline Vec3f sky_illuminance_level(const SkyParams& p) noexcept {
+  constexpr float kPi = 3.14159265F;
+  return p.zenith_cd_m2 * kPi + (p.horizon_cd_m2 - p.zenith_cd_m2) * (kPi / 15.0F);
+}
+
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_LIGHT_SKY_HPP

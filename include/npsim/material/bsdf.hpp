@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reflection of a dielectric street surface: Lambert under a rough interface.
+//
+//   f(wi, wo) = (1 - F(n.wi)) (1 - F(n.wo)) albedo / pi + D(h) V(wi, wo) F(wi.h)
+// D and V are GGX with height-correlated Smith masking (Walter et al., EGSR 2007; Heitz, JCGT 2014), F is Schlick's
+// Fresnel term. Both factors of the diffuse part make it reciprocal and leave it what the interface lets through.
+// Invariants, tested: f(wi, wo) = f(wo, wi) to 1e-5 relative; f >= 0 and finite for every input, 0 below the horizon; in a
+// white furnace (albedo 1) the reflected share is at most 1. There is no interreflection between facets: rough
+// surfaces lose up to 13 % of what a white one should reflect.
+// Cost: three square roots, three divisions. `alpha` is kept at or above kMinAlpha, where float still resolves the lobe.
+#ifndef NPSIM_MATERIAL_BSDF_HPP
+#define NPSIM_MATERIAL_BSDF_HPP
+
+#include <cmath>
+
+#include "npsim/core/config.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/simd/isa.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+inline constexpr float kMinAlpha = 0.02F;
+
+struct DirectionSample {
+  Vec3f direction;       // unit
+  float density = 0.0F;  // per steradian; 0: no sample
+};
+
+inline namespace NPSIM_ISA_NAMESPACE {
+
+[[nodiscard]] constexpr float fresnel_schlick(float f0, float cosine) noexcept {
+  const float t = cosine < 1.0F ? (cosine > 0.0F ? 1.0F - cosine : 1.0F) : 0.0F;
+  const float t2 = t * t;
+  return f0 + (1.0F - f0) * (t2 * t2 * t);
+}
+
+// 1/sr, without the cosine. n, wo, wi are unit; wo leads to the eye and wi to the light, both away from the surface.
+[[nodiscard]] inline Vec3f eval_bsdf(const Vec3f& albedo, float alpha, float f0, const Vec3f& n, const Vec3f& wo,
+                                     const Vec3f& wi) noexcept {
+  constexpr float kInvPi = 0.31830989F;
+  const float no = dot(n, wo);
+  const float ni = dot(n, wi);
+  if (!(no > 0.0F) || !(ni > 0.0F)) return {};
+  const float through = (1.0F - fresnel_schlick(f0, no)) * (1.0F - fresnel_schlick(f0, ni));
+  const Vec3f diffuse = albedo * (through * kInvPi);
+
+  const Vec3f sum = wo + wi;  // never zero: both lie on one side
+  const Vec3f h = normalized(sum);
+  const float a = alpha > kMinAlpha ? (alpha < 1.0F ? alpha : 1.0F) : kMinAlpha;
+  const float a2 = a * a;
+  // 1 - (n.h)^2 as |n x h|^2: no cancellation in the middle of a narrow lobe.
+  const Vec3f off = cross(n, h);
+  const float nh = dot(n, h);
+  const float d = dot(off, off) + a2 * nh * nh;
+  const float lobe = a2 * kInvPi / (d * d);
+  const float masking = no * std::sqrt(a2 + (1.0F - a2) * ni * ni) + ni * std::sqrt(a2 + (1.0F - a2) * no * no);
+  const float specular = lobe * 0.5F / (masking > 1e-7F ? masking : 1e-7F) * fresnel_schlick(f0, dot(wi, h));
+  return diffuse + Vec3f{specular, specular, specular};
+}
+
+// Two unit vectors that complete n to a right-handed frame (Duff et al., JCGT 2017).
+inline void tangent_frame(const Vec3f& n, Vec3f& t, Vec3f& b) noexcept {
+  const float sign = std::copysign(1.0F, n.z);
+  const float a = -1.0F / (sign + n.z);
+  const float c = n.x * n.y * a;
+  t = {1.0F + sign * n.x * n.x * a, sign * c, -sign * n.x};
+  b = {c, sign + n.y * n.y * a, -n.y};
+}
+
+// A direction about n with density cosine / pi, from u, v in [0, 1): the concentric map of the square to the disc (Shirley
+// and Chiu 1997), lifted to the hemisphere. Its angles stay within pi/4, where short polynomials give sine and cosine
+// to 4e-7 without a library call, so the bits do not depend on the C library.
+[[nodiscard]] inline DirectionSample sample_cosine(const Vec3f& n, float u, float v) noexcept {
+  const float a = 2.0F * u - 1.0F;
+  const float b = 2.0F * v - 1.0F;
+  float x = 0.0F;
+  float y = 0.0F;
+  if (a != 0.0F || b != 0.0F) {
+    const bool wide = std::fabs(a) > std::fabs(b);
+    const float radius = wide ? a : b;
+    const float angle = 0.78539816F * (wide ? b / a : a / b);
+    const float q = angle * angle;
+    const float sine = angle * (1.0F + q * (-1.0F / 6.0F + q * (1.0F / 120.0F - q * (1.0F / 5040.0F))));
+    const float cosine = 1.0F + q * (-0.5F + q * (1.0F / 24.0F + q * (-1.0F / 720.0F + q * (1.0F / 40320.0F))));
+    x = radius * (wide ? cosine : sine);
+    y = radius * (wide ? sine : cosine);
+  }
+  const float z2 = 1.0F - x * x - y * y;
+  const float z = std::sqrt(z2 > 0.0F ? z2 : 0.0F);
+  Vec3f t, bt;
+  tangent_frame(n, t, bt);
+  return {normalized(t * x + bt * y + n * z), z * 0.31830989F};
+}
+
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_MATERIAL_BSDF_HPP
