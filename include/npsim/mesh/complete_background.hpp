@@ -16,9 +16,12 @@
 //
 // Invariant: kept vertices are bitwise those of the sheet; a run with an anchor is filled completely; all faces that
 // the vertices allow exist, so the layer has no hole but where it has no vertex. Vertices of a row stay in the order
-// of their columns, hence every face has its front towards the camera. Rows are independent: any order, same bits.
+// of their columns, hence every face has its front towards the camera (interpolating position, as long as two anchors'
+// depths differ by less than a factor of 2^20 / fx; beyond, a face seen edge-on may round to the other side). Rows are
+// independent: any order, same bits.
 // Cost: one pass, and (2 fit_radius_px + 1)^2 samples per one-anchored run. Memory: thesis region 8 bytes a pixel.
-// Error: inverse depth between two anchors, and position, within 4 ulp of exact arithmetic.
+// Error: depth between two anchors half an ulp by inverse depth; by position each component 3 * 2^-24 of the larger
+// anchor's.
 #ifndef NPSIM_MESH_COMPLETE_BACKGROUND_HPP
 #define NPSIM_MESH_COMPLETE_BACKGROUND_HPP
 

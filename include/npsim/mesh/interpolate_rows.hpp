@@ -6,8 +6,8 @@
 // With one known end the run takes its value, with none it stays as it is. A blocked pixel (sky) is neither a source
 // nor a target, and ends a run. This is how the albedo behind an object is guessed along with its geometry: pass the
 // states that complete_background() wrote.
-// Invariant: known and blocked pixels are not touched; an interpolated value lies between its two sources, up to
-// 3 ulp. Cost: one pass, rows in parallel. Memory: none.
+// Invariant: known and blocked pixels are not touched. Cost: one pass, rows in parallel. Memory: none.
+// Error: 3 * 2^-24 of the larger of the two known values.
 #ifndef NPSIM_MESH_INTERPOLATE_ROWS_HPP
 #define NPSIM_MESH_INTERPOLATE_ROWS_HPP
 
