@@ -19,9 +19,16 @@ write_basic_package_version_file("${CMAKE_BINARY_DIR}/npsim-config-version.cmake
 install(FILES "${CMAKE_BINARY_DIR}/npsim-config.cmake" "${CMAKE_BINARY_DIR}/npsim-config-version.cmake"
               "${CMAKE_CURRENT_LIST_DIR}/npsim_dependencies.cmake" DESTINATION "${npsim_cmake_dir}")
 
-set(npsim_pc_fp_flag "")
+set(npsim_pc_flags "")
 if(NPSIM_STRICT_FP)
-  set(npsim_pc_fp_flag " -ffp-contract=off")
+  string(APPEND npsim_pc_flags " -ffp-contract=off")
+endif()
+get_target_property(npsim_scalar npsim::xsimd INTERFACE_COMPILE_DEFINITIONS)
+if(npsim_scalar)  # an xsimd that is too old: see npsim_dependencies.cmake
+  string(APPEND npsim_pc_flags " -D${npsim_scalar}")
+  set(npsim_pc_requires "eigen3 >= 3.3")
+else()
+  set(npsim_pc_requires "eigen3 >= 3.3, xsimd >= 8")
 endif()
 # Relative to the file itself, so that the installed tree can be moved.
 file(RELATIVE_PATH npsim_pc_to_prefix "/${CMAKE_INSTALL_DATADIR}/pkgconfig" "/")
