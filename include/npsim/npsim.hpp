@@ -17,6 +17,7 @@
 
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/isa.hpp"
+#include "npsim/simd/math.hpp"
 #include "npsim/simd/native.hpp"
 #include "npsim/simd/native_ops.hpp"
 #include "npsim/simd/scalar.hpp"
@@ -24,11 +25,20 @@
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/labels/light_classes.hpp"
 
+#include "npsim/depth/cross_bilateral.hpp"
+#include "npsim/depth/fill.hpp"
+#include "npsim/depth/loss_kernel.hpp"
+#include "npsim/depth/losses.hpp"
 #include "npsim/depth/normal_convention.hpp"
 #include "npsim/depth/normals.hpp"
 #include "npsim/depth/uncertainty.hpp"
 
+#include "npsim/mesh/check.hpp"
+#include "npsim/mesh/complete_background.hpp"
+#include "npsim/mesh/complete_foreground.hpp"
 #include "npsim/mesh/components.hpp"
+#include "npsim/mesh/index.hpp"
+#include "npsim/mesh/interpolate_rows.hpp"
 #include "npsim/mesh/prune.hpp"
 #include "npsim/mesh/sheet.hpp"
 
@@ -40,13 +50,42 @@
 #include "npsim/trace/traverse.hpp"
 #include "npsim/trace/triangle.hpp"
 
+#include "npsim/light/activation.hpp"
+#include "npsim/light/emitter.hpp"
+#include "npsim/light/ground.hpp"
+#include "npsim/light/headlamps.hpp"
+#include "npsim/light/light_set.hpp"
+#include "npsim/light/low_beam.hpp"
+#include "npsim/light/photometry.hpp"
+#include "npsim/light/placement.hpp"
+#include "npsim/light/region_depth.hpp"
+#include "npsim/light/sampler.hpp"
+#include "npsim/light/sky.hpp"
+#include "npsim/light/street_lamp.hpp"
+
+#include "npsim/material/albedo.hpp"
+#include "npsim/material/bsdf.hpp"
+#include "npsim/material/class_priors.hpp"
+
 #include "npsim/render/denoise.hpp"
 #include "npsim/render/direct.hpp"
 #include "npsim/render/gather.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/render/visibility.hpp"
 
+#include "npsim/sensor/exposure.hpp"
+#include "npsim/sensor/glare.hpp"
+#include "npsim/sensor/isp.hpp"
+#include "npsim/sensor/noise.hpp"
+#include "npsim/sensor/normal_sample.hpp"
+#include "npsim/sensor/signal.hpp"
+
+#include "npsim/pipeline/night.hpp"
+#include "npsim/pipeline/photograph.hpp"
+#include "npsim/pipeline/reconstruct.hpp"
+#include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/pipeline/relight.hpp"
 #include "npsim/pipeline/scene_view.hpp"
+#include "npsim/pipeline/surface_attributes.hpp"
 
 #endif  // NPSIM_NPSIM_HPP

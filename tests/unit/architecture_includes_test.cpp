@@ -132,7 +132,7 @@ std::map<std::string, std::set<std::string>> allowed_includes() {
       {"sensor", {"core", "simd", "color"}},
       {"metrics", {"core"}},
       {"exec", {"core"}},
-      {"io", {"core", "labels", "depth", "mesh"}},
+      {"io", {"core", "labels", "depth", "mesh", "light"}},  // light: a reader fills its light-source set
       {"pipeline", kCoreAreas},
       {"", kCoreAreas},  // npsim.hpp
   };
