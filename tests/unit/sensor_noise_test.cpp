@@ -210,7 +210,8 @@ TEST_CASE("sensor: the default preset at ISO 3200 shows the noise of flat areas 
     Image image = noisy(params, Image(200, 200, {x, x, x}), npsim::SerialExecutor{});
     std::vector<npsim::Rgb8> shown(image.pixels.size());
     REQUIRE(npsim::develop(npsim::IspParams{}, ImageView<const Vec3f>(image.view()),
-                           ImageView<npsim::Rgb8>(shown.data(), image.shape), executor).ok());
+                           ImageView<npsim::Rgb8>(shown.data(), image.shape), executor)
+                .ok());
     const Moments m = moments(shown.size(), [&shown](std::size_t i) { return static_cast<double>(shown[i].g); });
     CAPTURE(m.mean);
     CHECK(std::sqrt(m.variance) > 0.55);

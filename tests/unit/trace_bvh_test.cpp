@@ -192,9 +192,9 @@ TEST_CASE("trace: the tree gives the bits of a linear scan, needles and grazing 
     RandomStream random = stream(200000 + i);
     Ray ray{in_cube(random, 1.5F), in_cube(random, 1.0F)};
     const Vec3f vertex = mesh.vertices[random.next_u32() % mesh.vertices.size()];
-    if (i % 4 == 1) ray.direction = vertex - ray.origin;                                       // at a vertex
-    if (i % 4 == 2) ray = {vertex, mesh.vertices[i % mesh.vertices.size()] - vertex};          // from one to another
-    if (i % 4 == 3) ray.direction = {0, i % 8 == 3 ? 1e-40F : -0.0F, ray.direction.z};         // along an axis
+    if (i % 4 == 1) ray.direction = vertex - ray.origin;                                // at a vertex
+    if (i % 4 == 2) ray = {vertex, mesh.vertices[i % mesh.vertices.size()] - vertex};   // from one to another
+    if (i % 4 == 3) ray.direction = {0, i % 8 == 3 ? 1e-40F : -0.0F, ray.direction.z};  // along an axis
     if (i % 16 == 3) ray.origin = vertex;
     if (i % 5 == 0) ray.t_max = random.uniform(0.1F, 2.0F);
     if (i % 7 == 0) ray.t_min = random.uniform(0.0F, 1.0F);
@@ -356,10 +356,10 @@ TEST_CASE("trace: rays without a direction or with NaN hit nothing") {
   const Tree tree(mesh);
   const Vec3f o{0, 0, 0};
   const Vec3f d{0, 0, 1};
-  const Ray bad[] = {{o, {0, 0, 0}},          {o, {kNan, 0, 1}}, {o, {0, kNan, 1}},  {o, {0, 0, kNan}},
-                     {o, {0, 0, kInf}},       {o, {-kInf, 0, 1}}, {{kNan, 0, 0}, d}, {{0, kNan, 0}, d},
-                     {{0, 0, kNan}, d},       {{0, 0, -kInf}, d}, {o, d, kNan, kInf}, {o, d, 0, kNan},
-                     {o, {1e-40F, 0, 1e-40F}}, {o, d, 5, 3},      {o, d, kInf, kInf}, {o, d, 0, -1}};
+  const Ray bad[] = {{o, {0, 0, 0}},           {o, {kNan, 0, 1}},  {o, {0, kNan, 1}},  {o, {0, 0, kNan}},
+                     {o, {0, 0, kInf}},        {o, {-kInf, 0, 1}}, {{kNan, 0, 0}, d},  {{0, kNan, 0}, d},
+                     {{0, 0, kNan}, d},        {{0, 0, -kInf}, d}, {o, d, kNan, kInf}, {o, d, 0, kNan},
+                     {o, {1e-40F, 0, 1e-40F}}, {o, d, 5, 3},       {o, d, kInf, kInf}, {o, d, 0, -1}};
   for (const Ray& ray : bad) {
     Hit hit;
     CHECK_FALSE(npsim::closest_hit(tree.bvh, ray, hit));

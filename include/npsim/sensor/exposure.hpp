@@ -44,9 +44,9 @@ struct AutoExposureParams {
 };
 
 struct AutoExposureResult {
-  CameraExposure camera;     // with the ISO that was chosen
-  float achieved_mean = 0;   // mean luminance of the clipped signal at that ISO
-  bool reached = false;      // false when even iso_min is too bright or iso_max too dark
+  CameraExposure camera;    // with the ISO that was chosen
+  float achieved_mean = 0;  // mean luminance of the clipped signal at that ISO
+  bool reached = false;     // false when even iso_min is too bright or iso_max too dark
 };
 
 inline constexpr float kSaturationExposure = 78.0F;  // lx s at ISO 1
@@ -131,8 +131,8 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(check_image(luminance_cd_m2));
   const WorkspaceScope scope(workspace);
   Span<double> partial;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(
-      chunk_count(static_cast<std::size_t>(luminance_cd_m2.height()), kSensorRowChunk), partial));
+  NPSIM_RETURN_IF_ERROR(
+      workspace.allocate(chunk_count(static_cast<std::size_t>(luminance_cd_m2.height()), kSensorRowChunk), partial));
 
   const auto mean_at = [&](float iso) {
     camera.iso = iso;

@@ -125,7 +125,8 @@ void blur_rows(const ExtendedBox& box, ImageView<const Vec3f> in, ImageView<Vec3
   for_rows(in.shape(), executor, [&](int y) {
     const Vec3f* from = in.row(y);
     Vec3f* to = out.row(y);
-    box_pass(box, in.width(), 1, [from](int x) { return from + x; }, [to](int x) { return to + x; });
+    box_pass(
+        box, in.width(), 1, [from](int x) { return from + x; }, [to](int x) { return to + x; });
   });
 }
 
@@ -133,8 +134,9 @@ template <class Executor>
 void blur_columns(const ExtendedBox& box, ImageView<const Vec3f> in, ImageView<Vec3f> out, Executor& executor) {
   executor.for_chunks(static_cast<std::size_t>(in.width()), kMaxLanes, [&](std::size_t begin, std::size_t end) {
     const auto x = static_cast<std::ptrdiff_t>(begin);
-    box_pass(box, in.height(), static_cast<int>(end - begin), [&in, x](int y) { return in.row(y) + x; },
-             [&out, x](int y) { return out.row(y) + x; });
+    box_pass(
+        box, in.height(), static_cast<int>(end - begin), [&in, x](int y) { return in.row(y) + x; },
+        [&out, x](int y) { return out.row(y) + x; });
   });
 }
 

@@ -7,10 +7,10 @@
 // Defaults: beta1 = 1.46e-6 ISO, and beta2 of a measured phone sensor between ISO 100 and 3200, interpolated in
 // log-log; below 100 the first value holds, above 3200 the last slope goes on (ISO^2, as for gain after read-out).
 // A camera removes most of this before it shows a picture. `residual` scales the standard deviation and stands for its
-// denoiser: 1 is the raw signal of the equation. The default is set so that at ISO 3200 the displayed standard deviation
-// is .55 to 1.25 / 255 at every level up to 128, as in flat areas of real night photographs (.6 to 1.2); theirs rises
-// with the level, that of one factor peaks near level 10. The grain size that denoisers leave is not modelled either.
-// The result is not clipped: negative noise survives in a raw signal, and clipping belongs to the ISP.
+// denoiser: 1 is the raw signal of the equation. The default is set so that at ISO 3200 the displayed standard
+// deviation is .55 to 1.25 / 255 at every level up to 128, as in flat areas of real night photographs (.6 to 1.2);
+// theirs rises with the level, that of one factor peaks near level 10. The grain size that denoisers leave is not
+// modelled either. The result is not clipped: negative noise survives in a raw signal, and clipping belongs to the ISP.
 // Randomness: one Philox block per pixel, keyed by (seed, image, pixel index). Cost: about 50 ns per pixel.
 #ifndef NPSIM_SENSOR_NOISE_HPP
 #define NPSIM_SENSOR_NOISE_HPP
@@ -67,8 +67,8 @@ inline constexpr float kShotNoisePerIso = 1.46e-6F;
   if (iso > kReadNoise[0].iso) {
     int i = 0;
     while (i < kLast - 1 && iso > kReadNoise[i + 1].iso) ++i;
-    const float slope = std::log(kReadNoise[i + 1].beta2 / kReadNoise[i].beta2) /
-                        std::log(kReadNoise[i + 1].iso / kReadNoise[i].iso);
+    const float slope =
+        std::log(kReadNoise[i + 1].beta2 / kReadNoise[i].beta2) / std::log(kReadNoise[i + 1].iso / kReadNoise[i].iso);
     level.beta2 = kReadNoise[i].beta2 * std::pow(iso / kReadNoise[i].iso, slope);
   }
   // Beyond this a sensor shows nothing but noise; the ranges of validate() hold.

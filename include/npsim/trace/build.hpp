@@ -178,8 +178,8 @@ inline void partition(Span<BvhPrimitive> primitives, const BinMap& map, const Sp
   const bool leaf_is_cheaper = split.axis < 0 || split.cost + kBvhVisitCost * half_area >= half_area * count;
   if (count <= kBvhMaxLeaf && leaf_is_cheaper) return 0;
   if (split.axis >= 0) {
-    const std::uint32_t larger = split.left_count > count - split.left_count ? split.left_count
-                                                                             : count - split.left_count;
+    const std::uint32_t larger =
+        split.left_count > count - split.left_count ? split.left_count : count - split.left_count;
     if (depth + 1 + ceil_log2(larger) <= kBvhMaxDepth) {
       partition(primitives, map, split);
       return split.left_count;
