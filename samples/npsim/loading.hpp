@@ -6,6 +6,7 @@
 #include <string>
 
 #include "npsim/io/scene.hpp"
+#include "npsim/io/scene_resize.hpp"
 #include "npsim/pipeline/scene_view.hpp"
 #include "options.hpp"
 
@@ -35,7 +36,9 @@ namespace npsim::tool {
     shape = parsed.value();
   }
   io::Expected<io::Scene> scene = io::read_scene(path);
-  if (scene && !size.empty()) io::resize_scene(scene.value(), shape);
+  if (scene && !size.empty()) {
+    if (const io::Outcome resized = io::resize_scene(scene.value(), shape); !resized) return resized.error();
+  }
   return scene;
 }
 

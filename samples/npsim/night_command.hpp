@@ -77,10 +77,10 @@ class NightWriter {
                                                               MeshView{})});
       counts_ = {mesh.mesh.vertices.size(), mesh.mesh.faces.size(), mesh.background_faces, light.emitters.size()};
       ground_ = light.ground;
-      if (auto o = write_png(path("depth.png"), panels_[2].picture.view()); !o) return o;
-      if (auto o = write_pfm(path("depth.pfm"), refined.depth); !o) return o;
-      if (auto o = write_png(path("uncertain.png"), refined.uncertain); !o) return o;
-      if (auto o = write_png(path("normals.png"), panels_[4].picture.view()); !o) return o;
+      if (auto o = io::write_png(path("depth.png"), panels_[2].picture.view()); !o) return o;
+      if (auto o = io::write_pfm(path("depth.pfm"), refined.depth); !o) return o;
+      if (auto o = io::write_png(path("uncertain.png"), refined.uncertain); !o) return o;
+      if (auto o = io::write_png(path("normals.png"), panels_[4].picture.view()); !o) return o;
       return export_mesh(options_.output, scene_, mesh, light);
     }));
   }
@@ -94,8 +94,8 @@ class NightWriter {
       for (int y = 0; y < picture.height(); ++y) {
         std::copy_n(night.picture.row(y), picture.width(), picture.view().row(y));
       }
-      if (auto o = write_png(base + ".png", night.picture); !o) return o;
-      if (auto o = write_pfm(base + ".pfm", night.luminance); !o) return o;
+      if (auto o = io::write_png(base + ".png", night.picture); !o) return o;
+      if (auto o = io::write_pfm(base + ".pfm", night.luminance); !o) return o;
       // The contact sheet shows at most six nights; the files hold all.
       if (night.variant < 6) panels_.push_back({"night " + std::to_string(night.variant), std::move(picture)});
       return io::write_file(base + ".json", describe(night).dump(2) + "\n");
@@ -104,7 +104,7 @@ class NightWriter {
 
   [[nodiscard]] io::Outcome finish(const NightParams& params, const Workspace& workspace, unsigned threads) {
     if (auto o = console_.timed("contact sheet", [&] {
-          return write_png(path("overview.png"), contact_sheet(panels_).view());
+          return io::write_png(path("overview.png"), contact_sheet(panels_).view());
         }); !o) {
       return o;
     }

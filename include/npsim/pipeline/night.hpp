@@ -57,7 +57,7 @@ struct Night {
   Span<const Activation> activations;
 };
 
-[[nodiscard]] constexpr std::size_t night_workspace_bytes(const NightParams& params, const SceneView& scene) noexcept {
+[[nodiscard]] inline std::size_t night_workspace_bytes(const NightParams& params, const SceneView& scene) noexcept {
   const Shape shape = scene.shape();
   const std::size_t faces = 4 * shape.pixels();
   return refine_depth_workspace_bytes(params.depth, shape) + reconstruct_workspace_bytes(params.mesh, shape) +

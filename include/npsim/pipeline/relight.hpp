@@ -42,7 +42,7 @@ struct RelightParams {
   GatherParams gather;
   DenoiseParams denoise;
   SkyParams sky;
-  AlbedoParams albedo;
+  MaterialParams material;
   GroundParams ground;
   int bounces = 2;             // diffuse bounces after the direct light, 1..16
   float f0 = 0.04F;            // normal reflectance of a dielectric of index 1.5
@@ -84,7 +84,7 @@ inline constexpr float kInversePi = 0.31830989F;
          allocation_bytes<float>(emitters) + allocation_bytes<std::uint32_t>(scene.lights.size()) +
          allocation_bytes<Vec3f>(emitters) +
          placement_workspace_bytes(params.placement, scene.shape()) + ground_workspace_bytes(params.ground, scene.shape()) +
-         surface_attributes_workspace_bytes(params.albedo, scene.shape()) +
+         surface_attributes_workspace_bytes(params.material, scene.shape()) +
          kWorkspaceAlignment;
 }
 
@@ -132,8 +132,7 @@ Status prepare_relighting(const RelightParams& params, std::uint64_t seed, int v
   const std::size_t points = mesh.mesh.vertices.size();
 
   observer.begin(Stage::lights);
-  NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, refined.depth, refined.labels, refined.uncertain, scene.camera,
-                                        workspace, out.ground));
+  NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, refined.depth, refined.labels, scene.camera, workspace, out.ground));
   out.sky = params.sky;
   out.sky.up = out.ground.up;
   Span<Emitter> emitters;
@@ -145,7 +144,9 @@ Status prepare_relighting(const RelightParams& params, std::uint64_t seed, int v
                                        emitters.sub(0, scene.lights.size()), count));
   }
   const std::size_t marked = count;
-  if (params.ego_headlamps) count += kEgoHeadlampCount;
+  if (params.ego_headlamps) {
+    count += place_ego_headlamps(params.ego, out.ground, emitters.sub(count, kEgoHeadlampCount));
+  }
   emitters = emitters.sub(0, count);
 
   Span<std::uint32_t> emitter_of_mark;
@@ -163,13 +164,8 @@ Status prepare_relighting(const RelightParams& params, std::uint64_t seed, int v
   for (float& peak : peak_cd) peak = 0;
   for (int v = 0; v < variants; ++v) {
     const Span<Activation> drawn = activations.sub(static_cast<std::size_t>(v) * count, count);
-    NPSIM_RETURN_IF_ERROR(activate_lights(params.activation, seed, static_cast<std::uint32_t>(v),
-                                          emitters.sub(0, marked), day_rgb.sub(0, marked), drawn.sub(0, marked)));
-    if (params.ego_headlamps) {
-      NPSIM_RETURN_IF_ERROR(ego_headlamps(params.ego, out.ground, seed, static_cast<std::uint32_t>(v),
-                                          emitters.sub(marked, kEgoHeadlampCount),
-                                          drawn.sub(marked, kEgoHeadlampCount)));
-    }
+    NPSIM_RETURN_IF_ERROR(
+        activate_lights(params.activation, seed, static_cast<std::uint32_t>(v), emitters, day_rgb, drawn));
     for (std::size_t e = 0; e < count; ++e) {
       const float cd = drawn[e].lit ? luminance(drawn[e].intensity_cd) : 0.0F;
       if (cd > peak_cd[e]) peak_cd[e] = cd;
@@ -185,7 +181,7 @@ Status prepare_relighting(const RelightParams& params, std::uint64_t seed, int v
   NPSIM_RETURN_IF_ERROR(workspace.allocate(points, albedo));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(points, alpha));
   out.points = SurfacePoints{mesh.mesh.vertices, normal, albedo, alpha};
-  NPSIM_RETURN_IF_ERROR(surface_attributes(params.albedo, scene, refined, mesh, SurfaceAttributes{normal, albedo, alpha},
+  NPSIM_RETURN_IF_ERROR(surface_attributes(params.material, scene, refined, mesh, SurfaceAttributes{normal, albedo, alpha},
                                            workspace, executor));
   Span<std::uint32_t> receivers;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.shape().pixels(), receivers));

@@ -21,6 +21,12 @@
 namespace npsim {
 inline namespace v1 {
 
+// How material is guessed where the scene does not give it.
+struct MaterialParams {
+  AlbedoParams albedo;
+  RoughnessParams roughness;
+};
+
 struct SurfaceAttributes {
   Span<Vec3f> normal;  // unit, facing the camera
   Span<Vec3f> albedo;
@@ -29,15 +35,15 @@ struct SurfaceAttributes {
 
 inline constexpr float kHiddenAlpha = 0.8F;
 
-[[nodiscard]] constexpr std::size_t surface_attributes_workspace_bytes(const AlbedoParams& params,
+[[nodiscard]] constexpr std::size_t surface_attributes_workspace_bytes(const MaterialParams& params,
                                                                        Shape shape) noexcept {
   return 2 * allocation_bytes<Vec3f>(shape.pixels()) + allocation_bytes<float>(shape.pixels()) +
          allocation_bytes<std::uint8_t>(shape.pixels()) +
-         estimate_albedo_workspace_bytes(params, shape) + kWorkspaceAlignment;
+         estimate_albedo_workspace_bytes(params.albedo, shape) + kWorkspaceAlignment;
 }
 
 template <class Executor>
-Status surface_attributes(const AlbedoParams& params, const SceneView& scene, const RefinedDepth& refined,
+Status surface_attributes(const MaterialParams& params, const SceneView& scene, const RefinedDepth& refined,
                           const SceneMesh& mesh, const SurfaceAttributes& out, Workspace& workspace,
                           Executor& executor) {
   const Shape shape = scene.shape();
@@ -51,14 +57,14 @@ Status surface_attributes(const AlbedoParams& params, const SceneView& scene, co
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, alpha));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, known));
   if (scene.albedo.empty()) {
-    NPSIM_RETURN_IF_ERROR(estimate_albedo(params, scene.image, refined.labels, workspace, albedo, executor));
+    NPSIM_RETURN_IF_ERROR(estimate_albedo(params.albedo, scene.image, refined.labels, workspace, albedo, executor));
   } else {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) albedo(x, y) = scene.albedo(x, y);
     }
   }
   if (scene.roughness.empty()) {
-    NPSIM_RETURN_IF_ERROR(estimate_roughness(refined.labels, alpha, executor));
+    NPSIM_RETURN_IF_ERROR(estimate_roughness(params.roughness, refined.labels, alpha, executor));
   } else {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) alpha(x, y) = scene.roughness(x, y);

@@ -29,7 +29,7 @@ namespace npsim {
 inline namespace v1 {
 
 struct GatherParams {
-  int rays = 16;                // per receiver, 1..4096
+  int rays = 8;                 // per receiver, 1..4096; the denoiser takes care of the rest
   float relative_bias = 2e-3F;  // see pulled_out()
   std::uint64_t seed = 0;
 };

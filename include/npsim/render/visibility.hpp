@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Visibility between emitters and surface points: the costly part of direct light, computed once for all variants.
 //
-// V(e, p) is the share of emitter e's patch that point p sees, from k x k stratified shadow rays (k = 1 for an emitter
-// that looks small from p, `samples_per_side` otherwise), stored in 1/255 steps. It does not depend on which lamps are
+// V(e, p) is the share of emitter e's patch that point p sees, stored in 1/255 steps: one shadow ray for an emitter that
+// looks small from p, else four, one per quarter of the patch, and where these disagree (a penumbra) k x k more. An
+// occluder that hides part of a patch but none of the four rays is missed. It does not depend on which lamps are
 // lit, nor on their strength or colour, so every night of one day shares it.
 // Skipped, V = 0: points behind the emitter or facing away, and pairs whose unshadowed illuminance stays below
 // `cutoff_lx` at the emitter's peak intensity over all variants. The error of the direct illuminance at a point is
@@ -29,8 +30,8 @@ namespace npsim {
 inline namespace v1 {
 
 struct VisibilityParams {
-  int samples_per_side = 3;         // shadow rays per emitter side where it looks large, 1..16
-  float small_angle = 0.02F;        // patch size / distance below which one ray is enough
+  int samples_per_side = 4;         // k of the penumbra, 1..16
+  float small_angle = 0.02F;        // patch side / distance below which one ray is enough
   float cutoff_lx = 1e-3F;          // full moon: 0.25 lx; city sky: 0.1 lx and more
   float relative_bias = 2e-3F;      // see pulled_out()
   std::uint64_t seed = 0;
@@ -79,7 +80,7 @@ Status compute_visibility(const VisibilityParams& params, const Bvh& bvh, const 
       const auto passes = [&](std::uint32_t face) {
         return emitter.mark == 0 || face >= face_mark.size() || face_mark[face] != emitter.mark;
       };
-      const float extent = 2.0F * (length(emitter.half_u_m) + length(emitter.half_v_m));
+      const float extent = 2.0F * std::fmax(length(emitter.half_u_m), length(emitter.half_v_m));
       for (std::size_t p = begin; p < end; ++p) {
         row[p] = 0;
         Vec3f to_light;
@@ -89,21 +90,29 @@ Status compute_visibility(const VisibilityParams& params, const Bvh& bvh, const 
         if (!(unshadowed > params.cutoff_lx)) continue;
         const Vec3f origin = pulled_out(position, points.normal[p], params.relative_bias);
         const float distance = length(emitter.centre_m - origin);
-        const int k = extent < params.small_angle * distance ? 1 : params.samples_per_side;
         RandomStream random(params.seed, RandomPurpose::direct, 0, static_cast<std::uint32_t>(e),
                             static_cast<std::uint32_t>(p), 0);
-        int seen = 0;
-        for (int s = 0; s < k * k; ++s) {
-          const float jitter_u = k == 1 ? 0.5F : random.uniform();
-          const float jitter_v = k == 1 ? 0.5F : random.uniform();
-          const float u = (static_cast<float>(s % k) + jitter_u) / static_cast<float>(k);
-          const float v = (static_cast<float>(s / k) + jitter_v) / static_cast<float>(k);
-          Ray ray;
-          ray.origin = origin;
-          ray.direction = sample_point(emitter, u, v) - origin;
-          ray.t_min = 0.0F;
-          ray.t_max = 0.999F;
-          if (!occluded(bvh, ray, passes)) ++seen;
+        // Rays that see a patch of k x k strata; the middle of the patch where k is 1.
+        const auto rays_that_see = [&](int k) {
+          int seen = 0;
+          for (int s = 0; s < k * k; ++s) {
+            const float jitter_u = k == 1 ? 0.5F : random.uniform();
+            const float jitter_v = k == 1 ? 0.5F : random.uniform();
+            Ray ray;
+            ray.origin = origin;
+            ray.direction = sample_point(emitter, (static_cast<float>(s % k) + jitter_u) / static_cast<float>(k),
+                                         (static_cast<float>(s / k) + jitter_v) / static_cast<float>(k)) -
+                            origin;
+            ray.t_max = 0.999F;
+            if (!occluded(bvh, ray, passes)) ++seen;
+          }
+          return seen;
+        };
+        int k = extent < params.small_angle * distance ? 1 : 2;
+        int seen = rays_that_see(k);
+        if (seen != 0 && seen != k * k) {
+          k = params.samples_per_side;
+          seen = rays_that_see(k);
         }
         row[p] = static_cast<std::uint8_t>((255 * seen + k * k / 2) / (k * k));
       }

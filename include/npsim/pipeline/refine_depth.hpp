@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+// Section 3.4: the depth refinement kernel, from the depth as given to one that a mesh can be built on.
+//
+//   fill -> cross-bilateral filter (3.2) -> uncertain map (3.3) -> normal-guided refinement (3.6 - 3.9)
+// The uncertain map is of the filtered depth: refinement moves surfaces, not the edges between them.
+// Without labels everything is one class and nothing is uncertain. Without normals there is nothing to be guided by, so
+// the last step is skipped and normals are those of the depth.
+// Memory: see refine_depth_workspace_bytes(); the planes of RefinedDepth stay in the workspace.
+#ifndef NPSIM_PIPELINE_REFINE_DEPTH_HPP
+#define NPSIM_PIPELINE_REFINE_DEPTH_HPP
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/color/lab.hpp"
+#include "npsim/core/camera.hpp"
+#include "npsim/core/observe.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/depth/cross_bilateral.hpp"
+#include "npsim/depth/fill.hpp"
+#include "npsim/depth/normals.hpp"
+#include "npsim/depth/refine.hpp"
+#include "npsim/depth/smooth_normals.hpp"
+#include "npsim/depth/uncertainty.hpp"
+#include "npsim/pipeline/scene_view.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+struct RefineDepthParams {
+  FillParams fill;
+  CrossBilateralParams filter;
+  UncertaintyParams uncertainty;
+  NormalsParams normals;
+  RefineParams refine;
+  SmoothNormalsParams smoothing;  // of normals that come from depth, not of given ones
+
+  [[nodiscard]] static RefineDepthParams thesis() noexcept {
+    RefineDepthParams params;
+    params.normals.tangents = TangentForm::thesis;
+    params.refine = thesis_refine_params();
+    params.smoothing.iterations = 0;
+    return params;
+  }
+};
+
+struct RefinedDepth {
+  ImageView<float> depth;             // m; 0 where there is no surface
+  ImageView<const Label> labels;      // the scene's, or all one class
+  ImageView<std::uint8_t> surface;    // 1 where the pixel shows a surface of the scene
+  ImageView<std::uint8_t> uncertain;  // U of (3.3)
+  ImageView<Vec3f> normals;           // the scene's where it has one, else of the refined depth
+  Span<float> loss_curve;             // of the refinement: before each of refinement.steps steps and at the end
+  RefineResult refinement;            // all zero if it was skipped
+};
+
+[[nodiscard]] constexpr std::size_t refine_loss_count(const RefineParams& params) noexcept {
+  return params.adam.steps > 0 ? static_cast<std::size_t>(params.adam.steps) + 1 : 1;
+}
+
+[[nodiscard]] inline std::size_t refine_depth_workspace_bytes(const RefineDepthParams& params, Shape shape) noexcept {
+  const std::size_t pixels = shape.pixels();
+  const std::size_t steps =
+      std::max({fill_workspace_bytes(params.fill, shape),
+                allocation_bytes<Vec3f>(pixels) + cross_bilateral_workspace_bytes(params.filter, shape),
+                uncertainty_workspace_bytes(params.uncertainty, shape),
+                smooth_normals_workspace_bytes(params.smoothing, shape), refine_workspace_bytes(params.refine, shape)});
+  return 2 * allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
+         allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(refine_loss_count(params.refine)) + steps +
+         kWorkspaceAlignment;
+}
+
+namespace refine_detail {
+
+// Without labels the sky is not known. What lies above the topmost measurement of its neighbourhood is taken for it:
+// a range sensor sees nothing there, and a dense depth map leaves no such pixel.
+inline void mark_surface(ImageView<const float> given, ImageView<const Label> labels, ImageView<const float> depth,
+                         bool labelled, ImageView<std::uint8_t> surface) {
+  constexpr int kReach = 8;
+  const Shape shape = surface.shape();
+  for (int x = 0; x < shape.width; ++x) {
+    int top = 0;
+    if (!labelled) {
+      top = shape.height;
+      for (int i = std::max(0, x - kReach); i <= std::min(shape.width - 1, x + kReach); ++i) {
+        int y = 0;
+        while (y < top && !is_valid_depth(given(i, y))) ++y;
+        top = y;
+      }
+    }
+    for (int y = 0; y < shape.height; ++y) {
+      surface(x, y) = y >= top && !kNoSurfaceLabels.contains(labels(x, y)) && is_valid_depth(depth(x, y)) ? 1 : 0;
+    }
+  }
+}
+
+}  // namespace refine_detail
+
+template <class Executor, class Observer>
+Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace, Executor& executor,
+                    Observer& observer, RefinedDepth& out) {
+  const Shape shape = scene.shape();
+  const auto cancelled = [&] {
+    return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while refining depth") : Status();
+  };
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.depth));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.surface));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.uncertain));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.normals));
+  ImageView<Label> one_class;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, one_class));
+  const bool labelled = !scene.labels.empty();
+  if (!labelled) {
+    for (Label& l : one_class.pixels()) l = label::unlabeled;
+  }
+  out.labels = labelled ? scene.labels : ImageView<const Label>(one_class);
+
+  observer.begin(Stage::fill);
+  NPSIM_RETURN_IF_ERROR(fill_depth(params.fill, scene.depth, scene.labels, out.depth, ImageView<std::uint8_t>(),
+                                   workspace, executor));
+  refine_detail::mark_surface(scene.depth, out.labels, out.depth, labelled, out.surface);
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (out.surface(x, y) == 0) out.depth(x, y) = 0.0F;
+    }
+  }
+  observer.end(Stage::fill);
+  NPSIM_RETURN_IF_ERROR(cancelled());
+
+  observer.begin(Stage::cross_bilateral);
+  {
+    WorkspaceScope scope(workspace);
+    ImageView<Vec3f> lab;
+    ImageView<float> filtered;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, lab));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, filtered));
+    NPSIM_RETURN_IF_ERROR(srgb8_to_lab(scene.image, lab, executor));
+    CrossBilateralParams filter = params.filter;
+    filter.keep_invalid = true;
+    NPSIM_RETURN_IF_ERROR(cross_bilateral(filter, ImageView<const float>(out.depth), out.labels,
+                                          ImageView<const Vec3f>(lab), filtered, workspace, executor));
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) out.depth(x, y) = filtered(x, y);
+    }
+  }
+  observer.end(Stage::cross_bilateral);
+  NPSIM_RETURN_IF_ERROR(cancelled());
+
+  observer.begin(Stage::uncertainty);
+  UncertaintyOutput uncertain;
+  uncertain.mask = out.uncertain;
+  NPSIM_RETURN_IF_ERROR(uncertainty(params.uncertainty, ImageView<const float>(out.depth), out.labels, uncertain,
+                                    workspace, executor));
+  observer.end(Stage::uncertainty);
+  NPSIM_RETURN_IF_ERROR(cancelled());
+
+  if (!scene.normals.empty()) {
+    observer.begin(Stage::refine);
+    LossInput<float> input;
+    input.depth_est = out.depth;
+    input.normals = scene.normals;
+    input.uncertain = out.uncertain;
+    input.labels = out.labels;
+    input.intrinsics = scene.camera;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(refine_loss_count(params.refine), out.loss_curve));
+    NPSIM_RETURN_IF_ERROR(refine_with_normals(params.refine, input, out.depth, out.loss_curve, out.refinement, workspace,
+                                              executor));
+    observer.end(Stage::refine);
+  }
+  NPSIM_RETURN_IF_ERROR(normals_from_depth(params.normals, ImageView<const float>(out.depth), scene.camera, out.normals,
+                                           workspace, executor));
+  NPSIM_RETURN_IF_ERROR(smooth_normals(params.smoothing, ImageView<const float>(out.depth), out.labels, out.normals,
+                                       workspace, executor));
+  for (int y = 0; y < (scene.normals.empty() ? 0 : shape.height); ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const Vec3f n = scene.normals(x, y);
+      if (is_finite(n) && dot(n, n) > 0.25F) out.normals(x, y) = normalized(n);
+    }
+  }
+  return cancelled();
+}
+
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_PIPELINE_REFINE_DEPTH_HPP

@@ -1,0 +1,304 @@
+// SPDX-License-Identifier: Apache-2.0
+// The whole method on the generated street, and on scenes that lack nearly everything.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "npsim/core/executor.hpp"
+#include "npsim/core/observe.hpp"
+#include "npsim/exec/thread_pool.hpp"
+#include "npsim/io/image.hpp"
+#include "npsim/mesh/check.hpp"
+#include "npsim/pipeline/night.hpp"
+#include "street/street.hpp"
+
+namespace {
+
+using namespace npsim;
+
+// What a scene view looks into.
+struct Scene {
+  io::Image<Rgb8> image;
+  io::Image<float> depth;
+  io::Image<Label> labels;
+  SceneView view;
+
+  explicit Scene(Shape shape) : image(shape, Rgb8{90, 90, 95}), depth(shape, 10.0F) {
+    view.camera = intrinsics_from_fov(shape, 1.2F);
+    refresh();
+  }
+  void refresh() {
+    view.image = image.view();
+    view.depth = depth.view();
+    view.labels = labels.view();
+  }
+};
+
+// Keeps what the pipeline hands over.
+struct Keeper {
+  std::vector<io::Image<Vec3f>> nights;
+  std::vector<io::Image<Rgb8>> pictures;
+  std::vector<std::vector<bool>> lit;
+  std::vector<LightClass> classes;
+  io::Image<float> refined;
+  MeshReport mesh;
+
+  Status reconstructed(const RefinedDepth& depth, const SceneMesh& scene, const Relighting& light, const Bvh&) {
+    refined = io::Image<float>(depth.depth.shape());
+    for (int y = 0; y < refined.height(); ++y) {
+      for (int x = 0; x < refined.width(); ++x) refined(x, y) = depth.depth(x, y);
+    }
+    for (const Emitter& e : light.emitters) classes.push_back(e.cls);
+    std::vector<unsigned char> memory(
+        check_mesh_workspace_bytes(scene.mesh.vertices.size(), scene.mesh.faces.size()));
+    Workspace workspace(memory.data(), memory.size());
+    return check_mesh(scene.mesh, workspace, mesh);
+  }
+  Status night(const Night& night) {
+    io::Image<Vec3f> linear(night.luminance.shape());
+    io::Image<Rgb8> picture(night.picture.shape());
+    for (int y = 0; y < linear.height(); ++y) {
+      for (int x = 0; x < linear.width(); ++x) {
+        linear(x, y) = night.luminance(x, y);
+        picture(x, y) = night.picture(x, y);
+      }
+    }
+    nights.push_back(linear);
+    pictures.push_back(picture);
+    lit.emplace_back();
+    for (const Activation& a : night.activations) lit.back().push_back(a.lit);
+    return {};
+  }
+};
+
+template <class Executor>
+Status run(const NightParams& params, const SceneView& view, Executor& executor, Keeper& keeper) {
+  const std::size_t bytes = night_workspace_bytes(params, view);
+  const std::unique_ptr<unsigned char[]> memory(new unsigned char[bytes]);
+  Workspace workspace(memory.get(), bytes);
+  NullObserver observer;
+  return make_nights(params, view, workspace, executor, observer, keeper);
+}
+
+const street::Street& small_street() {
+  static const street::Street shared = [] {
+    street::StreetParams params;
+    params.seed = 5;
+    params.shape = {160, 90};
+    ThreadPool pool(2);
+    return street::make_street(params, pool);
+  }();
+  return shared;
+}
+
+SceneView view_of(const street::Street& s) {
+  SceneView view;
+  view.camera = s.intrinsics;
+  view.image = s.image.view();
+  view.depth = s.est_depth.view();
+  view.labels = s.labels.view();
+  view.instances = s.instances.view();
+  view.normals = s.est_normals.view();
+  view.light_index = s.light_index.view();
+  view.lights = Span<const LightMark>(s.marks.data(), s.marks.size());
+  return view;
+}
+
+double mean_luminance(const io::Image<Vec3f>& image, int first_row, int last_row) {
+  double sum = 0;
+  for (int y = first_row; y < last_row; ++y) {
+    for (int x = 0; x < image.width(); ++x) sum += static_cast<double>(luminance(image(x, y)));
+  }
+  return sum / (static_cast<double>(last_row - first_row) * image.width());
+}
+
+}  // namespace
+
+TEST_CASE("night of the street: finite, road brighter than sky, lit lamps brighter than the road, mesh whole") {
+  NightParams params = default_night_params();
+  params.variants = 2;
+  Keeper keeper;
+  ThreadPool pool(2);
+  REQUIRE(run(params, view_of(small_street()), pool, keeper).ok());
+  REQUIRE(keeper.nights.size() == 2);
+  const io::Image<Vec3f>& night = keeper.nights[0];
+  double brightest = 0;
+  for (int y = 0; y < night.height(); ++y) {
+    for (int x = 0; x < night.width(); ++x) {
+      REQUIRE(is_finite(night(x, y)));
+      REQUIRE(night(x, y).x >= 0);
+      brightest = std::max(brightest, static_cast<double>(luminance(night(x, y))));
+    }
+  }
+  double sky = 0;
+  double road = 0;
+  int sky_count = 0;
+  int road_count = 0;
+  for (int y = 0; y < night.height(); ++y) {
+    for (int x = 0; x < night.width(); ++x) {
+      if (small_street().light_index(x, y) != 0) continue;
+      const auto l = static_cast<double>(luminance(night(x, y)));
+      if (small_street().labels(x, y) == label::sky) sky += l, ++sky_count;
+      if (small_street().labels(x, y) == label::road) road += l, ++road_count;
+    }
+  }
+  REQUIRE(sky_count > 100);
+  REQUIRE(road_count > 1000);
+  CHECK(road / road_count > 3 * sky / sky_count);
+  // EN 13201 streets have 0.3 to 2 cd/m2; the range allows for near headlamps.
+  CHECK(road / road_count > 0.1);
+  CHECK(road / road_count < 10);
+  CHECK(brightest > 100 * road / road_count);
+  CHECK(keeper.mesh.oriented_manifold());
+}
+
+TEST_CASE("night of the street: serial and any number of threads give the same bits") {
+  NightParams params = default_night_params();
+  Keeper serial_keeper;
+  SerialExecutor serial;
+  REQUIRE(run(params, view_of(small_street()), serial, serial_keeper).ok());
+  for (const unsigned threads : {2U, 5U}) {
+    ThreadPool pool(threads);
+    Keeper keeper;
+    REQUIRE(run(params, view_of(small_street()), pool, keeper).ok());
+    bool same = true;
+    for (int y = 0; y < 90; ++y) {
+      for (int x = 0; x < 160; ++x) {
+        same = same && keeper.nights[0](x, y) == serial_keeper.nights[0](x, y) &&
+               keeper.refined(x, y) == serial_keeper.refined(x, y) &&
+               keeper.pictures[0](x, y).g == serial_keeper.pictures[0](x, y).g;
+      }
+    }
+    CHECK(same);
+  }
+}
+
+TEST_CASE("night of the street: a variant does not depend on how many others are made") {
+  NightParams params = default_night_params();
+  params.variants = 1;
+  Keeper one;
+  ThreadPool pool(2);
+  REQUIRE(run(params, view_of(small_street()), pool, one).ok());
+  params.variants = 3;
+  Keeper three;
+  REQUIRE(run(params, view_of(small_street()), pool, three).ok());
+  CHECK(one.lit[0] == three.lit[0]);
+  CHECK(three.lit[0] != three.lit[1]);
+  // Pairs below the cut-off in every variant are skipped, so a lamp that another variant makes stronger may add up to
+  // its cut-off here: compare to that, not to the bit.
+  const double a = mean_luminance(one.nights[0], 0, 90);
+  CHECK(mean_luminance(three.nights[0], 0, 90) == doctest::Approx(a).epsilon(0.02));
+}
+
+TEST_CASE("night: refinement brings the street's depth nearer to the truth") {
+  Keeper keeper;
+  ThreadPool pool(2);
+  REQUIRE(run(default_night_params(), view_of(small_street()), pool, keeper).ok());
+  double before = 0;
+  double after = 0;
+  int count = 0;
+  for (int y = 0; y < 90; ++y) {
+    for (int x = 0; x < 160; ++x) {
+      const float truth = small_street().depth(x, y);
+      if (!is_valid_depth(truth)) continue;
+      before += static_cast<double>(std::fabs(small_street().est_depth(x, y) - truth) / truth);
+      after += static_cast<double>(std::fabs(keeper.refined(x, y) - truth) / truth);
+      ++count;
+    }
+  }
+  CHECK(after / count < before / count);
+}
+
+TEST_CASE("night: image, depth and camera alone are enough, and all light is the own headlamps' and the sky's") {
+  Scene scene({64, 48});
+  Keeper keeper;
+  SerialExecutor serial;
+  REQUIRE(run(default_night_params(), scene.view, serial, keeper).ok());
+  CHECK(keeper.classes.size() == 2);
+  CHECK(mean_luminance(keeper.nights[0], 0, 48) > 0.05);
+}
+
+TEST_CASE("night: one pixel, one row and one column run to the end") {
+  for (const Shape shape : {Shape{1, 1}, Shape{17, 1}, Shape{1, 17}, Shape{2, 2}}) {
+    Scene scene(shape);
+    Keeper keeper;
+    SerialExecutor serial;
+    const Status status = run(default_night_params(), scene.view, serial, keeper);
+    CHECK_MESSAGE(status.ok(), status.message());
+  }
+}
+
+TEST_CASE("night: labels that change in every pixel, and holes of NaN in the depth, run to the end") {
+  Scene scene({60, 40});
+  scene.labels = io::Image<Label>(scene.image.shape());
+  for (int y = 0; y < 40; ++y) {
+    for (int x = 0; x < 60; ++x) {
+      scene.labels(x, y) = static_cast<Label>((x * 7 + y * 13) % kLabelCount);
+      scene.depth(x, y) = (x + y) % 5 == 0 ? std::numeric_limits<float>::quiet_NaN() : 3.0F + static_cast<float>(x % 9);
+    }
+  }
+  scene.refresh();
+  Keeper keeper;
+  SerialExecutor serial;
+  const Status status = run(default_night_params(), scene.view, serial, keeper);
+  REQUIRE_MESSAGE(status.ok(), status.message());
+  CHECK(keeper.mesh.oriented_manifold());
+}
+
+TEST_CASE("night: depth without a single valid sample, or nothing but sky, is no_valid_input") {
+  Scene invalid({16, 16});
+  for (int i = 0; i < 256; ++i) invalid.depth(i % 16, i / 16) = i % 2 == 0 ? 0.0F : -1.0F;
+  Keeper keeper;
+  SerialExecutor serial;
+  CHECK(run(default_night_params(), invalid.view, serial, keeper).code() == StatusCode::no_valid_input);
+  Scene sky({16, 16});
+  sky.labels = io::Image<Label>(sky.image.shape(), label::sky);
+  sky.refresh();
+  CHECK(run(default_night_params(), sky.view, serial, keeper).code() == StatusCode::no_valid_input);
+}
+
+TEST_CASE("night: planes of another size and light indices without a mark are refused") {
+  Scene scene({16, 16});
+  const io::Image<float> small({8, 8}, 5.0F);
+  scene.view.depth = small.view();
+  Keeper keeper;
+  SerialExecutor serial;
+  CHECK(run(default_night_params(), scene.view, serial, keeper).code() == StatusCode::shape_mismatch);
+  scene.refresh();
+  io::Image<std::uint16_t> index({16, 16});
+  index(3, 3) = 1;
+  scene.view.light_index = index.view();
+  CHECK(run(default_night_params(), scene.view, serial, keeper).code() == StatusCode::invalid_argument);
+}
+
+TEST_CASE("night: a workspace one page short is a status, not a crash") {
+  Scene scene({32, 24});
+  const NightParams params = default_night_params();
+  NullObserver observer;
+  SerialExecutor serial;
+  Keeper keeper;
+  std::vector<unsigned char> memory(night_workspace_bytes(params, scene.view));
+  for (const std::size_t bytes : {std::size_t{0}, std::size_t{100}, memory.size() / 100, memory.size() / 10}) {
+    Workspace workspace(memory.data(), bytes);
+    CHECK(make_nights(params, scene.view, workspace, serial, observer, keeper).code() ==
+          StatusCode::workspace_exhausted);
+  }
+}
+
+TEST_CASE("night: an observer that cancels stops the run with that status") {
+  struct Cancelling : NullObserver {
+    [[nodiscard]] bool cancelled() const noexcept { return true; }
+  };
+  Scene scene({32, 24});
+  const NightParams params = default_night_params();
+  std::vector<unsigned char> memory(night_workspace_bytes(params, scene.view));
+  Workspace workspace(memory.data(), memory.size());
+  Cancelling observer;
+  SerialExecutor serial;
+  Keeper keeper;
+  CHECK(make_nights(params, scene.view, workspace, serial, observer, keeper).code() == StatusCode::cancelled);
+}

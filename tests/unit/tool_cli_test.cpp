@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: Apache-2.0
+// The npsim program as a person runs it: what it writes, what it refuses, and that threads do not change a byte.
+#include <doctest/doctest.h>
+
+#ifdef NPSIM_TOOL
+
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Run {
+  int status = -1;
+  std::string output;  // both streams
+};
+
+Run npsim(const std::string& arguments) {
+  Run run;
+  const std::string command = std::string("'") + NPSIM_TOOL + "' " + arguments + " 2>&1";
+  std::FILE* pipe = popen(command.c_str(), "r");
+  REQUIRE(pipe != nullptr);
+  std::array<char, 4096> buffer{};
+  for (std::size_t n = 0; (n = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0;) run.output.append(buffer.data(), n);
+  const int status = pclose(pipe);
+  run.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  return run;
+}
+
+std::string bytes_of(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+nlohmann::json json_of(const fs::path& path) { return nlohmann::json::parse(bytes_of(path)); }
+
+// A small street that all cases share, and a folder for what they write; both go at the end.
+struct Fixture {
+  fs::path root = fs::temp_directory_path() / ("npsim_tool_test_" + std::to_string(getpid()));
+  std::string street = (root / "street").string();
+
+  Fixture() {
+    const Run made = npsim("street '" + street + "' --seed 3 --size 192x108 --quiet");
+    REQUIRE_MESSAGE(made.status == 0, made.output);
+  }
+  ~Fixture() { fs::remove_all(root); }
+  [[nodiscard]] std::string out(const std::string& name) const { return (root / name).string(); }
+  // A copy of the street's folder in which one file is then spoilt.
+  [[nodiscard]] std::string copy(const std::string& name) const {
+    fs::copy(street, root / name, fs::copy_options::recursive);
+    return out(name);
+  }
+};
+
+Fixture& fixture() {
+  static Fixture shared;
+  return shared;
+}
+
+std::size_t line_count(const std::string& text) {
+  std::size_t lines = 0;
+  for (const char c : text) lines += c == '\n' ? 1U : 0U;
+  return lines;
+}
+
+bool has_files(const fs::path& folder) {
+  if (!fs::exists(folder)) return false;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    if (entry.is_regular_file()) return true;
+  }
+  return false;
+}
+
+// Refused as input: status 2, one line that names what it is about, and no file written.
+void check_refused(const Run& run, const std::string& mentions, const std::string& output = "") {
+  CHECK_MESSAGE(run.status == 2, run.output);
+  CHECK_MESSAGE(line_count(run.output) == 1, run.output);
+  CHECK_MESSAGE(run.output.find(mentions) != std::string::npos, run.output);
+  if (!output.empty()) CHECK(!has_files(output));
+}
+
+}  // namespace
+
+TEST_CASE("tool: one run writes everything that is promised, whole and under its final name") {
+  const std::string out = fixture().out("night");
+  const Run run = npsim("night '" + fixture().street + "' -o '" + out + "' --variants 2 --quiet");
+  REQUIRE_MESSAGE(run.status == 0, run.output);
+  for (const char* name : {"depth.pfm", "depth.png", "uncertain.png", "normals.png", "mesh.glb", "mesh.obj", "report.json",
+                           "overview.png", "night_000.png", "night_000.pfm", "night_000.json", "night_001.png",
+                           "night_001.pfm", "night_001.json"}) {
+    CHECK_MESSAGE(fs::exists(fs::path(out) / name), name);
+    CHECK_MESSAGE(fs::file_size(fs::path(out) / name) > 100, name);
+  }
+  for (const auto& entry : fs::directory_iterator(out)) CHECK(entry.path().extension() != ".partial");
+  const nlohmann::json report = json_of(fs::path(out) / "report.json");
+  CHECK(report["stages"].size() >= 10);
+  CHECK(report["peak_memory_bytes"].get<double>() > 1e6);
+  CHECK(report["mesh"]["triangles"].get<int>() > 10000);
+  const nlohmann::json night = json_of(fs::path(out) / "night_000.json");
+  CHECK(night["exposure"]["iso"].get<double>() >= 100);
+  int lit = 0;
+  for (const auto& source : night["sources"]) {
+    if (!source["lit"].get<bool>()) continue;
+    ++lit;
+    CHECK(source["xy"].size() == 2);
+    CHECK(source["strength"].get<double>() > 0);
+  }
+  CHECK(lit > 3);
+}
+
+TEST_CASE("tool: the same seed gives the same bytes for 1, 2 and 5 threads") {
+  std::vector<std::string> reference;
+  for (const int threads : {1, 2, 5}) {
+    const std::string out = fixture().out("threads" + std::to_string(threads));
+    const Run run = npsim("night '" + fixture().street + "' -o '" + out + "' --variants 2 --quiet --threads " +
+                          std::to_string(threads));
+    REQUIRE_MESSAGE(run.status == 0, run.output);
+    std::vector<std::string> all;
+    for (const char* name : {"depth.pfm", "uncertain.png", "normals.png", "mesh.glb", "mesh.obj", "night_000.png",
+                             "night_000.pfm", "night_000.json", "night_001.png", "night_001.pfm", "overview.png"}) {
+      all.push_back(bytes_of(fs::path(out) / name));
+    }
+    if (reference.empty()) reference = all;
+    for (std::size_t i = 0; i < all.size(); ++i) CHECK_MESSAGE(all[i] == reference[i], i);
+  }
+}
+
+TEST_CASE("tool: different seeds and different variants light different windows") {
+  const auto lit_windows = [](const std::string& file) {
+    std::string lit;
+    for (const auto& source : json_of(file)["sources"]) {
+      if (source.value("class", "") == "window_building") lit += source["lit"].get<bool>() ? '1' : '0';
+    }
+    return lit;
+  };
+  const auto render = [&](int seed) {
+    const std::string out = fixture().out("seed" + std::to_string(seed));
+    const Run run = npsim("night '" + fixture().street + "' -o '" + out + "' --variants 2 --quiet --seed " +
+                          std::to_string(seed));
+    REQUIRE_MESSAGE(run.status == 0, run.output);
+    return out;
+  };
+  const std::string a = render(1);
+  const std::string b = render(2);
+  const std::string first = lit_windows(a + "/night_000.json");
+  REQUIRE(first.size() >= 8);
+  CHECK(first != lit_windows(b + "/night_000.json"));
+  CHECK(first != lit_windows(a + "/night_001.json"));
+}
+
+TEST_CASE("tool: the thesis preset runs and gives another picture") {
+  const std::string out = fixture().out("thesis");
+  const Run run = npsim("night '" + fixture().street + "' -o '" + out + "' --preset thesis --quiet");
+  REQUIRE_MESSAGE(run.status == 0, run.output);
+  CHECK(fs::file_size(out + "/night_000.png") > 1000);
+}
+
+TEST_CASE("tool: a scene of nothing but image, depth and camera runs on its own headlamps") {
+  const std::string scene = fixture().copy("bare");
+  nlohmann::json json = json_of(scene + "/scene.json");
+  nlohmann::json bare;
+  for (const char* key : {"npsim_scene", "name", "image", "depth", "camera"}) bare[key] = json[key];
+  std::ofstream(scene + "/scene.json") << bare;
+  const std::string out = fixture().out("bare_night");
+  const Run run = npsim("night '" + scene + "' -o '" + out + "' --quiet");
+  REQUIRE_MESSAGE(run.status == 0, run.output);
+  CHECK(json_of(out + "/night_000.json")["sources"].size() == 2);
+}
+
+TEST_CASE("tool: inspect says what is there and what is missing") {
+  const Run run = npsim("inspect '" + fixture().street + "'");
+  CHECK(run.status == 0);
+  for (const char* word : {"192 x 108", "depth", "missing", "labels", "road", "lights", "window_building"}) {
+    CHECK_MESSAGE(run.output.find(word) != std::string::npos, word);
+  }
+}
+
+TEST_CASE("tool: bad input ends in one line that names the file, status 2, and writes nothing") {
+  const std::string none = fixture().out("none");
+  const auto night = [&](const std::string& scene, const std::string& more = "") {
+    return npsim("night '" + scene + "' -o '" + none + "' --quiet " + more);
+  };
+  check_refused(night(fixture().out("absent")), "absent", none);
+  check_refused(night(fixture().street, "--size 10"), "--size", none);
+  check_refused(night(fixture().street, "--size 0x10"), "--size", none);
+  check_refused(night(fixture().street, "--size 99999x99999"), "--size", none);
+  check_refused(night(fixture().street, "--variants 0"), "variants", none);
+  check_refused(night(fixture().street, "--preset best"), "preset", none);
+  check_refused(night(fixture().street, "--lights '" + fixture().out("no.json") + "'"), "no.json", none);
+  check_refused(npsim("night '" + fixture().street + "'"), "--output");
+  check_refused(npsim("nights"), "npsim");
+  check_refused(npsim("inspect '" + fixture().out("absent") + "'"), "absent");
+  check_refused(npsim("street '" + none + "' --size 3"), "--size", none);
+
+  const std::string truncated = fixture().copy("truncated");
+  fs::resize_file(truncated + "/image.png", fs::file_size(truncated + "/image.png") / 2);
+  check_refused(night(truncated), "image.png", none);
+
+  const std::string unknown_key = fixture().copy("unknown_key");
+  nlohmann::json json = json_of(unknown_key + "/scene.json");
+  json["lable"] = "x.png";
+  std::ofstream(unknown_key + "/scene.json") << json;
+  check_refused(night(unknown_key), "lable", none);
+
+  const std::string no_camera = fixture().copy("no_camera");
+  json = json_of(no_camera + "/scene.json");
+  json.erase("camera");
+  std::ofstream(no_camera + "/scene.json") << json;
+  check_refused(night(no_camera), "camera", none);
+
+  const std::string not_json = fixture().copy("not_json");
+  std::ofstream(not_json + "/scene.json") << "{\"image\": ";
+  check_refused(night(not_json), "scene.json", none);
+}
+
+TEST_CASE("tool: an output folder that cannot be made is refused before any work") {
+  std::ofstream(fixture().out("file")) << "x";
+  check_refused(npsim("night '" + fixture().street + "' -o '" + fixture().out("file") + "/inside' --quiet"), "inside");
+}
+
+TEST_CASE("tool: help and version end with status 0") {
+  for (const char* arguments : {"--help", "--version", "night --help", "street --help", "inspect --help"}) {
+    CHECK_MESSAGE(npsim(arguments).status == 0, arguments);
+  }
+}
+
+#endif  // NPSIM_TOOL
