@@ -14,6 +14,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
