@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+// CIELAB (CIE 15) of sRGB colours, white D65: the colour space in which the cross-bilateral filter measures distance.
+//
+//   f(t) = cbrt(t) for t > 216/24389, (24389/27 t + 16) / 116 below;  t = X/Xn, Y/Yn, Z/Zn
+//   L = 116 f(Y/Yn) - 16,  a = 500 (f(X/Xn) - f(Y/Yn)),  b = 200 (f(Y/Yn) - f(Z/Zn))
+// Nothing is rounded to 8 bits. L, a, b stand in the x, y, z of a Vec3f.
+// Error against the exact formula in double: Delta E 1976 at most 1.5e-4 over all 2^24 colours of 8 bits a channel.
+// Negative linear values stay on the straight part of f; a NaN goes through.
+// Cost: nine multiplications, three cube roots and three table look-ups per pixel. No memory.
+#ifndef NPSIM_COLOR_LAB_HPP
+#define NPSIM_COLOR_LAB_HPP
+
+#include <cmath>
+#include <cstddef>
+
+#include "npsim/color/srgb.hpp"
+#include "npsim/color/xyz.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/simd/math.hpp"
+
+namespace npsim {
+inline namespace v1 {
+inline namespace NPSIM_ISA_NAMESPACE {
+
+namespace color_detail {
+
+// Row `row` of the matrix from linear sRGB to XYZ / white. The three weights sum to 1 exactly as floats or to within
+// 2^-24.
+template <class F>
+[[nodiscard]] F relative_xyz(const simd::F32x3<F>& rgb, int row, double white) noexcept {
+  const double* m = ::npsim::kLinearSrgbToXyz.m[row];
+  const F r(static_cast<float>(m[0] / white));
+  const F g(static_cast<float>(m[1] / white));
+  const F b(static_cast<float>(m[2] / white));
+  return fma(g, rgb.y, fma(r, rgb.x, b * rgb.z));
+}
+
+template <class F>
+[[nodiscard]] F lab_f(F t) noexcept {
+  constexpr double kEpsilon = 216.0 / 24389.0;
+  constexpr double kKappa = 24389.0 / 27.0;
+  const F straight = fma(t, F(static_cast<float>(kKappa / 116.0)), F(static_cast<float>(16.0 / 116.0)));
+  return select(t <= F(static_cast<float>(kEpsilon)), straight, simd::cbrt(t));
+}
+
+}  // namespace color_detail
+
+// Batch form.
+template <class F>
+[[nodiscard]] simd::F32x3<F> linear_rgb_to_lab(const simd::F32x3<F>& rgb) noexcept {
+  const F fx = color_detail::lab_f(color_detail::relative_xyz(rgb, 0, kWhiteD65Xyz.x));
+  const F fy = color_detail::lab_f(color_detail::relative_xyz(rgb, 1, kWhiteD65Xyz.y));
+  const F fz = color_detail::lab_f(color_detail::relative_xyz(rgb, 2, kWhiteD65Xyz.z));
+  return {fma(fy, F(116.0F), F(-16.0F)), (fx - fy) * F(500.0F), (fy - fz) * F(200.0F)};
+}
+
+[[nodiscard]] inline Vec3f linear_rgb_to_lab(const Vec3f& rgb) noexcept {
+  using F = simd::scalar::F32;
+  const simd::F32x3<F> lab = linear_rgb_to_lab(simd::F32x3<F>{rgb.x, rgb.y, rgb.z});
+  return {lab.x.value, lab.y.value, lab.z.value};
+}
+
+[[nodiscard]] inline Vec3f srgb8_to_lab(const Rgb8& c) noexcept { return linear_rgb_to_lab(srgb_decode8(c)); }
+
+// Colour difference Delta E of 1976: the distance in CIELAB.
+[[nodiscard]] inline float delta_e_1976(const Vec3f& a, const Vec3f& b) noexcept { return length(a - b); }
+
+// An 8-bit image as CIELAB.
+template <class Executor>
+Status srgb8_to_lab(const ImageView<const Rgb8>& in, const ImageView<Vec3f>& out, Executor& executor) noexcept {
+  if (in.shape() != out.shape()) return {StatusCode::shape_mismatch, "srgb8_to_lab: input and output differ in size"};
+  if (in.empty()) return {};
+  using F = simd::F32;
+  executor.for_chunks(static_cast<std::size_t>(in.height()), kColorRowsPerChunk, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t y = begin; y < end; ++y) {
+      const Rgb8* from = in.row(static_cast<int>(y));
+      Vec3f* to = out.row(static_cast<int>(y));
+      for (int x = 0; x < in.width(); x += F::lanes) {
+        const int n = in.width() - x < F::lanes ? in.width() - x : F::lanes;
+        float linear[3][F::lanes] = {};
+        for (int i = 0; i < n; ++i) {
+          linear[0][i] = srgb_decode8(from[x + i].r);
+          linear[1][i] = srgb_decode8(from[x + i].g);
+          linear[2][i] = srgb_decode8(from[x + i].b);
+        }
+        const simd::F32x3<F> rgb{F::load(linear[0]), F::load(linear[1]), F::load(linear[2])};
+        simd::store3(&to[x].x, linear_rgb_to_lab(rgb), n);
+      }
+    }
+  });
+  return {};
+}
+
+// A linear image as CIELAB; `out` may be `in`.
+template <class Executor>
+Status linear_to_lab(const ImageView<const Vec3f>& in, const ImageView<Vec3f>& out, Executor& executor) noexcept {
+  if (in.shape() != out.shape()) return {StatusCode::shape_mismatch, "linear_to_lab: input and output differ in size"};
+  if (in.empty()) return {};
+  using F = simd::F32;
+  executor.for_chunks(static_cast<std::size_t>(in.height()), kColorRowsPerChunk, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t y = begin; y < end; ++y) {
+      const Vec3f* from = in.row(static_cast<int>(y));
+      Vec3f* to = out.row(static_cast<int>(y));
+      for (int x = 0; x < in.width(); x += F::lanes) {
+        const int n = in.width() - x < F::lanes ? in.width() - x : F::lanes;
+        simd::store3(&to[x].x, linear_rgb_to_lab(simd::load3<F>(&from[x].x, n)), n);
+      }
+    }
+  });
+  return {};
+}
+
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_COLOR_LAB_HPP
