@@ -49,6 +49,10 @@ inline constexpr LossWeights kLambdaThesis{1, 5, 1};      // appendix B, whose a
 inline constexpr LossWeights kLambdaSection343{1, 1, 5};  // as section 3.4.3 prints it
 inline constexpr LossWeights kLambdaSolo{1, 50, 1};       // the published successor (WACV 2025)
 
+// For the relative depth term. Depth holds low frequencies, normals the high ones: at 1000 they balance at wavelengths
+// of some 100 px, so that noise in the normals does not drift into depth over longer distances.
+inline constexpr LossWeights kLambdaDefault{1, 5, 1000};
+
 // The successor's weights on road and pavement, where predicted normals are worst: 5 for depth, 1e-4 for normals.
 [[nodiscard]] constexpr std::array<LossWeights, kLabelCount> solo_label_weights() noexcept {
   std::array<LossWeights, kLabelCount> weights{};

@@ -1,0 +1,307 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "npsim/depth/refine.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "npsim/core/random.hpp"
+#include "npsim/depth/losses.hpp"
+#include "npsim/depth/normals.hpp"
+
+using namespace npsim;
+
+namespace {
+
+struct BackwardExecutor {
+  template <class F>
+  void for_chunks(std::size_t count, std::size_t chunk, F&& f) const {
+    for (std::size_t c = chunk_count(count, chunk); c-- > 0;) f(c * chunk, std::min(count, (c + 1) * chunk));
+  }
+};
+
+// A road between two walls with boxes on it; depth with smeared edges, a low-frequency scale error and noise.
+struct Street {
+  Street(Shape s, std::uint32_t seed, float depth_noise, float normal_noise)
+      : shape(s), k(intrinsics_from_fov(s, 1.3F)), truth(s.pixels()), estimate(s.pixels()), out(s.pixels(), -1.0F),
+        true_normals(s.pixels()), normals(s.pixels()), uncertain(s.pixels(), 0) {
+    k.cy = 0.45F * static_cast<float>(s.height);
+    RandomStream random(seed, RandomPurpose::test, 0, 0, 0, 0);
+    float box_x[5], box_z[5];
+    for (int i = 0; i < 5; ++i) {
+      box_x[i] = random.uniform(-6, 5);
+      box_z[i] = random.uniform(8, 35);
+    }
+    for (int y = 0; y < s.height; ++y) {
+      for (int x = 0; x < s.width; ++x) {
+        const Vec3f ray = unproject_pixel(k, x, y, 1.0F);
+        float z = 60.0F;
+        Vec3f n{0, 0, -1};
+        const auto hit = [&](float t, const Vec3f& normal) {
+          if (t > 1 && t < z) {
+            z = t;
+            n = normal;
+          }
+        };
+        if (ray.y > 0) hit(1.6F / ray.y, {0, -1, 0});
+        if (ray.x < 0) hit(-8.0F / ray.x, {1, 0, 0});
+        if (ray.x > 0) hit(8.0F / ray.x, {-1, 0, 0});
+        for (int i = 0; i < 5; ++i) {
+          const Vec3f p = ray * box_z[i];
+          if (p.x > box_x[i] && p.x < box_x[i] + 2 && p.y > 0 && p.y < 1.6F) hit(box_z[i], {0, 0, -1});
+        }
+        truth[at(x, y)] = z;
+        true_normals[at(x, y)] = n;
+      }
+    }
+    const auto gauss = [&] {
+      float sum = -6;
+      for (int i = 0; i < 12; ++i) sum += random.uniform();
+      return sum;
+    };
+    for (int y = 0; y < s.height; ++y) {
+      for (int x = 0; x < s.width; ++x) {
+        float sum = 0;
+        float count = 0;
+        float low = 1e9F;
+        float high = 0;
+        for (int j = std::max(0, y - 2); j <= std::min(s.height - 1, y + 2); ++j) {
+          for (int i = std::max(0, x - 2); i <= std::min(s.width - 1, x + 2); ++i) {
+            const float z = truth[at(i, j)];
+            sum += z;
+            count += 1;
+            low = std::min(low, z);
+            high = std::max(high, z);
+          }
+        }
+        const float drift = 1 + 0.02F * std::sin(6.0F * static_cast<float>(x) / static_cast<float>(s.width));
+        estimate[at(x, y)] = sum / count * drift * (1 + depth_noise * gauss());
+        normals[at(x, y)] = true_normals[at(x, y)] + Vec3f{gauss(), gauss(), gauss()} * normal_noise;
+        uncertain[at(x, y)] = high > 1.25F * low ? 1 : 0;
+      }
+    }
+  }
+  std::size_t at(int x, int y) const { return static_cast<std::size_t>(y * shape.width + x); }
+  LossInput<float> input() const {
+    return {{estimate.data(), shape}, {normals.data(), shape}, {uncertain.data(), shape}, {}, {}, k};
+  }
+  template <class Executor>
+  Status run(const RefineParams& p, Executor& executor) {
+    std::vector<unsigned char> bytes(refine_workspace_bytes(p, shape));
+    Workspace workspace(bytes.data(), bytes.size());
+    curve.assign(static_cast<std::size_t>(p.adam.steps) + 1, -1.0F);
+    const Status s = refine_with_normals(p, input(), {out.data(), shape}, {curve.data(), curve.size()}, result,
+                                         workspace, executor);
+    CHECK(workspace.used() == 0);
+    return s;
+  }
+  Status run(const RefineParams& p) {
+    const SerialExecutor serial;
+    return run(p, serial);
+  }
+  double abs_rel(const std::vector<float>& depth) const {
+    double sum = 0;
+    for (std::size_t i = 0; i < depth.size(); ++i) {
+      sum += std::abs(static_cast<double>(depth[i]) / static_cast<double>(truth[i]) - 1);
+    }
+    return sum / static_cast<double>(depth.size());
+  }
+  double normal_error_deg(const std::vector<float>& depth) const {
+    std::vector<Vec3f> n(depth.size());
+    const SerialExecutor serial;
+    Workspace none;
+    REQUIRE(normals_from_depth({}, {depth.data(), shape}, k, {n.data(), shape}, none, serial).ok());
+    double sum = 0;
+    for (std::size_t i = 0; i < n.size(); ++i) {
+      sum += std::acos(std::min(1.0, std::max(-1.0, static_cast<double>(dot(n[i], true_normals[i])))));
+    }
+    return sum / static_cast<double>(n.size()) * 57.29577951;
+  }
+
+  Shape shape;
+  Intrinsics k;
+  std::vector<float> truth, estimate, out;
+  std::vector<Vec3f> true_normals, normals;
+  std::vector<std::uint8_t> uncertain;
+  std::vector<float> curve;
+  RefineResult result;
+};
+
+}  // namespace
+
+TEST_CASE("the default refinement improves depth and normals on noisy streets, and makes none worse") {
+  for (std::uint32_t seed = 1; seed <= 3; ++seed) {
+    Street s({200, 120}, seed, 0.01F, 0.05F);
+    const RefineParams p;
+    REQUIRE(s.run(p).ok());
+    CHECK(s.result.last.total < 0.1 * s.result.first.total);
+    CHECK(s.abs_rel(s.out) < 0.97 * s.abs_rel(s.estimate));
+    CHECK(s.normal_error_deg(s.out) < 0.35 * s.normal_error_deg(s.estimate));
+  }
+}
+
+TEST_CASE("the thesis' biased tangents lower their loss and still make depth worse; this is why they are no default") {
+  Street s({200, 120}, 1, 0.01F, 0.05F);
+  REQUIRE(s.run(thesis_refine_params()).ok());
+  CHECK(s.result.steps == 1000);
+  CHECK(s.result.reason == StopReason::all_steps);
+  CHECK(s.result.last.total < s.result.first.total);
+  CHECK(s.abs_rel(s.out) > s.abs_rel(s.estimate));
+  RefineParams metres = thesis_refine_params();
+  metres.depth_scale_m = 1;
+  REQUIRE(s.run(metres).ok());
+  for (std::size_t i = 0; i < s.out.size(); ++i) CHECK(std::abs(s.out[i] - s.estimate[i]) < 0.2F);
+}
+
+TEST_CASE("Adam follows the textbook in double") {
+  Street s({40, 36}, 2, 0.01F, 0.05F);
+  RefineParams p;
+  p.adam.steps = 60;
+  p.stop_relative_decrease = 0;
+  REQUIRE(s.run(p).ok());
+  REQUIRE(s.result.steps == 60);
+
+  std::vector<double> estimate(s.estimate.begin(), s.estimate.end());
+  std::vector<double> depth = estimate;
+  std::vector<double> gradient(depth.size());
+  std::vector<Vec3d> normals;
+  for (const Vec3f& n : s.normals) normals.push_back(vec_cast<double>(n));
+  std::vector<double> m(depth.size(), 0.0);
+  std::vector<double> v(depth.size(), 0.0);
+  std::vector<unsigned char> bytes(depth_losses_workspace_bytes<double>(p.loss, s.shape));
+  const SerialExecutor serial;
+  LossParams loss = p.loss;
+  loss.depth_unit_m = p.depth_scale_m;
+  for (int t = 0; t <= 60; ++t) {
+    Workspace workspace(bytes.data(), bytes.size());
+    LossValues values;
+    const LossInput<double> input{{estimate.data(), s.shape}, {normals.data(), s.shape}, {s.uncertain.data(), s.shape}, {}, {}, s.k};
+    REQUIRE(depth_losses<double>(loss, input, {depth.data(), s.shape}, {gradient.data(), s.shape}, values, workspace,
+                                 serial).ok());
+    CHECK(std::abs(values.total - static_cast<double>(s.curve[static_cast<std::size_t>(t)])) < 1e-4 * values.total);
+    if (t == 60) break;
+    for (std::size_t i = 0; i < depth.size(); ++i) {
+      const double g = gradient[i] * 80;
+      m[i] = 0.9 * m[i] + 0.1 * g;
+      v[i] = 0.999 * v[i] + 0.001 * g * g;
+      depth[i] -= 80 * 1e-4 * (m[i] / (1 - std::pow(0.9, t + 1))) / (std::sqrt(v[i] / (1 - std::pow(0.999, t + 1))) + 1e-8);
+    }
+  }
+  double worst = 0;
+  for (std::size_t i = 0; i < depth.size(); ++i) worst = std::max(worst, std::abs(depth[i] - static_cast<double>(s.out[i])));
+  CHECK(worst < 0.008 * 0.1);  // a tenth of one step, after 60 of them
+}
+
+TEST_CASE("refinement does not depend on the order of chunks, works in place and on strided views") {
+  Street s({70, 50}, 3, 0.01F, 0.05F);
+  RefineParams p;
+  p.adam.steps = 40;
+  REQUIRE(s.run(p).ok());
+  const std::vector<float> expected = s.out;
+  const double loss = s.result.last.total;
+  const BackwardExecutor backward;
+  REQUIRE(s.run(p, backward).ok());
+  CHECK(s.out == expected);
+  CHECK(s.result.last.total == loss);
+
+  std::vector<float> wide(80 * 50, -2.0F);
+  const ImageView<float> view(wide.data() + 6, s.shape, 80);
+  for (int y = 0; y < 50; ++y) {
+    for (int x = 0; x < 70; ++x) view(x, y) = s.estimate[s.at(x, y)];
+  }
+  LossInput<float> input = s.input();
+  input.depth_est = view;
+  std::vector<unsigned char> bytes(refine_workspace_bytes(p, s.shape));
+  Workspace workspace(bytes.data(), bytes.size());
+  const SerialExecutor serial;
+  REQUIRE(refine_with_normals(p, input, view, {}, s.result, workspace, serial).ok());
+  for (int y = 0; y < 50; ++y) {
+    for (int x = 0; x < 70; ++x) CHECK(view(x, y) == expected[s.at(x, y)]);
+    CHECK(wide[static_cast<std::size_t>(y * 80 + 5)] == -2.0F);
+    CHECK(wide[static_cast<std::size_t>(y * 80 + 76)] == -2.0F);
+  }
+}
+
+TEST_CASE("holes, columns of NaN and depth near 0 come out as they went in, the rest stays within a factor of 4") {
+  Street s({64, 40}, 4, 0.01F, 0.05F);
+  for (int y = 0; y < 40; ++y) {
+    s.estimate[s.at(20, y)] = std::numeric_limits<float>::quiet_NaN();
+    s.estimate[s.at(40, y)] = 0;
+  }
+  s.estimate[s.at(5, 5)] = 1e-38F;
+  for (Vec3f& n : s.normals) n = {0.7F, 0.7F, -0.1F};  // normals that contradict the depth
+  RefineParams p;
+  p.adam.rate = 0.01F;
+  p.adam.steps = 300;
+  REQUIRE(s.run(p).ok());
+  for (std::size_t i = 0; i < s.out.size(); ++i) {
+    const float before = s.estimate[i];
+    if (!(before >= 1e-3F)) {
+      CHECK((s.out[i] == before || (std::isnan(before) && std::isnan(s.out[i]))));
+    } else {
+      CHECK(s.out[i] >= 0.2499F * before);
+      CHECK(s.out[i] <= 4.001F * before);
+    }
+  }
+}
+
+TEST_CASE("early stop: a converged problem ends after one window; the curve is what was computed") {
+  Street s({64, 40}, 5, 0.0F, 0.0F);
+  s.estimate.assign(s.estimate.size(), 10.0F);
+  s.normals.assign(s.normals.size(), Vec3f{0, 0, -1});
+  s.estimate[700] = 10.001F;
+  RefineParams p;
+  p.stop_relative_decrease = 0.5F;
+  p.stop_window = 20;
+  p.adam.rate = 0;
+  REQUIRE(s.run(p).ok());
+  CHECK(s.result.steps == 20);
+  CHECK(s.result.reason == StopReason::small_decrease);
+  CHECK(s.curve[20] == static_cast<float>(s.result.last.total));
+  CHECK(s.curve[21] == -1.0F);
+  p.stop_relative_decrease = 0;
+  p.adam.steps = 30;
+  REQUIRE(s.run(p).ok());
+  CHECK(s.result.steps == 30);
+  p.adam.steps = 0;
+  REQUIRE(s.run(p).ok());
+  CHECK(s.out == s.estimate);
+}
+
+TEST_CASE("a loss that is not finite, nothing valid and bad arguments are a status, and the output survives") {
+  Street s({40, 20}, 6, 0.0F, 0.0F);
+  RefineParams p;
+  p.adam.steps = 5;
+  const std::vector<float> good = s.estimate;
+  const Intrinsics k = s.k;
+  for (std::size_t i = 0; i < s.estimate.size(); ++i) s.estimate[i] = i % 2 == 0 ? 1e-3F : 1e5F;
+  s.k.fx = s.k.fy = 1e13F;
+  s.out = good;
+  CHECK(s.run(p).code() == StatusCode::not_finite);
+  CHECK(s.out == good);
+  s.k = k;
+  s.estimate.assign(s.estimate.size(), -1.0F);
+  CHECK(s.run(p).code() == StatusCode::no_valid_input);
+  CHECK(s.out == good);
+  s.estimate = good;
+  p.adam.beta2 = 1.0F;
+  CHECK(s.run(p).code() == StatusCode::invalid_argument);
+  p = {};
+  p.adam.steps = -1;
+  const SerialExecutor serial;
+  Workspace none;
+  CHECK(refine_with_normals(p, s.input(), {s.out.data(), s.shape}, {}, s.result, none, serial).code() ==
+        StatusCode::invalid_argument);
+  p = {};
+  p.stop_window = 0;
+  CHECK(s.run(p).code() == StatusCode::invalid_argument);
+  p = {};
+  CHECK(refine_with_normals(p, s.input(), {s.out.data(), s.shape}, {}, s.result, none, serial).code() ==
+        StatusCode::workspace_exhausted);
+  CHECK(refine_with_normals(p, s.input(), {s.out.data(), {20, 20}}, {}, s.result, none, serial).code() ==
+        StatusCode::shape_mismatch);
+  CHECK(s.out == good);
+}
