@@ -22,15 +22,24 @@
 #include "npsim/simd/native_ops.hpp"
 #include "npsim/simd/scalar.hpp"
 
+#include "npsim/color/chromaticity.hpp"
+#include "npsim/color/illuminants.hpp"
+#include "npsim/color/lab.hpp"
+#include "npsim/color/srgb.hpp"
+#include "npsim/color/xyz.hpp"
+
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/labels/light_classes.hpp"
 
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/fill.hpp"
 #include "npsim/depth/loss_kernel.hpp"
+#include "npsim/depth/loss_params.hpp"
 #include "npsim/depth/losses.hpp"
 #include "npsim/depth/normal_convention.hpp"
 #include "npsim/depth/normals.hpp"
+#include "npsim/depth/refine.hpp"
+#include "npsim/depth/smooth_normals.hpp"
 #include "npsim/depth/uncertainty.hpp"
 
 #include "npsim/mesh/check.hpp"
@@ -66,6 +75,7 @@
 #include "npsim/material/albedo.hpp"
 #include "npsim/material/bsdf.hpp"
 #include "npsim/material/class_priors.hpp"
+#include "npsim/material/specular_albedo.hpp"
 
 #include "npsim/render/denoise.hpp"
 #include "npsim/render/direct.hpp"
