@@ -58,7 +58,8 @@ Sheet random_sheet(std::uint32_t seed, float scale) {
     s.uv.push_back({random.uniform(), random.uniform()});
     s.colours.push_back({random.uniform(), random.uniform(), random.uniform()});
   }
-  for (int i = 0; i < 90; ++i) s.faces.push_back({random.next_u32() % 60, random.next_u32() % 60, random.next_u32() % 60});
+  for (int i = 0; i < 90; ++i)
+    s.faces.push_back({random.next_u32() % 60, random.next_u32() % 60, random.next_u32() % 60});
   return s;
 }
 
@@ -167,9 +168,9 @@ TEST_CASE("random triangles and numbers read as tinyobjloader reads them") {
     REQUIRE(attributes.vertices.size() == 60);
     for (std::size_t i = 0; i < 20; ++i) {
       const Vec3f v = mesh.value().vertices[i];
-      for (const auto& [ours, theirs] : {std::pair{v.x, attributes.vertices[3 * i]},
-                                         std::pair{v.y, attributes.vertices[3 * i + 1]},
-                                         std::pair{v.z, attributes.vertices[3 * i + 2]}}) {
+      for (const auto& [ours, theirs] :
+           {std::pair{v.x, attributes.vertices[3 * i]}, std::pair{v.y, attributes.vertices[3 * i + 1]},
+            std::pair{v.z, attributes.vertices[3 * i + 2]}}) {
         CHECK(std::fabs(ours - theirs) <= 0x1p-23F * std::fabs(ours));  // theirs may be the next float
       }
     }
@@ -212,8 +213,8 @@ TEST_CASE("polygons are cut into triangles that cover them, concave ones too") {
   const io::Expected<io::Mesh> mesh = read_text(folder, circle + face);
   require_ok(mesh);
   CHECK(mesh.value().faces.size() == 198);
-  require_ok(read_text(folder, kTriangle + "f 1 1 1 1 1\n"));            // no area at all
-  require_ok(read_text(folder, arrow + "1 3 2 4\n"));                    // crosses itself
+  require_ok(read_text(folder, kTriangle + "f 1 1 1 1 1\n"));  // no area at all
+  require_ok(read_text(folder, arrow + "1 3 2 4\n"));          // crosses itself
 }
 
 TEST_CASE("an OBJ that lies about an index or a number is refused with its line") {
@@ -223,25 +224,25 @@ TEST_CASE("an OBJ that lies about an index or a number is refused with its line"
     const char* line;
   };
   const Bad bad[] = {
-      {"f 0 1 2\n", "line 4"},                      // index 0
-      {"f 1 2 4\n", "line 4"},                      // out of range
-      {"f -1 -2 -4\n", "line 4"},                   // negative out of range
-      {"f 1 2 4294967297\n", "line 4"},             // wraps to 1 in 32 bits
+      {"f 0 1 2\n", "line 4"},           // index 0
+      {"f 1 2 4\n", "line 4"},           // out of range
+      {"f -1 -2 -4\n", "line 4"},        // negative out of range
+      {"f 1 2 4294967297\n", "line 4"},  // wraps to 1 in 32 bits
       {"f 1 2 99999999999999999999999\n", "line 4"},
       {"f 1 2 -9223372036854775808\n", "line 4"},
       {"f 1 2 3x\n", "line 4"},
       {"f 1 2 3.0\n", "line 4"},
-      {"f 1/1 2/1 3/1\n", "line 4"},                // no vt above
-      {"f 1//1 2//1 3//1\n", "line 4"},             // no vn above
+      {"f 1/1 2/1 3/1\n", "line 4"},     // no vt above
+      {"f 1//1 2//1 3//1\n", "line 4"},  // no vn above
       {"f 1/ 2/ 3//\n", "line 4"},
-      {"f 1 2\n", "line 4"},                        // truncated face
+      {"f 1 2\n", "line 4"},  // truncated face
       {"f\n", "line 4"},
-      {"f 1 2 4\nv 0 0 0\n", "line 4"},             // names what comes later
+      {"f 1 2 4\nv 0 0 0\n", "line 4"},  // names what comes later
       {"v nan 0 1\n", "line 4"},
       {"v 0 inf 1\n", "line 4"},
       {"v 0 -infinity 1\n", "line 4"},
-      {"v 1e39 0 1\n", "line 4"},                   // no float
-      {"v 0 0\n", "line 4"},                        // truncated vertex
+      {"v 1e39 0 1\n", "line 4"},  // no float
+      {"v 0 0\n", "line 4"},       // truncated vertex
       {"v 0 0 1e", "line 4"},
       {"v 0 0 0x10\n", "line 4"},
       {"v 1,5 0 0\n", "line 4"},
@@ -279,7 +280,8 @@ TEST_CASE("an OBJ larger than the limit is refused before it is read") {
 TEST_CASE("valid but unusual OBJ is read: weights, colours, comments, other elements, no end of line") {
   const TemporaryFolder folder;
   const io::Expected<io::Mesh> mesh = read_text(
-      folder, "\xEF\xBB\xBF# byte order mark\n  v +1 2. .5 1.0\nv 1 0 0 # note\nv 0 1e-50 0\nvp 1\nl 1 2\nf -3 -2 -1 #");
+      folder,
+      "\xEF\xBB\xBF# byte order mark\n  v +1 2. .5 1.0\nv 1 0 0 # note\nv 0 1e-50 0\nvp 1\nl 1 2\nf -3 -2 -1 #");
   require_ok(mesh);
   REQUIRE(mesh.value().vertices.size() == 3);
   CHECK(mesh.value().vertices[0] == Vec3f{1, 2, 0.5F});

@@ -53,8 +53,7 @@ TEST_CASE("bad indices, repeated indices, NaN vertices and flat faces are counte
   std::vector<Vec3f> vertices = kTetrahedron;
   vertices.push_back({kNaN, 0, 1});
   vertices.push_back({2, 0, 1});
-  const MeshReport r =
-      check(vertices, {{0, 1, 99}, {0xFFFFFFFF, 0, 1}, {1, 1, 2}, {0, 1, 4}, {0, 1, 5}, {0, 1, 2}});
+  const MeshReport r = check(vertices, {{0, 1, 99}, {0xFFFFFFFF, 0, 1}, {1, 1, 2}, {0, 1, 4}, {0, 1, 5}, {0, 1, 2}});
   CHECK(r.out_of_range_faces == 2);
   CHECK(r.repeated_index_faces == 1);
   CHECK(r.not_finite_vertices == 1);

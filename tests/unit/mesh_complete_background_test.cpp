@@ -32,7 +32,9 @@ void check_no_hole(const SheetLayer& layer) {
 }
 
 // A wall seen obliquely: inverse depth is linear in the image.
-float oblique(int x, int y) { return 1.0F / (0.04F + 0.001F * static_cast<float>(x) + 0.0005F * static_cast<float>(y)); }
+float oblique(int x, int y) {
+  return 1.0F / (0.04F + 0.001F * static_cast<float>(x) + 0.0005F * static_cast<float>(y));
+}
 
 Picture oblique_wall(Shape s) {
   Picture p(s);
@@ -195,9 +197,9 @@ TEST_CASE("a hole inside an object shows background, which anchors the rows thro
 
 TEST_CASE("the thesis removes only foreground segments next to uncertain pixels") {
   Picture p({30, 10});
-  p.rectangle(2, 2, 6, 7, label::car, 5.0F);       // far from any uncertain pixel
-  p.rectangle(12, 2, 16, 7, label::car, 5.0F);     // beside one
-  p.rectangle(17, 2, 20, 7, label::truck, 5.0F);   // beside that one, of another label, but not beside the pixel
+  p.rectangle(2, 2, 6, 7, label::car, 5.0F);      // far from any uncertain pixel
+  p.rectangle(12, 2, 16, 7, label::car, 5.0F);    // beside one
+  p.rectangle(17, 2, 20, 7, label::truck, 5.0F);  // beside that one, of another label, but not beside the pixel
   p.doubt(11, 4, 11, 4);
   p.run(kThesis);
   CHECK(p.background.vertices(4, 4).z == 5.0F);
@@ -309,8 +311,8 @@ TEST_CASE("300 random pictures against a naive double-precision completion") {
         if (params.max_join_ratio > 0 && ratio > static_cast<double>(params.max_join_ratio)) continue;
         const double t = static_cast<double>(x - l) / static_cast<double>(right - l);
         const bool position = params.interpolation == BackgroundInterpolation::linear_position;
-        const double expected = position ? (1 - t) * z_of(l, y) + t * z_of(right, y)
-                                         : 1.0 / ((1 - t) / z_of(l, y) + t / z_of(right, y));
+        const double expected =
+            position ? (1 - t) * z_of(l, y) + t * z_of(right, y) : 1.0 / ((1 - t) / z_of(l, y) + t / z_of(right, y));
         const double bound = position ? 3 * 0x1p-24 * std::max(z_of(l, y), z_of(right, y)) : 0x1.001p-24 * expected;
         REQUIRE(std::fabs(static_cast<double>(v.z) - expected) <= bound);
       }
@@ -340,7 +342,8 @@ TEST_CASE("the order of the rows, and writing over the sheet, do not change a bi
   CHECK(index(a.background.view(), reverse).vertices == index(b.background.view(), serial).vertices);
   Workspace none;
   REQUIRE(complete_background({}, b.sheet.vertices.cview(), b.labels.cview(), b.uncertain.cview(), b.surface.cview(),
-                              b.intrinsics, b.sheet.view(), b.state.view(), none, serial).ok());
+                              b.intrinsics, b.sheet.view(), b.state.view(), none, serial)
+              .ok());
   CHECK(a.background.vertices.data == b.sheet.vertices.data);
 }
 
@@ -372,7 +375,8 @@ TEST_CASE("wrong arguments and a small workspace of the background completion ar
     std::vector<unsigned char> memory(bytes + 1);
     Workspace workspace(memory.data(), bytes);
     return complete_background(params, p.sheet.vertices.cview(), labels, {}, {}, p.intrinsics, p.background.view(),
-                               p.state.view(), workspace, executor).code();
+                               p.state.view(), workspace, executor)
+        .code();
   };
   const std::size_t enough = complete_background_workspace_bytes(kThesis, p.shape);
   CHECK(run(kThesis, enough, p.labels.cview()) == StatusCode::ok);

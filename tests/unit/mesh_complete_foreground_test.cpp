@@ -316,7 +316,8 @@ TEST_CASE("wrong arguments and a small workspace of the foreground completion ar
     std::vector<unsigned char> memory(bytes + 1);
     Workspace workspace(memory.data(), bytes);
     return complete_foreground({}, p.sheet.vertices.cview(), labels, {}, {}, {}, p.intrinsics, p.foreground.view(),
-                               p.object.view(), workspace, executor).code();
+                               p.object.view(), workspace, executor)
+        .code();
   };
   const std::size_t enough = complete_foreground_workspace_bytes({}, p.shape);
   CHECK(run(enough, p.labels.cview()) == StatusCode::ok);

@@ -62,8 +62,17 @@ struct Layer {
 
 struct Picture {
   explicit Picture(Shape s)
-      : shape(s), depth(s, 10.0F, -5.0F), labels(s, label::building, 99), instances(s, 0, 999), uncertain(s, 0, 1),
-        surface(s, 1, 0), state(s, 77, 78), object(s, 12345, 54321), sheet(s), background(s), foreground(s) {
+      : shape(s),
+        depth(s, 10.0F, -5.0F),
+        labels(s, label::building, 99),
+        instances(s, 0, 999),
+        uncertain(s, 0, 1),
+        surface(s, 1, 0),
+        state(s, 77, 78),
+        object(s, 12345, 54321),
+        sheet(s),
+        background(s),
+        foreground(s) {
     intrinsics = {100.0F, 100.0F, 0.5F * static_cast<float>(s.width), 0.5F * static_cast<float>(s.height)};
   }
   void rectangle(int x0, int y0, int x1, int y1, Label l, float z) {  // x1, y1 included
@@ -86,12 +95,13 @@ struct Picture {
     std::vector<unsigned char> bytes(complete_background_workspace_bytes(bp, shape));
     Workspace for_background(bytes.data(), bytes.size());
     REQUIRE(complete_background(bp, sheet.vertices.cview(), labels.cview(), uncertain.cview(), surface.cview(),
-                                intrinsics, background.view(), state.view(), for_background, executor).ok());
+                                intrinsics, background.view(), state.view(), for_background, executor)
+                .ok());
     bytes.resize(complete_foreground_workspace_bytes(fp, shape));
     Workspace for_foreground(bytes.data(), bytes.size());
     REQUIRE(complete_foreground(fp, sheet.vertices.cview(), labels.cview(), instances.cview(), uncertain.cview(),
-                                state.cview(), intrinsics, foreground.view(), object.view(), for_foreground,
-                                executor).ok());
+                                state.cview(), intrinsics, foreground.view(), object.view(), for_foreground, executor)
+                .ok());
     REQUIRE(prune(PruneParams{}, uncertain.cview(), labels.cview(), sheet.view(), executor).ok());
   }
   void run(const BackgroundParams& bp = {}, const ForegroundParams& fp = {}) {
@@ -125,8 +135,8 @@ Indexed index(const SheetLayer& layer, Executor& executor) {
                std::vector<std::uint32_t>(size.vertices)};
   std::vector<unsigned char> bytes(index_layer_workspace_bytes(layer.vertices.shape()));
   Workspace workspace(bytes.data(), bytes.size());
-  const MeshBuffers out{{mesh.vertices.data(), size.vertices}, {mesh.faces.data(), size.faces},
-                        {mesh.pixels.data(), size.vertices}};
+  const MeshBuffers out{
+      {mesh.vertices.data(), size.vertices}, {mesh.faces.data(), size.faces}, {mesh.pixels.data(), size.vertices}};
   const Status status = index_layer(layer, 0, out, size, workspace, executor);
   REQUIRE_MESSAGE(status.ok(), status.message());
   CHECK(size.vertices == mesh.vertices.size());

@@ -49,7 +49,8 @@ TEST_CASE("random faces, present or not: always a manifold, never a lost face") 
   for (std::uint32_t trial = 0; trial < 300; ++trial) {
     CAPTURE(trial);
     RandomStream random(6, RandomPurpose::test, trial, 0, 0, 0);
-    const Shape shape{2 + static_cast<int>(random.uniform(0.0F, 8.0F)), 2 + static_cast<int>(random.uniform(0.0F, 8.0F))};
+    const Shape shape{2 + static_cast<int>(random.uniform(0.0F, 8.0F)),
+                      2 + static_cast<int>(random.uniform(0.0F, 8.0F))};
     Picture p(shape);
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) p.depth(x, y) = random.uniform(1.0F, 9.0F);
@@ -99,7 +100,8 @@ TEST_CASE("two layers in one mesh: the second's indices follow the first's verti
   SerialExecutor executor;
   MeshSize first;
   MeshSize second;
-  const MeshBuffers out{{vertices.data(), vertices.size()}, {faces.data(), faces.size()}, {pixels.data(), pixels.size()}};
+  const MeshBuffers out{
+      {vertices.data(), vertices.size()}, {faces.data(), faces.size()}, {pixels.data(), pixels.size()}};
   REQUIRE(index_layers(p.background.view(), p.foreground.view(), out, first, second, workspace, executor).ok());
   CHECK(first.faces == background.faces);
   CHECK(second.vertices == foreground.vertices);

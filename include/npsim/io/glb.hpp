@@ -35,9 +35,9 @@ namespace io {
 
 struct GlbPrimitive {
   std::string name;
-  TriangleMeshView mesh;      // camera frame, m; without faces it is left out
-  Span<const Vec3f> normals;  // one per vertex or none
-  Span<const Vec2f> uv;       // one per vertex or none; with it the photograph is the base colour
+  TriangleMeshView mesh;       // camera frame, m; without faces it is left out
+  Span<const Vec3f> normals;   // one per vertex or none
+  Span<const Vec2f> uv;        // one per vertex or none; with it the photograph is the base colour
   Vec3f base_colour{1, 1, 1};  // linear, 0..1; multiplies the photograph
   Vec3f emissive;              // linear, 0..1
   float roughness = 1.0F;      // 0..1
@@ -96,8 +96,7 @@ inline std::size_t add_positions(GlbBuilder& glb, Span<const Vec3f> vertices) {
     high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
     append_vec3(glb.binary, p);
   }
-  const std::size_t accessor =
-      glb.add_accessor(glb.add_view(begin, kGlArrayBuffer), kGlFloat, vertices.size(), "VEC3");
+  const std::size_t accessor = glb.add_accessor(glb.add_view(begin, kGlArrayBuffer), kGlFloat, vertices.size(), "VEC3");
   glb.root["accessors"][accessor]["min"] = json_of(low);
   glb.root["accessors"][accessor]["max"] = json_of(high);
   return accessor;
@@ -125,8 +124,8 @@ inline void add_primitive(GlbBuilder& glb, const GlbPrimitive& p, bool textured)
   for (const Face& f : p.mesh.faces) {
     for (const std::uint32_t v : {f.a, f.b, f.c}) append_u32(glb.binary, v);
   }
-  const std::size_t indices = glb.add_accessor(glb.add_view(begin, kGlElementArrayBuffer), kGlUnsignedInt,
-                                               3 * p.mesh.faces.size(), "SCALAR");
+  const std::size_t indices =
+      glb.add_accessor(glb.add_view(begin, kGlElementArrayBuffer), kGlUnsignedInt, 3 * p.mesh.faces.size(), "SCALAR");
   nlohmann::json surface = {{"metallicFactor", 0}, {"roughnessFactor", static_cast<double>(p.roughness)}};
   surface["baseColorFactor"] = json_of(p.base_colour);
   surface["baseColorFactor"].push_back(1.0);
@@ -154,7 +153,8 @@ inline Outcome expect_primitive(const std::string& path, const GlbPrimitive& p) 
     if (!outcome) return outcome;
   }
   for (const Vec3f& n : p.normals) {
-    if (!is_finite(n) || n == Vec3f{}) return Error{path, p.name, "has a normal without a direction: expected finite, non-zero vectors"};
+    if (!is_finite(n) || n == Vec3f{})
+      return Error{path, p.name, "has a normal without a direction: expected finite, non-zero vectors"};
   }
   for (const Vec2f& uv : p.uv) {
     if (!std::isfinite(uv.x) || !std::isfinite(uv.y)) {
@@ -183,7 +183,8 @@ inline Outcome write_glb(const std::string& path, Span<const GlbPrimitive> primi
                          Span<const unsigned char> photograph = {}) {
   return guarded(path, [&]() -> Outcome {
     const std::string type = detail::photograph_type(photograph);
-    if (!photograph.empty() && type.empty()) return Error{path, "photograph", "has unknown content: expected the bytes of a PNG or JPEG file"};
+    if (!photograph.empty() && type.empty())
+      return Error{path, "photograph", "has unknown content: expected the bytes of a PNG or JPEG file"};
     detail::GlbBuilder glb;
     glb.root["asset"] = {{"version", "2.0"}, {"generator", "NPSim " NPSIM_VERSION_STRING}};
     glb.root["scene"] = 0;
@@ -201,7 +202,8 @@ inline Outcome write_glb(const std::string& path, Span<const GlbPrimitive> primi
     if (any_textured) {
       const std::size_t begin = glb.binary.size();
       glb.binary.append(reinterpret_cast<const char*>(photograph.data()), photograph.size());
-      glb.root["images"].push_back({{"name", "photograph"}, {"mimeType", type}, {"bufferView", glb.add_view(begin, 0)}});
+      glb.root["images"].push_back(
+          {{"name", "photograph"}, {"mimeType", type}, {"bufferView", glb.add_view(begin, 0)}});
       // Clamped and without mip levels by default: the sheet has one vertex a pixel.
       glb.root["samplers"].push_back({{"magFilter", 9729}, {"minFilter", 9729}, {"wrapS", 33071}, {"wrapT", 33071}});
       glb.root["textures"].push_back({{"source", 0}, {"sampler", 0}});

@@ -31,7 +31,8 @@ namespace detail {
 
 inline Outcome expect_mesh(const std::string& path, const TriangleMeshView& mesh) {
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
-    if (!is_finite(mesh.vertices[i])) return Error{path, "vertex " + std::to_string(i), "is not finite: expected numbers"};
+    if (!is_finite(mesh.vertices[i]))
+      return Error{path, "vertex " + std::to_string(i), "is not finite: expected numbers"};
   }
   for (std::size_t i = 0; i < mesh.faces.size(); ++i) {
     const Face& f = mesh.faces[i];

@@ -3,12 +3,12 @@
 //
 // Coordinates are written and read as they are: the camera frame, x right, y down, z forward, metres. Texture
 // coordinates are taken in the image's convention (origin upper left) and written in OBJ's (lower left).
-// The reader is strict, and our own: tinyobjloader 2.0rc10 turns a NaN or a missing coordinate into 0, wraps an index of
-// 2^32 + 1 to 1, drops polygons with a bad index without a word and lets other indices out of range through. Here every number
-// has to be finite, every index (vertex, texture, normal; negative ones count back from the last) has to name something
-// that stands above it in the file. Polygons are triangulated. Elements other than v, vt, vn and f are passed over.
-// Numbers are written with the fewest digits that give the same float back, so that writing and reading is exact.
-// Cost: linear in the file. Memory: the file's text, and the mesh.
+// The reader is strict, and our own: tinyobjloader 2.0rc10 turns a NaN or a missing coordinate into 0, wraps an index
+// of 2^32 + 1 to 1, drops polygons with a bad index without a word and lets other indices out of range through. Here
+// every number has to be finite, every index (vertex, texture, normal; negative ones count back from the last) has to
+// name something that stands above it in the file. Polygons are triangulated. Elements other than v, vt, vn and f are
+// passed over. Numbers are written with the fewest digits that give the same float back, so that writing and reading is
+// exact. Cost: linear in the file. Memory: the file's text, and the mesh.
 #ifndef NPSIM_IO_OBJ_HPP
 #define NPSIM_IO_OBJ_HPP
 
@@ -159,8 +159,9 @@ inline std::string parse_obj_line(std::string_view line, Mesh& mesh, ObjCounts& 
     for (std::string_view word = next_word(line); !word.empty() && word.front() != '#'; word = next_word(line)) {
       std::uint32_t vertex = 0;
       if (!parse_corner(word, mesh, counts, vertex)) {
-        return "face corner '" + std::string(word.substr(0, 40)) + "' names nothing above it: expected v, v/vt, v//vn or " +
-               "v/vt/vn, with v in 1.." + std::to_string(mesh.vertices.size()) + " or counted back";
+        return "face corner '" + std::string(word.substr(0, 40)) +
+               "' names nothing above it: expected v, v/vt, v//vn or " + "v/vt/vn, with v in 1.." +
+               std::to_string(mesh.vertices.size()) + " or counted back";
       }
       if (corners.size() == kMaxPolygonCorners) return "expected at most 1024 corners a face";
       corners.push_back(vertex);
@@ -224,8 +225,8 @@ inline Outcome write_obj(const std::string& path, const TriangleMeshView& mesh, 
       text += '\n';
     }
     if (with_texture) {
-      const Outcome written = write_file(material.string(), "newmtl photograph\nKd 1 1 1\nillum 1\nmap_Kd " +
-                                                                options.texture + "\n");
+      const Outcome written =
+          write_file(material.string(), "newmtl photograph\nKd 1 1 1\nillum 1\nmap_Kd " + options.texture + "\n");
       if (!written) return written;
     }
     return write_file(path, text);

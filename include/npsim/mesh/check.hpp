@@ -65,7 +65,7 @@ namespace check_detail {
 struct HalfEdge {
   std::uint32_t low = 0;
   std::uint32_t high = 0;
-  std::uint32_t corner = 0;  // 3 face + k; the edge runs from corner k to corner k + 1 of the face
+  std::uint32_t corner = 0;   // 3 face + k; the edge runs from corner k to corner k + 1 of the face
   std::uint32_t forward = 0;  // 1 when it runs from low to high
 };
 

@@ -50,10 +50,10 @@ struct BackgroundParams {
   BackgroundInterpolation interpolation = BackgroundInterpolation::linear_inverse_depth;
   BackgroundRegion region = BackgroundRegion::all_foreground;
   LabelSet foreground = kForegroundLabels;  // section 3.4.2
-  float max_join_ratio = 4.0F;       // > 1, or 0: join any two anchors. Our choice, not in the thesis
-  float max_extension_ratio = 2.0F;  // >= 1. A house front 700 px from its vanishing point, 300 px on, is 1.4
-  int fit_radius_px = 4;             // 1 .. 64
-  float fit_tolerance = 0.25F;       // > 0: inverse depths this much off the anchor's, relatively, are another surface
+  float max_join_ratio = 4.0F;              // > 1, or 0: join any two anchors. Our choice, not in the thesis
+  float max_extension_ratio = 2.0F;         // >= 1. A house front 700 px from its vanishing point, 300 px on, is 1.4
+  int fit_radius_px = 4;                    // 1 .. 64
+  float fit_tolerance = 0.25F;  // > 0: inverse depths this much off the anchor's, relatively, are another surface
 
   // The text as printed; it does not say what happens at borders, so that part is shared.
   [[nodiscard]] static constexpr BackgroundParams thesis() noexcept {
@@ -75,12 +75,14 @@ struct BackgroundParams {
 }
 
 [[nodiscard]] inline Status validate(const BackgroundParams& params) noexcept {
-  const bool join = params.max_join_ratio == 0.0F || (params.max_join_ratio > 1.0F && std::isfinite(params.max_join_ratio));
+  const bool join =
+      params.max_join_ratio == 0.0F || (params.max_join_ratio > 1.0F && std::isfinite(params.max_join_ratio));
   const bool extension = params.max_extension_ratio >= 1.0F && std::isfinite(params.max_extension_ratio);
   const bool fit = params.fit_radius_px >= 1 && params.fit_radius_px <= 64 && params.fit_tolerance > 0.0F &&
                    std::isfinite(params.fit_tolerance);
-  return join && extension && fit ? Status()
-                                  : Status(StatusCode::invalid_argument, "a background completion parameter is out of range");
+  return join && extension && fit
+             ? Status()
+             : Status(StatusCode::invalid_argument, "a background completion parameter is out of range");
 }
 
 inline namespace NPSIM_ISA_NAMESPACE {
@@ -154,8 +156,8 @@ namespace mesh_detail {
 }
 
 // Vertex at column j of the plane through the anchor.
-[[nodiscard]] inline Vec3f extend_anchor(const BackgroundParams& params, const Intrinsics& intrinsics,
-                                         float anchor_z_m, double slope, int anchor_x, int j, int y) noexcept {
+[[nodiscard]] inline Vec3f extend_anchor(const BackgroundParams& params, const Intrinsics& intrinsics, float anchor_z_m,
+                                         double slope, int anchor_x, int j, int y) noexcept {
   const double w = 1.0 / static_cast<double>(anchor_z_m);
   const auto ratio = static_cast<double>(params.max_extension_ratio);
   const double extended = w + slope * static_cast<double>(j - anchor_x);

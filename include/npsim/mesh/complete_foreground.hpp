@@ -12,10 +12,10 @@
 // a free pixel beside it (right, else left; for what is one pixel high below, else above), so that a pole of one pixel
 // casts a shadow. The pixels added carry the object's id but another label.
 //
-// Invariant: a layer has one vertex a pixel at most, no face joins two objects, objects are numbered 1, 2, ... in raster
-// order. Levels, not the order of visits, define the means: the result is a function of the input alone.
-// Cost: linear in the pixels, serial but for the last pass. Memory: 16 bytes a pixel. Error: a mean of at most four
-// floats, summed in double: half an ulp each level.
+// Invariant: a layer has one vertex a pixel at most, no face joins two objects, objects are numbered 1, 2, ... in
+// raster order. Levels, not the order of visits, define the means: the result is a function of the input alone. Cost:
+// linear in the pixels, serial but for the last pass. Memory: 16 bytes a pixel. Error: a mean of at most four floats,
+// summed in double: half an ulp each level.
 #ifndef NPSIM_MESH_COMPLETE_FOREGROUND_HPP
 #define NPSIM_MESH_COMPLETE_FOREGROUND_HPP
 

@@ -76,8 +76,7 @@ template <class Member, class Same>
     for (int x = 0; x < shape.width; ++x, ++i) {
       if (component(x, y) == 0) continue;
       const std::uint32_t root = mesh_detail::find_root(parent, i);
-      component(x, y) =
-          root == i ? ++count : component(static_cast<int>(root % width), static_cast<int>(root / width));
+      component(x, y) = root == i ? ++count : component(static_cast<int>(root % width), static_cast<int>(root / width));
     }
   }
   return {};

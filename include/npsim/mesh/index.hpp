@@ -65,8 +65,8 @@ struct FanSlot {
   int quad_dy;
   QuadEdge edge;
 };
-inline constexpr FanSlot kFanSlots[8] = {{0, -1, QuadEdge::left},  {0, -1, QuadEdge::bottom}, {0, 0, QuadEdge::top},
-                                         {0, 0, QuadEdge::left},   {-1, 0, QuadEdge::right},  {-1, 0, QuadEdge::top},
+inline constexpr FanSlot kFanSlots[8] = {{0, -1, QuadEdge::left},    {0, -1, QuadEdge::bottom}, {0, 0, QuadEdge::top},
+                                         {0, 0, QuadEdge::left},     {-1, 0, QuadEdge::right},  {-1, 0, QuadEdge::top},
                                          {-1, -1, QuadEdge::bottom}, {-1, -1, QuadEdge::right}};
 
 [[nodiscard]] inline unsigned fan_slots(const ImageView<std::uint8_t>& quads, int x, int y) noexcept {
@@ -175,8 +175,8 @@ template <class Executor>
       for (std::uint32_t fan = mesh_detail::bit_count(mesh_detail::fan_starts(slots)); fan > 0; --fan, ++next) {
         out.vertices[next] = layer.vertices(x, y);
         if (pixels) {
-          out.pixels[next] = static_cast<std::uint32_t>(y) * static_cast<std::uint32_t>(shape.width) +
-                             static_cast<std::uint32_t>(x);
+          out.pixels[next] =
+              static_cast<std::uint32_t>(y) * static_cast<std::uint32_t>(shape.width) + static_cast<std::uint32_t>(x);
         }
       }
     }

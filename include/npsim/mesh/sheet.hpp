@@ -31,8 +31,8 @@ inline namespace v1 {
 
 // One single-valued layer of surface over the image.
 struct SheetLayer {
-  ImageView<Vec3f> vertices;       // camera frame, m; {0, 0, 0} where there is no vertex
-  ImageView<std::uint8_t> quads;   // quad_shape(vertices.shape()); the quad of pixels (x, y) .. (x + 1, y + 1)
+  ImageView<Vec3f> vertices;      // camera frame, m; {0, 0, 0} where there is no vertex
+  ImageView<std::uint8_t> quads;  // quad_shape(vertices.shape()); the quad of pixels (x, y) .. (x + 1, y + 1)
 };
 
 // Bits of a quad with corners A upper left, B upper right, C lower left, D lower right.
@@ -124,7 +124,8 @@ template <class Executor>
 [[nodiscard]] Status build_sheet(const SheetParams& params, ImageView<const float> depth,
                                  ImageView<const std::uint8_t> surface, const Intrinsics& intrinsics,
                                  const SheetLayer& sheet, Executor& executor) {
-  if (!(params.min_depth_m > 0.0F) || !(params.max_depth_m > params.min_depth_m) || !std::isfinite(params.max_depth_m)) {
+  if (!(params.min_depth_m > 0.0F) || !(params.max_depth_m > params.min_depth_m) ||
+      !std::isfinite(params.max_depth_m)) {
     return {StatusCode::invalid_argument, "sheet depth range must satisfy 0 < min < max < infinity"};
   }
   NPSIM_RETURN_IF_ERROR(validate(intrinsics));
