@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whole-file output: written to a temporary name in the same folder, flushed, then renamed over the target.
 //
-// Invariant: under its final name a file is either absent, the old one, or complete. On failure the temporary is removed.
+// Invariant: under its final name a file is either absent, the old one, or complete. On failure the temporary is
+// removed.
 #ifndef NPSIM_IO_ATOMIC_FILE_HPP
 #define NPSIM_IO_ATOMIC_FILE_HPP
 

@@ -29,7 +29,8 @@ namespace detail {
 
 inline Expected<double> positive_number(const JsonObject& object, const char* key) {
   const Expected<double> number = object.number(key);
-  if (number && !(number.value() > 0)) return Error{object.file(), object.field(key), "is not positive, expected more than 0"};
+  if (number && !(number.value() > 0))
+    return Error{object.file(), object.field(key), "is not positive, expected more than 0"};
   return number;
 }
 
@@ -45,9 +46,10 @@ inline Expected<Camera> camera_from_numbers(const JsonObject& object, const char
   if (!cy) return cy.error();
   Camera camera;
   const double shift = 0.5 - pixel_centre;
-  camera.intrinsics = {static_cast<float>(fx.value()), static_cast<float>(fy.value()),
-                       static_cast<float>(cx.value() + shift), static_cast<float>(cy.value() + shift)};
-  if (!validate(camera.intrinsics)) return Error{object.file(), object.field("fx"), "is beyond the range of float, expected pixels"};
+  camera.intrinsics = {narrowed(fx.value()), narrowed(fy.value()), narrowed(cx.value() + shift),
+                       narrowed(cy.value() + shift)};
+  if (!validate(camera.intrinsics))
+    return Error{object.file(), object.field("fx"), "is beyond the range of float, expected pixels"};
   if (pixel_centre == 0) camera.note = "camera: 0.5 px added to cx and cy (the file counts from pixel centres)";
   return camera;
 }
@@ -95,7 +97,8 @@ inline Expected<Camera> camera_from_json(const JsonObject& object, Shape shape, 
       const Expected<double> degrees = object.number("horizontal_fov_deg");
       if (!degrees) return degrees.error();
       if (!(degrees.value() > 0 && degrees.value() < 180)) {
-        return Error{object.file(), object.field("horizontal_fov_deg"), "is outside its range, expected 0 < angle < 180"};
+        return Error{object.file(), object.field("horizontal_fov_deg"),
+                     "is outside its range, expected 0 < angle < 180"};
       }
       constexpr double kRadians = 3.14159265358979323846 / 180;
       camera.value().intrinsics = intrinsics_from_fov(shape, static_cast<float>(degrees.value() * kRadians));
@@ -119,7 +122,8 @@ inline Expected<Camera> camera_from_json(const JsonObject& object, Shape shape, 
       camera.value().baseline_m = baseline.value();
     }
     if (!validate(camera.value().intrinsics)) {
-      return Error{object.file(), object.field("horizontal_fov_deg"), "gives no finite focal length, expected a usual angle"};
+      return Error{object.file(), object.field("horizontal_fov_deg"),
+                   "gives no finite focal length, expected a usual angle"};
     }
     const Intrinsics& k = camera.value().intrinsics;
     if (k.cx < 0 || k.cy < 0 || k.cx > static_cast<float>(shape.width) || k.cy > static_cast<float>(shape.height)) {

@@ -94,13 +94,14 @@ inline Expected<Image<float>> read_depth(const std::string& path, const DepthFor
     if (format.encoding == DepthEncoding::uint16 && !positive(format.scale)) {
       return Error{path, "scale", "is not a positive number, expected metres per unit, such as 0.00390625 or 0.001"};
     }
-    if (format.encoding == DepthEncoding::cityscapes_disparity && !(positive(format.baseline_m) && positive(format.fx_px))) {
+    if (format.encoding == DepthEncoding::cityscapes_disparity &&
+        !(positive(format.baseline_m) && positive(format.fx_px))) {
       return Error{path, "baseline", "disparity needs a camera with a positive baseline (m) and fx (px)"};
     }
     Image<float> depth;
     DepthCounts found;
     const auto keep = [&](float& out, double z_m) {
-      const auto z = static_cast<float>(z_m);
+      const float z = narrowed(z_m);
       const bool good = is_valid_depth(z);
       out = good ? z : 0.0F;
       ++(good ? found.valid : z_m == 0 ? found.missing : found.refused);
@@ -113,7 +114,8 @@ inline Expected<Image<float>> read_depth(const std::string& path, const DepthFor
         return error;
       }
       depth = std::move(plane.value());
-      for (std::size_t i = 0; i < depth.shape().pixels(); ++i) keep(depth.data()[i], static_cast<double>(depth.data()[i]));
+      for (std::size_t i = 0; i < depth.shape().pixels(); ++i)
+        keep(depth.data()[i], static_cast<double>(depth.data()[i]));
     } else {
       const Expected<Image<std::int32_t>> plane = detail::read_whole_numbers(path, limits);
       if (!plane) return plane.error();
@@ -132,8 +134,9 @@ inline Expected<Image<float>> read_depth(const std::string& path, const DepthFor
     }
     if (counts != nullptr) *counts = found;
     if (found.valid == 0) {
-      return Error{path, "depth", "none of " + std::to_string(depth.shape().pixels()) +
-                                      " pixels is valid, expected finite positive values"};
+      return Error{
+          path, "depth",
+          "none of " + std::to_string(depth.shape().pixels()) + " pixels is valid, expected finite positive values"};
     }
     return depth;
   });

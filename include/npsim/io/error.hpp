@@ -14,9 +14,9 @@ inline namespace v1 {
 namespace io {
 
 struct Error {
-  std::string file;      // path as the caller gave it
-  std::string field;     // key, header field, pixel or element; may be empty
-  std::string problem;   // what was found and what was expected
+  std::string file;     // path as the caller gave it
+  std::string field;    // key, header field, pixel or element; may be empty
+  std::string problem;  // what was found and what was expected
 
   [[nodiscard]] std::string line() const {
     std::string text = file.empty() ? std::string() : file + ": ";
@@ -33,8 +33,8 @@ struct Error {
 template <class T>
 class [[nodiscard]] Expected {
  public:
-  Expected(T value) : value_(std::move(value)) {}          // NOLINT(google-explicit-constructor)
-  Expected(Error error) : error_(std::move(error)) {}      // NOLINT(google-explicit-constructor)
+  Expected(T value) : value_(std::move(value)) {}      // NOLINT(google-explicit-constructor)
+  Expected(Error error) : error_(std::move(error)) {}  // NOLINT(google-explicit-constructor)
 
   [[nodiscard]] bool ok() const { return value_.has_value(); }
   explicit operator bool() const { return ok(); }

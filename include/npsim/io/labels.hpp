@@ -33,9 +33,9 @@ inline Expected<LabelEncoding> label_encoding(const std::string& file, const std
   if (name == "cityscapes_train_ids") return LabelEncoding::cityscapes_train_ids;
   if (name == "cityscapes_instance_ids") return LabelEncoding::cityscapes_instance_ids;
   if (name == "ids") return LabelEncoding::ids;
-  return Error{file, field,
-               "is '" + name +
-                   "', expected cityscapes_label_ids, cityscapes_train_ids, cityscapes_instance_ids or ids"};
+  return Error{
+      file, field,
+      "is '" + name + "', expected cityscapes_label_ids, cityscapes_train_ids, cityscapes_instance_ids or ids"};
 }
 
 // The label of one stored number; known is cleared where the definition has no such number.

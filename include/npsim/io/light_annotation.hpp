@@ -114,7 +114,8 @@ inline Outcome make_marks(const std::string& json_path, const std::vector<LightE
     if (entries[i].group == LightEntry::kNoGroup) continue;
     const std::string field = "annotation " + std::to_string(mark.id) + ".attributes.group";
     const std::int64_t group = entries[i].group;
-    const auto found = group > 0 && group <= 0xFFFFFF ? positions.find(static_cast<std::uint32_t>(group)) : positions.end();
+    const auto found =
+        group > 0 && group <= 0xFFFFFF ? positions.find(static_cast<std::uint32_t>(group)) : positions.end();
     if (found == positions.end() || !is_group(out.marks[found->second - 1U].cls)) {
       return Error{json_path, field, "is " + std::to_string(group) + ", expected the id of a group annotation"};
     }
@@ -159,8 +160,9 @@ inline Expected<LightAnnotation> read_light_annotation(LightAnnotationFormat for
     const Expected<Json> json = read_json(json_path, limits);
     if (!json) return json.error();
     const Expected<std::vector<detail::LightEntry>> entries =
-        format == LightAnnotationFormat::segments_ai ? detail::segments_ai_entries(json_path, json.value(), bitmap_path)
-                                                     : detail::coco_panoptic_entries(json_path, json.value(), bitmap_path);
+        format == LightAnnotationFormat::segments_ai
+            ? detail::segments_ai_entries(json_path, json.value(), bitmap_path)
+            : detail::coco_panoptic_entries(json_path, json.value(), bitmap_path);
     if (!entries) return entries.error();
     LightAnnotation out;
     std::unordered_map<std::uint32_t, std::uint16_t> positions;

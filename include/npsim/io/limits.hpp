@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <string>
 
 #include "npsim/core/image_view.hpp"
@@ -15,9 +16,16 @@ inline namespace v1 {
 namespace io {
 
 struct ReadLimits {
-  int max_side = 16384;                              // px
-  std::size_t max_bytes = std::size_t{1} << 30;      // one decoded plane, and one file before decoding
+  int max_side = 16384;                          // px
+  std::size_t max_bytes = std::size_t{1} << 30;  // one decoded plane, and one file before decoding
 };
+
+// A double as a float, infinite where it does not fit (the plain conversion is undefined there).
+[[nodiscard]] inline float narrowed(double v) noexcept {
+  constexpr double kMost = static_cast<double>(std::numeric_limits<float>::max());
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  return v > kMost ? kInfinity : v < -kMost ? -kInfinity : static_cast<float>(v);
+}
 
 [[nodiscard]] inline std::string size_text(std::int64_t width, std::int64_t height) {
   return std::to_string(width) + "x" + std::to_string(height);

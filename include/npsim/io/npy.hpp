@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <cstring>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "npsim/core/image_view.hpp"
@@ -37,7 +38,10 @@ template <class T>
   const auto load = [&](auto example) {
     auto value = example;
     std::memcpy(&value, data + i * sizeof(value), sizeof(value));
-    return static_cast<T>(value);
+    if constexpr (std::is_same_v<decltype(value), double> && std::is_same_v<T, float>)
+      return narrowed(value);
+    else
+      return static_cast<T>(value);
   };
   switch (type) {
     case NpyType::f4: return load(float{});
@@ -51,7 +55,8 @@ template <class T>
 
 // Pixels of T, which is `channels` elements of E.
 template <class E, class T>
-Expected<Image<T>> read_npy_pixels(const std::string& path, int channels, bool integers_only, const ReadLimits& limits) {
+Expected<Image<T>> read_npy_pixels(const std::string& path, int channels, bool integers_only,
+                                   const ReadLimits& limits) {
   return guarded(path, [&]() -> Expected<Image<T>> {
     const Expected<Bytes> file = read_file_bytes(path, limits);
     if (!file) return file.error();

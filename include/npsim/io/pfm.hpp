@@ -72,9 +72,9 @@ inline Expected<PfmHeader> pfm_header(const std::string& path, const Bytes& b, c
   const std::size_t expected = header.shape.pixels() * 4 * static_cast<std::size_t>(header.channels);
   const std::size_t found = b.size() - header.data_at;
   if (found != expected) {
-    return Error{path, "data", std::to_string(found) + " bytes, expected " + std::to_string(expected) + " for " +
-                                   size_text(header.shape) + " pixels of " + std::to_string(header.channels) +
-                                   " floats"};
+    return Error{path, "data",
+                 std::to_string(found) + " bytes, expected " + std::to_string(expected) + " for " +
+                     size_text(header.shape) + " pixels of " + std::to_string(header.channels) + " floats"};
   }
   return header;
 }
@@ -103,8 +103,8 @@ Expected<Image<T>> read_pfm_pixels(const std::string& path, int channels, const 
     if (!found) return found.error();
     const PfmHeader& header = found.value();
     if (header.channels != channels) {
-      return Error{path, "magic", "says " + std::to_string(header.channels) + " channels, expected " +
-                                      std::to_string(channels)};
+      return Error{path, "magic",
+                   "says " + std::to_string(header.channels) + " channels, expected " + std::to_string(channels)};
     }
     Image<T> image(header.shape);
     const auto row_floats = static_cast<std::size_t>(header.shape.width) * static_cast<std::size_t>(channels);

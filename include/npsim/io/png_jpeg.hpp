@@ -22,8 +22,8 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/io/atomic_file.hpp"
+#include "npsim/io/detail/picture_structure.hpp"
 #include "npsim/io/detail/png_encode.hpp"
-#include "npsim/io/detail/png_structure.hpp"
 #include "npsim/io/detail/stb.hpp"
 #include "npsim/io/error.hpp"
 #include "npsim/io/file_bytes.hpp"
@@ -52,8 +52,9 @@ Expected<Image<T>> decode(const std::string& path, const Bytes& bytes, Shape sha
   }
   constexpr bool kWide = sizeof(T) == 6 || std::is_same_v<T, std::uint16_t>;
   // The largest buffer of an honest file: 8 bytes a pixel and one filter byte a row, doubled by the growing inflater.
-  stb_allocation_limit() = kDecoderState + 2 * bytes.size() + (static_cast<std::size_t>(shape.width) * 8 + 64) *
-                                                                  (static_cast<std::size_t>(shape.height) + 64) * 2;
+  stb_allocation_limit() =
+      kDecoderState + 2 * bytes.size() +
+      (static_cast<std::size_t>(shape.width) * 8 + 64) * (static_cast<std::size_t>(shape.height) + 64) * 2;
   int width = 0;
   int height = 0;
   int found = 0;
@@ -68,11 +69,13 @@ Expected<Image<T>> decode(const std::string& path, const Bytes& bytes, Shape sha
   const std::unique_ptr<void, decltype(&std::free)> pixels(decoded, &std::free);
   if (pixels == nullptr) {
     const char* reason = stb::stbi_failure_reason();
-    return Error{path, "image data", std::string("cannot be decoded (") + (reason == nullptr ? "unknown" : reason) +
-                                         "): expected an intact PNG or JPEG"};
+    return Error{path, "image data",
+                 std::string("cannot be decoded (") + (reason == nullptr ? "unknown" : reason) +
+                     "): expected an intact PNG or JPEG"};
   }
   if (width != shape.width || height != shape.height) {
-    return Error{path, "size", size_text(width, height) + " decoded, expected " + size_text(shape) + " as in the header"};
+    return Error{path, "size",
+                 size_text(width, height) + " decoded, expected " + size_text(shape) + " as in the header"};
   }
   Image<T> image(shape);
   std::memcpy(static_cast<void*>(image.data()), pixels.get(), shape.pixels() * sizeof(T));
@@ -108,6 +111,8 @@ inline Expected<Image<Rgb8>> read_rgb8(const std::string& path, const ReadLimits
     if (!file) return file.error();
     const Bytes& bytes = file.value();
     if (detail::looks_like_jpeg(bytes)) {
+      const Outcome whole = detail::check_jpeg_segments(path, bytes);  // before stb sees any of it
+      if (!whole) return whole.error();
       int width = 0;
       int height = 0;
       int channels = 0;
@@ -119,8 +124,6 @@ inline Expected<Image<Rgb8>> read_rgb8(const std::string& path, const ReadLimits
       }
       const Expected<Shape> shape = checked_shape(path, width, height, sizeof(Rgb8), limits);
       if (!shape) return shape.error();
-      const Outcome whole = detail::check_jpeg_complete(path, bytes);
-      if (!whole) return whole.error();
       return detail::decode<Rgb8>(path, bytes, shape.value(), 3);
     }
     const auto header = detail::admitted_png(path, bytes, sizeof(Rgb8), limits, "a PNG or JPEG picture",
@@ -167,9 +170,8 @@ inline Expected<Image<Rgba8>> read_rgba8(const std::string& path, const ReadLimi
     const Expected<Bytes> file = read_file_bytes(path, limits);
     if (!file) return file.error();
     const auto header = detail::admitted_png(
-        path, file.value(), 4, limits, "a 3- or 4-channel 8-bit PNG", [](const detail::PngHeader& h) {
-          return (h.color_type == 2 || h.color_type == 6) && h.bit_depth == 8;
-        });
+        path, file.value(), 4, limits, "a 3- or 4-channel 8-bit PNG",
+        [](const detail::PngHeader& h) { return (h.color_type == 2 || h.color_type == 6) && h.bit_depth == 8; });
     if (!header) return header.error();
     return detail::decode<Rgba8>(path, file.value(), detail::shape_of(header.value()), 4);
   });

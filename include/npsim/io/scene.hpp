@@ -61,7 +61,8 @@ inline Expected<Scene> scene_from_json(const JsonObject& root, const ReadLimits&
   if (root.has("npsim_scene")) {
     const Expected<std::int64_t> version = root.whole("npsim_scene");
     if (!version) return version.error();
-    if (version.value() != 1) return Error{root.file(), "npsim_scene", "is " + std::to_string(version.value()) + ", expected 1"};
+    if (version.value() != 1)
+      return Error{root.file(), "npsim_scene", "is " + std::to_string(version.value()) + ", expected 1"};
   }
   if (root.has("name")) {
     const Expected<std::string> name = root.text("name");
@@ -93,7 +94,8 @@ inline Expected<Scene> scene_from_json(const JsonObject& root, const ReadLimits&
   if (!depth) return depth.error();
 
   LabelEncoding encoding = LabelEncoding::cityscapes_label_ids;
-  Outcome read = with_entry(root, "labels", [&](const JsonObject& e) { return read_scene_labels(e, limits, scene, encoding); });
+  Outcome read =
+      with_entry(root, "labels", [&](const JsonObject& e) { return read_scene_labels(e, limits, scene, encoding); });
   if (!read) return read.error();
   read = with_entry(root, "instances", [&](const JsonObject& e) { return read_scene_instances(e, limits, scene); });
   if (!read) return read.error();

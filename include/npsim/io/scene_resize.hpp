@@ -173,7 +173,8 @@ inline Outcome resize_scene(Scene& scene, Shape to, const ReadLimits& limits = {
     out.intrinsics = scaled(scene.intrinsics, from, to);
     bool any = false;
     for (const float z : std::as_const(out.depth).view().pixels()) any = any || is_valid_depth(z);
-    if (!any) return Error{scene.file, "size", "no valid depth is left at " + size_text(to) + ", expected a larger size"};
+    if (!any)
+      return Error{scene.file, "size", "no valid depth is left at " + size_text(to) + ", expected a larger size"};
     scene = std::move(out);
     return Done{};
   });

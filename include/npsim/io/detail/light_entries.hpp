@@ -89,18 +89,22 @@ inline Outcome read_attributes(const JsonObject& object, LightEntry& entry) {
     const Json& group = object.value()["group"];
     if (group.is_string()) {
       const std::string& text = group.get_ref<const std::string&>();
-      const bool digits = !text.empty() && text.size() < 10 && text.find_first_not_of("0123456789") == std::string::npos;
-      if (!digits) return Error{object.file(), object.field("group"), "is '" + text + "', expected the id of a group annotation"};
+      const bool digits =
+          !text.empty() && text.size() < 10 && text.find_first_not_of("0123456789") == std::string::npos;
+      if (!digits)
+        return Error{object.file(), object.field("group"), "is '" + text + "', expected the id of a group annotation"};
       entry.group = std::atoll(text.c_str());
     } else {
       const Expected<std::int64_t> number = object.whole("group");
       if (!number) return number.error();
-      if (number.value() < 0) return Error{object.file(), object.field("group"), "is negative, expected the id of a group annotation"};
+      if (number.value() < 0)
+        return Error{object.file(), object.field("group"), "is negative, expected the id of a group annotation"};
       entry.group = number.value();
     }
   }
   if (object.has("state") && !object.value()["state"].is_null()) {
-    if (!object.value()["state"].is_string()) return Error{object.file(), object.field("state"), "is no text, expected red, amber, green or unknown"};
+    if (!object.value()["state"].is_string())
+      return Error{object.file(), object.field("state"), "is no text, expected red, amber, green or unknown"};
     entry.state = signal_state_from_name(object.value()["state"].get<std::string>());
   }
   return Done{};
@@ -124,8 +128,9 @@ inline Expected<std::vector<LightEntry>> light_entries(const JsonObject& holder,
     if (!category) return category.error();
     const auto name = names.find(category.value());
     if (name == names.end()) {
-      return Error{o.file(), o.field("category_id"), "is " + std::to_string(category.value()) + " (annotation " +
-                                                         std::to_string(entry.id) + "), expected an id of the categories"};
+      return Error{o.file(), o.field("category_id"),
+                   "is " + std::to_string(category.value()) + " (annotation " + std::to_string(entry.id) +
+                       "), expected an id of the categories"};
     }
     entry.category = name->second;
     const Outcome direct = read_attributes(o, entry);
@@ -187,8 +192,9 @@ inline Expected<std::vector<LightEntry>> segments_ai_entries(const std::string& 
   }
   const Json* chosen = named != nullptr ? named : candidates == 1 ? only : nullptr;
   if (chosen == nullptr) {
-    return Error{path, "dataset.samples", std::to_string(candidates) + " labels, none with the bitmap " + wanted +
-                                              ", expected one with it or exactly one label"};
+    return Error{path, "dataset.samples",
+                 std::to_string(candidates) + " labels, none with the bitmap " + wanted +
+                     ", expected one with it or exactly one label"};
   }
   const auto labelled = JsonObject::of(path, named != nullptr ? named_field : only_field, *chosen);
   if (!labelled) return labelled.error();
@@ -212,8 +218,9 @@ inline Expected<std::vector<LightEntry>> coco_panoptic_entries(const std::string
     if (count == 1 || base_name(text_at((*annotations.value())[i], {"file_name"})) == wanted) chosen = i;
   }
   if (chosen == count) {
-    return Error{path, "annotations", std::to_string(count) + " images, none with the file_name " + wanted +
-                                          ", expected one with it or exactly one image"};
+    return Error{path, "annotations",
+                 std::to_string(count) + " images, none with the file_name " + wanted +
+                     ", expected one with it or exactly one image"};
   }
   const auto annotation =
       JsonObject::of(path, "annotations[" + std::to_string(chosen) + "]", (*annotations.value())[chosen]);

@@ -109,7 +109,8 @@ inline Expected<NpyHeader> npy_header(const std::string& path, const Bytes& b, c
   std::size_t length = b[8] + std::size_t{256} * b[9];
   if (version > 1) length += std::size_t{65536} * b[10] + std::size_t{16777216} * b[11];
   if (length > 65536 || length > b.size() - text_at) {
-    return Error{path, "header", "claims " + std::to_string(length) + " bytes, expected at most 65536 and inside the file"};
+    return Error{path, "header",
+                 "claims " + std::to_string(length) + " bytes, expected at most 65536 and inside the file"};
   }
   const std::string text(reinterpret_cast<const char*>(b.data() + text_at), length);
 
@@ -144,16 +145,28 @@ inline Expected<NpyHeader> npy_header(const std::string& path, const Bytes& b, c
   if (descr.empty() || fortran < 0 || shapes == 0) {
     return Error{path, "header", "lacks a key, expected descr, fortran_order and shape"};
   }
-  if (fortran == 1) return Error{path, "fortran_order", "is True, expected False (numpy.ascontiguousarray before saving)"};
+  if (fortran == 1)
+    return Error{path, "fortran_order", "is True, expected False (numpy.ascontiguousarray before saving)"};
 
   NpyHeader header;
   std::size_t element_bytes = 0;
-  if (descr == "<f4") { header.type = NpyType::f4; element_bytes = 4; }
-  else if (descr == "<f8") { header.type = NpyType::f8; element_bytes = 8; }
-  else if (descr == "|u1" || descr == "<u1") { header.type = NpyType::u1; element_bytes = 1; }
-  else if (descr == "<u2") { header.type = NpyType::u2; element_bytes = 2; }
-  else if (descr == "<i4") { header.type = NpyType::i4; element_bytes = 4; }
-  else return Error{path, "descr", "is '" + descr + "', expected <f4, <f8, |u1, <u2 or <i4"};
+  if (descr == "<f4") {
+    header.type = NpyType::f4;
+    element_bytes = 4;
+  } else if (descr == "<f8") {
+    header.type = NpyType::f8;
+    element_bytes = 8;
+  } else if (descr == "|u1" || descr == "<u1") {
+    header.type = NpyType::u1;
+    element_bytes = 1;
+  } else if (descr == "<u2") {
+    header.type = NpyType::u2;
+    element_bytes = 2;
+  } else if (descr == "<i4") {
+    header.type = NpyType::i4;
+    element_bytes = 4;
+  } else
+    return Error{path, "descr", "is '" + descr + "', expected <f4, <f8, |u1, <u2 or <i4"};
 
   header.shape_text = "(";
   for (std::size_t i = 0; i < sides.size(); ++i) header.shape_text += (i > 0 ? ", " : "") + std::to_string(sides[i]);
@@ -169,8 +182,9 @@ inline Expected<NpyHeader> npy_header(const std::string& path, const Bytes& b, c
   const std::size_t expected = header.shape.pixels() * static_cast<std::size_t>(header.channels) * element_bytes;
   const std::size_t found = b.size() - header.data_at;
   if (found != expected) {
-    return Error{path, "data", std::to_string(found) + " bytes, expected " + std::to_string(expected) + " for shape " +
-                                   header.shape_text + " of " + descr};
+    return Error{path, "data",
+                 std::to_string(found) + " bytes, expected " + std::to_string(expected) + " for shape " +
+                     header.shape_text + " of " + descr};
   }
   return header;
 }

@@ -15,7 +15,7 @@
 #include <string>
 
 #include "npsim/core/image_view.hpp"
-#include "npsim/io/detail/png_structure.hpp"
+#include "npsim/io/detail/picture_structure.hpp"
 #include "npsim/io/detail/stb.hpp"
 #include "npsim/io/error.hpp"
 

@@ -51,7 +51,8 @@ inline Outcome read_scene_depth(const JsonObject& entry, const ReadLimits& limit
     format.encoding = DepthEncoding::uint16;
     const Expected<double> scale = entry.number("scale");
     if (!scale) return scale.error();
-    if (!(scale.value() > 0)) return Error{entry.file(), entry.field("scale"), "is not positive, expected metres per unit"};
+    if (!(scale.value() > 0))
+      return Error{entry.file(), entry.field("scale"), "is not positive, expected metres per unit"};
     format.scale = scale.value();
   } else if (encoding.value() == "cityscapes_disparity") {
     format.encoding = DepthEncoding::cityscapes_disparity;
@@ -63,7 +64,8 @@ inline Outcome read_scene_depth(const JsonObject& entry, const ReadLimits& limit
                  "is '" + encoding.value() + "', expected metres, uint16 or cityscapes_disparity"};
   }
   if (format.encoding != DepthEncoding::uint16 && entry.has("scale")) {
-    return Error{entry.file(), entry.field("scale"), "stands beside encoding " + encoding.value() + ", expected it with uint16 only"};
+    return Error{entry.file(), entry.field("scale"),
+                 "stands beside encoding " + encoding.value() + ", expected it with uint16 only"};
   }
   DepthCounts counts;
   Expected<Image<float>> depth = read_depth(path.value(), format, limits, &counts);
@@ -79,8 +81,9 @@ inline Outcome read_scene_depth(const JsonObject& entry, const ReadLimits& limit
     farthest = std::max(farthest, z);
   }
   const double percent = 100.0 / static_cast<double>(scene.shape().pixels());
-  scene.notes.push_back("depth: " + encoding.value() + ", " + number_text("%.1f", static_cast<double>(counts.valid) * percent) +
-                        " % valid, " + number_text("%.2f", static_cast<double>(nearest)) + " to " +
+  scene.notes.push_back("depth: " + encoding.value() + ", " +
+                        number_text("%.1f", static_cast<double>(counts.valid) * percent) + " % valid, " +
+                        number_text("%.2f", static_cast<double>(nearest)) + " to " +
                         number_text("%.2f", static_cast<double>(farthest)) + " m");
   if (counts.refused > 0) {
     scene.notes.push_back("depth: " + std::to_string(counts.refused) +
@@ -89,7 +92,8 @@ inline Outcome read_scene_depth(const JsonObject& entry, const ReadLimits& limit
   return Done{};
 }
 
-inline Outcome read_scene_labels(const JsonObject& entry, const ReadLimits& limits, Scene& scene, LabelEncoding& encoding) {
+inline Outcome read_scene_labels(const JsonObject& entry, const ReadLimits& limits, Scene& scene,
+                                 LabelEncoding& encoding) {
   const Outcome known = entry.allow_only({"file", "encoding"});
   if (!known) return known;
   const Expected<std::string> path = plane_file(entry);
@@ -107,7 +111,8 @@ inline Outcome read_scene_labels(const JsonObject& entry, const ReadLimits& limi
   scene.labels = std::move(labels.value());
   scene.notes.push_back("labels: " + name.value());
   if (unknown > 0) {
-    scene.notes.push_back("labels: " + std::to_string(unknown) + " pixels with numbers outside the definition taken as unlabeled");
+    scene.notes.push_back("labels: " + std::to_string(unknown) +
+                          " pixels with numbers outside the definition taken as unlabeled");
   }
   return Done{};
 }
@@ -168,7 +173,8 @@ inline Outcome read_scene_normals(const JsonObject& entry, const ReadLimits& lim
   }
   if (convention != "auto" && convention != "canonical" && convention != "opengl") {
     return Error{entry.file(), entry.field("convention"),
-                 "is '" + convention + "', expected auto, canonical (x right, y down, z forward) or opengl (x right, y up, z back)"};
+                 "is '" + convention +
+                     "', expected auto, canonical (x right, y down, z forward) or opengl (x right, y up, z back)"};
   }
   Expected<Image<Vec3f>> raw = read_raw_normals(path.value(), limits);
   if (!raw) return raw.error();
@@ -176,8 +182,8 @@ inline Outcome read_scene_normals(const JsonObject& entry, const ReadLimits& lim
   if (!same) return same;
   scene.normals = std::move(raw.value());
   float agreement = 0;
-  const NormalConvention detected =
-      detect_normal_convention(std::as_const(scene.normals).view(), std::as_const(scene.depth).view(), scene.intrinsics, agreement);
+  const NormalConvention detected = detect_normal_convention(
+      std::as_const(scene.normals).view(), std::as_const(scene.depth).view(), scene.intrinsics, agreement);
   NormalConvention taken = detected;
   if (convention == "canonical") taken = NormalConvention{};
   if (convention == "opengl") taken = NormalConvention{{0, 1, 2}, {1, -1, -1}};
@@ -197,10 +203,12 @@ inline Outcome read_scene_normals(const JsonObject& entry, const ReadLimits& lim
 }
 
 // Values of a material plane: finite, clamped to 0..1. Returns the number that were clamped.
-inline Outcome check_unit_range(const std::string& path, float* values, std::size_t count, const char* what, Scene& scene) {
+inline Outcome check_unit_range(const std::string& path, float* values, std::size_t count, const char* what,
+                                Scene& scene) {
   std::size_t clamped = 0;
   for (std::size_t i = 0; i < count; ++i) {
-    if (!std::isfinite(values[i])) return Error{path, what, "value " + std::to_string(i) + " is not finite, expected 0 to 1"};
+    if (!std::isfinite(values[i]))
+      return Error{path, what, "value " + std::to_string(i) + " is not finite, expected 0 to 1"};
     const float held = std::min(1.0F, std::max(0.0F, values[i]));
     clamped += held != values[i] ? 1U : 0U;
     values[i] = held;
@@ -242,7 +250,8 @@ inline Outcome read_scene_lights(const JsonObject& entry, const ReadLimits& limi
   const Expected<std::string> format = entry.text("format");
   if (!format) return format.error();
   if (format.value() != "segments_ai" && format.value() != "coco_panoptic") {
-    return Error{entry.file(), entry.field("format"), "is '" + format.value() + "', expected segments_ai or coco_panoptic"};
+    return Error{entry.file(), entry.field("format"),
+                 "is '" + format.value() + "', expected segments_ai or coco_panoptic"};
   }
   const Expected<std::string> json = entry.text("json");
   if (!json) return json.error();

@@ -3,8 +3,8 @@
 //
 // stb ignores PNG checksums and fills what a truncated JPEG lacks with grey, so a damaged file would pass as a picture.
 // Sources: PNG specification (ISO/IEC 15948) sections 5 and 11.2; JPEG (ITU-T T.81) annex B. Cost: one pass.
-#ifndef NPSIM_IO_DETAIL_PNG_STRUCTURE_HPP
-#define NPSIM_IO_DETAIL_PNG_STRUCTURE_HPP
+#ifndef NPSIM_IO_DETAIL_PICTURE_STRUCTURE_HPP
+#define NPSIM_IO_DETAIL_PICTURE_STRUCTURE_HPP
 
 #include <array>
 #include <cstddef>
@@ -83,7 +83,8 @@ inline Expected<PngHeader> png_header(const std::string& path, const Bytes& b) {
   if (big_endian_32(p) != 13 || p[4] != 'I' || p[5] != 'H' || p[6] != 'D' || p[7] != 'R') {
     return Error{path, "IHDR", "is missing: expected it as the first chunk of 13 bytes"};
   }
-  if (crc32(p + 4, 17) != big_endian_32(p + 21)) return Error{path, "IHDR", "has a wrong checksum: expected an intact file"};
+  if (crc32(p + 4, 17) != big_endian_32(p + 21))
+    return Error{path, "IHDR", "has a wrong checksum: expected an intact file"};
   PngHeader h;
   h.width = big_endian_32(p + 8);
   h.height = big_endian_32(p + 12);
@@ -100,7 +101,8 @@ inline Outcome check_png_chunks(const std::string& path, const Bytes& b) {
     const std::string name(reinterpret_cast<const char*>(b.data() + at + 4), 4);
     bool letters = true;
     for (const char c : name) letters = letters && ((c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z'));
-    if (!letters) return Error{path, "chunk at byte " + std::to_string(at), "has no valid name: expected an intact PNG"};
+    if (!letters)
+      return Error{path, "chunk at byte " + std::to_string(at), "has no valid name: expected an intact PNG"};
     if (length > b.size() - at - 12) return Error{path, name, "is cut off: expected a complete PNG"};
     if (crc32(b.data() + at + 4, length + 4) != big_endian_32(b.data() + at + 8 + length)) {
       return Error{path, name, "has a wrong checksum: expected an intact file"};
@@ -111,20 +113,45 @@ inline Outcome check_png_chunks(const std::string& path, const Bytes& b) {
   return Error{path, "IEND", "is missing: the file is cut off, expected a complete PNG"};
 }
 
-// The end-of-image marker follows the scan data, marker segments skipped by their lengths.
-inline Outcome check_jpeg_complete(const std::string& path, const Bytes& b) {
+// Huffman tables of a DHT segment, `length` bytes at `at`: at most 256 symbols each, all inside the segment.
+[[nodiscard]] inline bool huffman_tables_fit(const Bytes& b, std::size_t at, std::size_t length) noexcept {
+  while (length > 0) {
+    if (length < 17) return false;
+    std::size_t symbols = 0;
+    for (std::size_t i = 1; i <= 16; ++i) symbols += b[at + i];
+    if (symbols > 256 || symbols > length - 17) return false;
+    at += 17 + symbols;
+    length -= 17 + symbols;
+  }
+  return true;
+}
+
+// Marker segments lie inside the file, Huffman tables fit (the decoder does not check), and after the scans comes the
+// end-of-image marker. Segments are skipped by their lengths as the decoder does, so that it meets no others.
+inline Outcome check_jpeg_segments(const std::string& path, const Bytes& b) {
   const Error cut{path, "JPEG data", "is cut off: expected a complete JPEG with an end-of-image marker"};
   std::size_t at = 2;
   while (at + 1 < b.size()) {
-    if (b[at] != 0xFF) { ++at; continue; }  // entropy-coded data
     const unsigned char marker = b[at + 1];
+    if (b[at] != 0xFF || marker == 0xFF) {  // entropy-coded data, or a fill byte
+      ++at;
+      continue;
+    }
     if (marker == 0xD9) return Done{};
-    if (marker == 0xFF) { ++at; continue; }  // fill byte
-    const bool without_length = marker == 0x00 || marker == 0x01 || (marker >= 0xD0 && marker <= 0xD8);
-    if (without_length) { at += 2; continue; }
+    if (marker <= 0x01 || (marker >= 0xD0 && marker <= 0xD8)) {  // stands alone, without a length
+      at += 2;
+      continue;
+    }
     if (at + 3 >= b.size()) return cut;
     const std::size_t length = static_cast<std::size_t>(b[at + 2]) * 256 + b[at + 3];
-    if (length < 2) return Error{path, "JPEG segment at byte " + std::to_string(at), "has length below 2: expected an intact file"};
+    if (length < 2) {
+      return Error{path, "JPEG segment at byte " + std::to_string(at), "has a length below 2: expected an intact file"};
+    }
+    if (length > b.size() - at - 2) return cut;
+    if (marker == 0xC4 && !huffman_tables_fit(b, at + 4, length - 2)) {
+      return Error{path, "JPEG Huffman table at byte " + std::to_string(at),
+                   "does not fit its segment: expected an intact file"};
+    }
     at += 2 + length;
   }
   return cut;
@@ -135,4 +162,4 @@ inline Outcome check_jpeg_complete(const std::string& path, const Bytes& b) {
 }  // namespace v1
 }  // namespace npsim
 
-#endif  // NPSIM_IO_DETAIL_PNG_STRUCTURE_HPP
+#endif  // NPSIM_IO_DETAIL_PICTURE_STRUCTURE_HPP
