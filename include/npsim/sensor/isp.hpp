@@ -13,7 +13,7 @@
 //           y = knee + (1 - knee) s (2 - s) with s = (z - knee) / (W - knee): a parabola that leaves the straight part
 //           with its slope and arrives at 1 with slope 0. In between, y = W x (1 + toe / W) - toe + O(toe^2 / x).
 // With the defaults W = 1.2: a mean signal of .045 is displayed at about .05.
-// Then sRGB (IEC 61966-2-1) and rounding to the nearest of 256 levels.
+// Then sRGB and rounding to the nearest of 256 levels, exact (color/srgb.hpp).
 #ifndef NPSIM_SENSOR_ISP_HPP
 #define NPSIM_SENSOR_ISP_HPP
 
@@ -21,6 +21,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/color/srgb.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
@@ -76,15 +77,6 @@ struct WhiteBalanceParams {
 }
 
 inline namespace NPSIM_ISA_NAMESPACE {
-namespace isp_detail {
-
-[[nodiscard]] inline std::uint8_t srgb_level(float linear) noexcept {
-  const auto x = static_cast<double>(linear);
-  const double encoded = x <= 0.0031308 ? 12.92 * x : 1.055 * std::pow(x, 1.0 / 2.4) - 0.055;
-  return static_cast<std::uint8_t>(255.0 * encoded + 0.5);
-}
-
-}  // namespace isp_detail
 
 // Gains for IspParams::white_balance; 1 each when every pixel is black or saturated.
 template <class Executor>
@@ -134,7 +126,7 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(validate(params));
   NPSIM_RETURN_IF_ERROR(check_images(signal, out));
   const auto level = [&params](float x, float gain, float white) noexcept {
-    return isp_detail::srgb_level(tone_map(params.tone, x * (gain + (1.0F - gain) * white)));
+    return srgb_encode8(tone_map(params.tone, x * (gain + (1.0F - gain) * white)));
   };
   for_rows(signal.shape(), executor, [&](int y) {
     for (int x = 0; x < signal.width(); ++x) {

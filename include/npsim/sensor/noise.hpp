@@ -11,7 +11,7 @@
 // deviation is .55 to 1.25 / 255 at every level up to 128, as in flat areas of real night photographs (.6 to 1.2);
 // theirs rises with the level, that of one factor peaks near level 10. The grain size that denoisers leave is not
 // modelled either. The result is not clipped: negative noise survives in a raw signal, and clipping belongs to the ISP.
-// Randomness: one Philox block per pixel, keyed by (seed, image, pixel index). Cost: about 50 ns per pixel.
+// Randomness: one Philox block per pixel, keyed by (seed, image, pixel index). Cost: about .1 us per pixel.
 #ifndef NPSIM_SENSOR_NOISE_HPP
 #define NPSIM_SENSOR_NOISE_HPP
 
