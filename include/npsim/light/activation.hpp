@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Probabilistic light source activation (section 3.6.2): which sources are on in one night, how strong, of which colour.
+// Probabilistic light source activation (section 3.6.2): which sources are on in one night, how strong, of which
+// colour.
 //
-// Every (group, class) draws one p ~ U(a, b), one strength and one colour; every source of it is then on with probability
-// p, independently. Groups are independent of each other and of ungrouped sources, each of which is its own group.
-// Beyond the text, because one sees it at once when it is missing:
+// Every (group, class) draws one p ~ U(a, b), one strength and one colour; every source of it is then on with
+// probability p, independently. Groups are independent of each other and of ungrouped sources, each of which is its own
+// group. Beyond the text, because one sees it at once when it is missing:
 //   - the lamps of one vehicle are switched together: one p and one draw for front and rear; rear lamps are stop lamps
 //     with stop_probability;
 //   - street lamps of a class share technology and strength all over the image, with a small jitter per lamp;
-//   - of a traffic light that shows several discs one is on: the annotated one, else the one that glows by day, else any.
+//   - of a traffic light that shows several discs one is on: the annotated one, else the one that glows by day, else
+//   any.
 //     Unknown states follow the daytime colour, then the place in the panel, then a draw.
 // Randomness: streams (seed, activation, variant, key) with key = kind | class | group or mark in disjoint bits, so the
 // order of emitters and the presence of others never change a draw, and each variant is a new night.
@@ -44,12 +46,12 @@ struct Activation {
 };
 
 struct ActivationParams {
-  Span<const LightSetEntry> light_set;    // replaces the default strengths and colours of the classes that it names
-  float stop_probability = 0.35F;         // of rear lamps of a moving vehicle that are lit [default]
-  float street_strength_jitter = 0.1F;    // relative, of single lamps: age and dirt [default]
-  float street_xy_jitter = 0.003F;        // about one step of a 3-step MacAdam ellipse
+  Span<const LightSetEntry> light_set;  // replaces the default strengths and colours of the classes that it names
+  float stop_probability = 0.35F;       // of rear lamps of a moving vehicle that are lit [default]
+  float street_strength_jitter = 0.1F;  // relative, of single lamps: age and dirt [default]
+  float street_xy_jitter = 0.003F;      // about one step of a 3-step MacAdam ellipse
   float bicycle_parked_p[2] = {0.1F, 0.2F};
-  float signal_draw[2] = {0.5F, 0.05F};   // shares of red and amber where nothing tells the state; green is the rest
+  float signal_draw[2] = {0.5F, 0.05F};  // shares of red and amber where nothing tells the state; green is the rest
 };
 
 [[nodiscard]] inline Status validate(const ActivationParams& p) noexcept {
@@ -61,7 +63,8 @@ struct ActivationParams {
   for (const LightSetEntry& e : p.light_set) {
     if (!std::isfinite(e.strength) || e.strength < 0.0F || !(e.xy.x >= 0.0F) || !(e.xy.y > 0.0F) ||
         !(e.xy.x + e.xy.y <= 1.0F)) {
-      return Status(StatusCode::invalid_argument, "light set: strength not negative, (x, y) inside the colour triangle");
+      return Status(StatusCode::invalid_argument,
+                    "light set: strength not negative, (x, y) inside the colour triangle");
     }
   }
   return {};
@@ -137,7 +140,8 @@ struct SignalChoice {
       ++discs;
       if (other.centre_m.y < e.centre_m.y || (other.centre_m.y == e.centre_m.y && i < self)) ++above;
       const float u = random.uniform();
-      const int evidence = other.state != SignalState::unknown ? 2 : (state_from_colour(day(i)) != SignalState::unknown);
+      const int evidence =
+          other.state != SignalState::unknown ? 2 : (state_from_colour(day(i)) != SignalState::unknown);
       const float weight = evidence == 1 ? luminance(day(i)) : u;
       if (evidence > best_evidence || (evidence == best_evidence && weight > best_weight)) {
         best_evidence = evidence;
@@ -215,10 +219,10 @@ inline bool draw_from_set(Span<const LightSetEntry> set, LightClass cls, float u
     const bool ego = e.mark == 0;
     const bool vehicle = light_detail::is_vehicle_lamp(e.cls);
     const bool street = light_detail::is_street_light(e.cls);
-    const ActivationKey key = ego              ? ActivationKey::ego
-                              : street         ? ActivationKey::technology
-                              : e.group != 0   ? ActivationKey::group
-                                               : ActivationKey::alone;
+    const ActivationKey key = ego            ? ActivationKey::ego
+                              : street       ? ActivationKey::technology
+                              : e.group != 0 ? ActivationKey::group
+                                             : ActivationKey::alone;
     const std::uint32_t id = ego || street ? 0U : (e.group != 0 ? e.group : e.mark);
     RandomStream shared = light_detail::activation_stream(seed, variant, key, id, e.cls);
     RandomStream source = light_detail::activation_stream(seed, variant, ActivationKey::source, e.mark, e.cls);
@@ -228,7 +232,8 @@ inline bool draw_from_set(Span<const LightSetEntry> set, LightClass cls, float u
     const float u_stop = shared.uniform();
     float u_lit = source.uniform();
     if (vehicle && !ego && e.group != 0) {
-      RandomStream lamps = light_detail::activation_stream(seed, variant, ActivationKey::vehicle, e.group, LightClass::none);
+      RandomStream lamps =
+          light_detail::activation_stream(seed, variant, ActivationKey::vehicle, e.group, LightClass::none);
       u_p = lamps.uniform();
       u_lit = lamps.uniform();
     }

@@ -9,9 +9,9 @@
 //                     Peak at 60 degrees along the road, half of it straight down and c/2 across: a batwing. g is the
 //                     glow of the glass: a street lamp can be seen from everywhere, and 2.3 % of its light goes up.
 //   low_beam          headlamp of UN R112 class B for right-hand traffic, see low_beam.hpp
-// The closed forms are ours, chosen so that the flux integrals in photometry.hpp are exact; they use only + * / sqrt, so
-// that every machine gets the same bits.
-// Cost: a few dot products. Error: at most 1e-6 against the same formula in double.
+// The closed forms are ours, chosen so that the flux integrals in photometry.hpp are exact; they use only + * / sqrt,
+// so that every machine gets the same bits. Cost: a few dot products. Error: at most 1e-6 against the same formula in
+// double.
 #ifndef NPSIM_LIGHT_EMITTER_HPP
 #define NPSIM_LIGHT_EMITTER_HPP
 
@@ -29,12 +29,12 @@ inline namespace v1 {
 enum class EmissionProfile : std::uint8_t { lambert, street_luminaire, low_beam, signal };
 
 struct Emitter {
-  Vec3f centre_m;          // camera frame
-  Vec3f half_u_m;          // the patch is centre + a half_u + b half_v with a, b in [-1, 1]
+  Vec3f centre_m;  // camera frame
+  Vec3f half_u_m;  // the patch is centre + a half_u + b half_v with a, b in [-1, 1]
   Vec3f half_v_m;
-  Vec3f axis;              // unit: main direction. low_beam: towards the elbow of the cut-off, 1 % below the horizontal
-  Vec3f up;                // unit, normal to axis. low_beam: upwards; street_luminaire: along the road; else any
-  float area_m2 = 0;       // luminous area as the camera sees it (image-parallel), or of the surface for lambert
+  Vec3f axis;         // unit: main direction. low_beam: towards the elbow of the cut-off, 1 % below the horizontal
+  Vec3f up;           // unit, normal to axis. low_beam: upwards; street_luminaire: along the road; else any
+  float area_m2 = 0;  // luminous area as the camera sees it (image-parallel), or of the surface for lambert
   EmissionProfile profile = EmissionProfile::lambert;
   LightClass cls = LightClass::none;
   SignalState state = SignalState::unknown;
@@ -50,6 +50,7 @@ inline namespace NPSIM_ISA_NAMESPACE {
 // `direction` is a unit vector that leaves the emitter.
 [[nodiscard]] inline float relative_intensity(const Emitter& e, const Vec3f& direction) noexcept {
   const float c = dot(e.axis, direction);
+  if (!(c >= -2.0F)) return 0.0F;  // NaN
   float value = 0.0F;
   switch (e.profile) {
     case EmissionProfile::lambert: value = c; break;
@@ -69,7 +70,7 @@ inline namespace NPSIM_ISA_NAMESPACE {
       break;
     }
   }
-  return value > 0.0F ? (value < 1.0F ? value : 1.0F) : 0.0F;  // NaN becomes 0
+  return value > 0.0F ? (value < 1.0F ? value : 1.0F) : 0.0F;
 }
 
 // A point of the patch; u, v in [0, 1] cover it uniformly.

@@ -2,14 +2,14 @@
 // The ground plane, dot(up, X) = -camera_height_m, from the depth of road-like pixels.
 //
 // A plane is linear in inverse depth: with r = ((u - cx)/fx, (v - cy)/fy, 1) and X = z r, 1/z = q . r where
-// up = -q/|q| and the camera height is 1/|q|. A seeded search over triples of samples (RANSAC; Fischler and Bolles 1981)
-// finds the plane with the smallest truncated relative error, then weighted least squares (weight z^2, so errors count
-// relative to the depth, as those of stereo and of networks do) refines it on its inliers.
-// Fallback, marked by inlier_share = 0: a level plane 1.5 m below the camera, where too few samples exist or the result
-// is implausible. So the function succeeds for every valid input.
-// Samples: road and parking; pavement and other ground only where those are too few; without labels the lower 40 % of
-// the image. Cost: iterations x samples. Memory: 12 bytes per sample. Error on exact depth of a plane: tilt below
-// 1e-4 rad, height below 1e-4 relative (float rays); on noisy depth see the test.
+// up = -q/|q| and the camera height is 1/|q|. A seeded search over triples of samples (RANSAC; Fischler and Bolles
+// 1981) finds the plane with the smallest truncated relative error, then weighted least squares (weight z^2, so errors
+// count relative to the depth, as those of stereo and of networks do) refines it on its inliers. Fallback, marked by
+// inlier_share = 0: a level plane 1.5 m below the camera, where too few samples exist or the result is implausible. So
+// the function succeeds for every valid input. Samples: road and parking; pavement and other ground only where those
+// are too few; without labels the lower 40 % of the image. Cost: iterations x samples. Memory: 12 bytes per sample.
+// Error on exact depth of a plane: tilt below 1e-4 rad, height below 1e-4 relative (float rays); on noisy depth see the
+// test.
 #ifndef NPSIM_LIGHT_GROUND_HPP
 #define NPSIM_LIGHT_GROUND_HPP
 
@@ -31,19 +31,19 @@ namespace npsim {
 inline namespace v1 {
 
 struct GroundPlane {
-  Vec3f up{0.0F, -1.0F, 0.0F};   // unit, camera frame
+  Vec3f up{0.0F, -1.0F, 0.0F};  // unit, camera frame
   float camera_height_m = 1.5F;
-  float inlier_share = 0.0F;     // of the samples, 0 for the fallback
+  float inlier_share = 0.0F;  // of the samples, 0 for the fallback
 };
 
 struct GroundParams {
   std::uint64_t seed = 0;
-  int iterations = 128;            // 1..4096; 128 triples miss 50 % inliers with probability 4e-8
-  int max_samples = 4096;          // 16..65536
-  int min_samples = 64;            // >= 3; below this the next set of labels joins, then the fallback
-  float tolerance = 0.05F;         // relative depth error of an inlier, in (0, 0.5]
-  float min_inlier_share = 0.3F;   // below: fallback
-  float min_up_cosine = 0.82F;     // to the image's up direction; 35 degrees of pitch and roll
+  int iterations = 128;           // 1..4096; 128 triples miss 50 % inliers with probability 4e-8
+  int max_samples = 4096;         // 16..65536
+  int min_samples = 64;           // >= 3; below this the next set of labels joins, then the fallback
+  float tolerance = 0.05F;        // relative depth error of an inlier, in (0, 0.5]
+  float min_inlier_share = 0.3F;  // below: fallback
+  float min_up_cosine = 0.82F;    // to the image's up direction; 35 degrees of pitch and roll
   float min_height_m = 0.3F;
   float max_height_m = 10.0F;
   float fallback_height_m = 1.5F;
@@ -181,8 +181,8 @@ template <class Wanted>
   Span<GroundSample> samples;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(p.max_samples), samples));
   constexpr LabelSet kCarriageway = LabelSet::of(label::road, label::parking);
-  constexpr LabelSet kGround = LabelSet::of(label::road, label::parking, label::sidewalk, label::ground,
-                                            label::rail_track, label::terrain);
+  constexpr LabelSet kGround =
+      LabelSet::of(label::road, label::parking, label::sidewalk, label::ground, label::rail_track, label::terrain);
   const int first_row = depth.height() * 3 / 5;
   std::size_t count = 0;
   for (int pass = 0; pass < 2 && count < static_cast<std::size_t>(p.min_samples); ++pass) {

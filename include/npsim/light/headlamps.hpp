@@ -22,10 +22,10 @@ inline namespace v1 {
 inline constexpr std::size_t kEgoHeadlampCount = 2;
 
 struct EgoHeadlampParams {
-  float height_m = 0.65F;        // above the ground
-  float lateral_m = 0.6F;        // from the camera to either side
-  float ahead_m = 1.7F;          // of the camera
-  float half_width_m = 0.08F;    // of the luminous area
+  float height_m = 0.65F;      // above the ground
+  float lateral_m = 0.6F;      // from the camera to either side
+  float ahead_m = 1.7F;        // of the camera
+  float half_width_m = 0.08F;  // of the luminous area
   float half_height_m = 0.05F;
 };
 

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the light sources of each class are like: how often they are on, how strong, and of which colour.
 //
-// Activation ranges are those of the published successor of the method (SOLO, WACV 2025): p ~ U(p_low, p_high). Strengths
-// are in the unit of the profile (photometry.hpp): lm of the luminaire, cd at the peak, cd/m2. Sources: UN R7 (rear
-// position 4-17 cd, stop 60-185 cd, front position 4-140 cd), R112 (low beam), EN 12368 (signals, dimmed by night); street
-// lamps: LED 60-100 W at 140-200 lm/W, sodium 70-150 W (6-17 klm), both times 0.8 for the optics. CIE illuminants LED-B1..V2,
-// HP1, HP2 (CIE 015:2018); black-body points for windows. Entries marked [default] are plausible, not measured.
+// Activation ranges are those of the published successor of the method (SOLO, WACV 2025): p ~ U(p_low, p_high).
+// Strengths are in the unit of the profile (photometry.hpp): lm of the luminaire, cd at the peak, cd/m2. Sources: UN R7
+// (rear position 4-17 cd, stop 60-185 cd, front position 4-140 cd), R112 (low beam), EN 12368 (signals, dimmed by
+// night); street lamps: LED 60-100 W at 140-200 lm/W, sodium 70-150 W (6-17 klm), both times 0.8 for the optics. CIE
+// illuminants LED-B1..V2, HP1, HP2 (CIE 015:2018); black-body points for windows. Entries marked [default] are
+// plausible, not measured.
 #ifndef NPSIM_LIGHT_LIGHT_SET_HPP
 #define NPSIM_LIGHT_LIGHT_SET_HPP
 

@@ -2,13 +2,13 @@
 // The low beam of a headlamp: a smooth distribution that meets the test points of UN Regulation 112, class B, for
 // right-hand traffic.
 //
-// Coordinates are slopes seen from the lamp: h to its right, v upwards from the horizontal H-H through it (so one degree
-// is 0.01746). The cut-off lies 1 % below H-H on the left and rises by 15 degrees on the right (the kerb side), up to
-// 1.5 degrees above H-H. Below it stand a hot spot and a wide foreground, both squared Lorentz curves, which fall off
-// like a Gaussian near the middle but need no exp; across it the light fades over about 0.3 degrees; above it remains a
-// glow of about 90 cd for overhead signs.
-// Gradient of the cut-off, G = log10 E(v) - log10 E(v + 0.1 degree): between 0.13 and 0.40, as the regulation asks.
-// What was fitted: the constants below, by hand, to the points that the test lists. Left-hand traffic mirrors h.
+// Coordinates are slopes seen from the lamp: h to its right, v upwards from the horizontal H-H through it (so one
+// degree is 0.01746). The cut-off lies 1 % below H-H on the left and rises by 15 degrees on the right (the kerb side),
+// up to 1.5 degrees above H-H. Below it stand a hot spot and a wide foreground, both squared Lorentz curves, which fall
+// off like a Gaussian near the middle but need no exp; across it the light fades over about 0.3 degrees; above it
+// remains a glow of about 90 cd for overhead signs. Gradient of the cut-off, G = log10 E(v) - log10 E(v + 0.1 degree):
+// between 0.13 and 0.40, as the regulation asks. What was fitted: the constants below, by hand, to the points that the
+// test lists. Left-hand traffic mirrors h.
 #ifndef NPSIM_LIGHT_LOW_BEAM_HPP
 #define NPSIM_LIGHT_LOW_BEAM_HPP
 
@@ -20,7 +20,7 @@
 namespace npsim {
 inline namespace v1 {
 
-inline constexpr float kLowBeamAim = 0.01F;      // slope by which the axis of an emitter points below the horizontal
+inline constexpr float kLowBeamAim = 0.01F;        // slope by which the axis of an emitter points below the horizontal
 inline constexpr float kLowBeamPeakCd = 20196.7F;  // nominal; R112 holds from 0.65 to 1.4 times this
 
 inline namespace NPSIM_ISA_NAMESPACE {

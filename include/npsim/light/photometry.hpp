@@ -47,7 +47,8 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
 }
 
 // Greatest luminance that an emitter of a profile may show, cd/m2: a lit LED or a tungsten filament behind its optics,
-// a signal of 200 cd over a 200 mm disc (6400) with a margin for the bright spot, a billboard by night times ten. [default]
+// a signal of 200 cd over a 200 mm disc (6400) with a margin for the bright spot, a billboard by night times ten.
+// [default]
 [[nodiscard]] constexpr float luminance_cap_cd_m2(EmissionProfile profile) noexcept {
   switch (profile) {
     case EmissionProfile::street_luminaire: return 3e5F;
@@ -68,8 +69,8 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
   return strength * area_m2;
 }
 
-// Linear RGB of luminance 1 with chromaticity (x, y). Colours outside the gamut of sRGB lose their negative components and
-// are scaled back to luminance 1, so energy is kept and only saturation is lost.
+// Linear RGB of luminance 1 with chromaticity (x, y). Colours outside the gamut of sRGB lose their negative components
+// and are scaled back to luminance 1, so energy is kept and only saturation is lost.
 [[nodiscard]] constexpr Vec3f light_rgb(const Vec2f& xy) noexcept {
   if (!(xy.y > 1e-4F)) return {1.0F, 1.0F, 1.0F};
   const float cx = xy.x / xy.y;

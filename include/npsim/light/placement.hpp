@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // From annotated regions to emitters in space: one per marked source that has pixels and whose distance can be known.
 //
-// Depth: the median over the region's surface pixels, certain ones first, without outliers (region_depth.hpp). A region without depth takes that of its surroundings. Street lamps hang before the sky,
-// where depth is worst; see street_lamp.hpp for how their distance is found.
-// Patch: the region's rectangle with the region's area. Windows and signs lie in their facade's plane and face along its
-// normal; lamps are parallel to the image; a street lamp's is level, at the lower edge of its head. All are pulled off
-// their surface by offset_m along the axis, so that the surface does not shade them.
-// Axes: vehicle lamps along the street (against the viewing direction on the ground), or along the local normal where
-// that is far off it, low beams 1 % down; signals towards the camera's lane; street lamps down.
-// Regions of which no depth can be found, and marks that are groups, give no emitter. Order is that of the marks.
-// Cost: two passes over the image and one over each region's rectangle. Memory: about 3 MB, see the bytes function.
+// Depth: the median over the region's surface pixels, certain ones first, without outliers (region_depth.hpp); that of
+// its surroundings where the region has none. Street lamps hang before the sky, where depth is worst: street_lamp.hpp.
+// Patch: the region's rectangle with the region's area. Windows and signs lie in their facade's plane and face along
+// its normal; lamps are parallel to the image; a street lamp's is level, at the lower edge of its head. All are pulled
+// off their surface by offset_m along the axis, so that the surface does not shade them. Axes: vehicle lamps along the
+// street (against the viewing direction on the ground), or along the local normal where that is far off it, low beams 1
+// % down; signals towards the camera's lane; street lamps down. Regions of which no depth can be found, and marks that
+// are groups, give no emitter. Order is that of the marks. Cost: two passes over the image and one over each region's
+// rectangle. Memory: about 3 MB, see the bytes function.
 #ifndef NPSIM_LIGHT_PLACEMENT_HPP
 #define NPSIM_LIGHT_PLACEMENT_HPP
 
@@ -37,12 +37,12 @@ namespace npsim {
 inline namespace v1 {
 
 struct PlacementParams {
-  float offset_m = 0.02F;              // patches stand off their surface by this, >= 0
-  float min_area_m2 = 1e-3F;           // of any patch: a lamp of 3 cm
-  float min_street_area_m2 = 0.02F;    // of a street lamp's luminous opening
-  float max_side_m = 20.0F;            // bounds a patch where depth or normal is absurd
-  float min_facing_cosine = 0.15F;     // a normal closer to grazing than this is not trusted for a facade
-  float max_lamp_yaw_cosine = 0.3F;    // vehicle lamps: below this to the street's direction the normal decides
+  float offset_m = 0.02F;            // patches stand off their surface by this, >= 0
+  float min_area_m2 = 1e-3F;         // of any patch: a lamp of 3 cm
+  float min_street_area_m2 = 0.02F;  // of a street lamp's luminous opening
+  float max_side_m = 20.0F;          // bounds a patch where depth or normal is absurd
+  float min_facing_cosine = 0.15F;   // a normal closer to grazing than this is not trusted for a facade
+  float max_lamp_yaw_cosine = 0.3F;  // vehicle lamps: below this to the street's direction the normal decides
   StreetLampParams street;
 };
 
@@ -135,7 +135,8 @@ inline void place_in_plane(const PlacementParams& p, const Intrinsics& k, const 
     return std::fabs(s) > 1e-4F ? d * (plane / s) : d * z;
   };
   set_patch(e, (on_plane(u + half_width, v) - on_plane(u - half_width, v)) * 0.5F,
-            (on_plane(u, v + half_height) - on_plane(u, v - half_height)) * 0.5F, r.fill(), p.min_area_m2, p.max_side_m);
+            (on_plane(u, v + half_height) - on_plane(u, v - half_height)) * 0.5F, r.fill(), p.min_area_m2,
+            p.max_side_m);
   e.axis = normal;
   e.up = perpendicular(normal, ground.up);
   e.centre_m = centre + normal * p.offset_m;
@@ -233,7 +234,8 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
       light_detail::place_lamp(p, k, region, u, v, z, normal, ground, e);
     }
     if (!is_finite(e.centre_m) || !is_finite(e.half_u_m) || !is_finite(e.half_v_m)) continue;
-    if (count == out.size()) return Status(StatusCode::capacity_exceeded, "placement: more emitters than room for them");
+    if (count == out.size())
+      return Status(StatusCode::capacity_exceeded, "placement: more emitters than room for them");
     out[count++] = e;
   }
   return {};

@@ -3,9 +3,10 @@
 //
 // region_depth() is the median of z over the region without outliers (3 sigma by the quartiles, at least 2 %),
 // from the first of these sets that has samples: certain surface pixels, all surface pixels, then the same in growing
-// surroundings. Pixels labelled sky or ego vehicle never count. The median of at most kMaxRegionSamples pixels, taken
-// evenly in raster order, stands for that of larger regions. 0 where nothing was found.
-// Breakdown point: one half; fewer than half wrong pixels move the result by less than the spread of the right ones.
+// surroundings. Pixels labelled sky or ego vehicle, and depths outside 0.05 m to 100 km, never count. The median of at
+// most kMaxRegionSamples pixels, taken evenly in raster order, stands for that of larger regions. 0 where nothing was
+// found. Breakdown point: one half; fewer than half wrong pixels move the result by less than the spread of the right
+// ones.
 #ifndef NPSIM_LIGHT_REGION_DEPTH_HPP
 #define NPSIM_LIGHT_REGION_DEPTH_HPP
 
@@ -26,6 +27,8 @@ namespace npsim {
 inline namespace v1 {
 
 inline constexpr std::size_t kMaxRegionSamples = 4096;
+inline constexpr float kMinLightDepth = 0.05F;  // m; depths outside are taken for errors, and keep squares finite
+inline constexpr float kMaxLightDepth = 1e5F;
 
 // Pixels that carry one value of the index plane.
 struct LightRegion {
@@ -75,7 +78,9 @@ namespace light_detail {
 }
 
 [[nodiscard]] inline bool is_surface(const RegionInput& in, int x, int y) noexcept {
-  return is_valid_depth(in.depth(x, y)) && (in.labels.empty() || !kNoSurfaceLabels.contains(in.labels(x, y)));
+  const float z = in.depth(x, y);
+  const bool credible = z >= kMinLightDepth && z <= kMaxLightDepth;  // false for NaN
+  return credible && (in.labels.empty() || !kNoSurfaceLabels.contains(in.labels(x, y)));
 }
 [[nodiscard]] inline bool is_certain(const RegionInput& in, int x, int y) noexcept {
   return in.uncertain.empty() || in.uncertain(x, y) == 0;
@@ -130,8 +135,10 @@ template <class Accept>
 
 [[nodiscard]] inline float region_depth(const RegionInput& in, const LightRegion& r, std::uint16_t value,
                                         Span<float> scratch) noexcept {
-  const std::size_t enough = std::min<std::size_t>(3, r.pixels);
   for (const bool certain : {true, false}) {
+    // A handful of certain pixels must not outvote a large region, nor three valid ones be ignored.
+    const std::size_t enough =
+        std::min<std::size_t>(r.pixels, certain ? std::max<std::size_t>(3, r.pixels / 20) : std::size_t{3});
     const Span<float> z = collect_depth(
         in, r.x0, r.y0, r.x1, r.y1,
         [&](int x, int y) {

@@ -2,8 +2,8 @@
 // Picks one of a few candidates in proportion to its weight, by inverting the cumulative sum with one uniform number.
 //
 // P(i) = w_i / sum w. Weights that are zero, negative, infinite or NaN are never picked. The picked index is
-// non-decreasing in u, so stratified u give stratified picks. Sums run in double, in index order: the same bits everywhere.
-// Cost: two passes over the weights; right for short lists, where an alias table would not pay.
+// non-decreasing in u, so stratified u give stratified picks. Sums run in double, in index order: the same bits
+// everywhere. Cost: two passes over the weights; right for short lists, where an alias table would not pay.
 #ifndef NPSIM_LIGHT_SAMPLER_HPP
 #define NPSIM_LIGHT_SAMPLER_HPP
 

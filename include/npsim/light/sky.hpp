@@ -24,8 +24,8 @@ struct SkyParams {
 
 [[nodiscard]] inline Status validate(const SkyParams& p) noexcept {
   const bool good = is_finite(p.zenith_cd_m2) && is_finite(p.horizon_cd_m2) && is_finite(p.up) &&
-                    p.zenith_cd_m2.x >= 0 && p.zenith_cd_m2.y >= 0 && p.zenith_cd_m2.z >= 0 &&
-                    p.horizon_cd_m2.x >= 0 && p.horizon_cd_m2.y >= 0 && p.horizon_cd_m2.z >= 0;
+                    p.zenith_cd_m2.x >= 0 && p.zenith_cd_m2.y >= 0 && p.zenith_cd_m2.z >= 0 && p.horizon_cd_m2.x >= 0 &&
+                    p.horizon_cd_m2.y >= 0 && p.horizon_cd_m2.z >= 0;
   return good ? Status() : Status(StatusCode::invalid_argument, "sky luminances must be finite and not negative");
 }
 

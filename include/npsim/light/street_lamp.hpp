@@ -28,20 +28,20 @@ namespace npsim {
 inline namespace v1 {
 
 struct StreetLampParams {
-  float min_height_m = 2.0F;       // credible mounting heights above the ground
+  float min_height_m = 2.0F;  // credible mounting heights above the ground
   float max_height_m = 16.0F;
   float default_height_m = 8.0F;
   float max_distance_m = 300.0F;
-  float arm_m = 3.0F;              // reach of an arm, which bounds the search for the pole to either side
+  float arm_m = 3.0F;  // reach of an arm, which bounds the search for the pole to either side
 };
 
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace light_detail {
 
 inline constexpr LabelSet kPoleLabels = LabelSet::of(label::pole, label::polegroup);
-inline constexpr LabelSet kLampHeadLabels = LabelSet::of(label::pole, label::polegroup, label::traffic_light,
-                                                         label::traffic_sign, label::static_object,
-                                                         label::dynamic_object, label::unlabeled);
+inline constexpr LabelSet kLampHeadLabels =
+    LabelSet::of(label::pole, label::polegroup, label::traffic_light, label::traffic_sign, label::static_object,
+                 label::dynamic_object, label::unlabeled);
 
 [[nodiscard]] inline bool credible_lamp(const StreetLampParams& p, const Intrinsics& k, const GroundPlane& ground,
                                         float u, float v, float z) noexcept {
@@ -81,8 +81,8 @@ inline constexpr LabelSet kLampHeadLabels = LabelSet::of(label::pole, label::pol
       const Span<float> own = collect_depth(
           in, r.x0, r.y0, r.x1, r.y1,
           [&](int x, int y) {
-            return in.light_index(x, y) == value && kLampHeadLabels.contains(in.labels(x, y)) &&
-                   is_surface(in, x, y) && (!certain || is_certain(in, x, y));
+            return in.light_index(x, y) == value && kLampHeadLabels.contains(in.labels(x, y)) && is_surface(in, x, y) &&
+                   (!certain || is_certain(in, x, y));
           },
           scratch);
       if (own.size() < enough) continue;
@@ -132,8 +132,8 @@ inline constexpr LabelSet kLampHeadLabels = LabelSet::of(label::pole, label::pol
     }
   }
   Span<float> any = collect_depth(
-      in, r.x0, r.y0, r.x1, r.y1,
-      [&](int x, int y) { return in.light_index(x, y) == value && is_surface(in, x, y); }, scratch);
+      in, r.x0, r.y0, r.x1, r.y1, [&](int x, int y) { return in.light_index(x, y) == value && is_surface(in, x, y); },
+      scratch);
   if (!any.empty()) {
     float* quarter = any.data() + (any.size() - 1) / 4;
     std::nth_element(any.data(), quarter, any.data() + any.size());

@@ -2,18 +2,23 @@
 // Albedo and roughness from the daytime photograph and its labels, where no inverse-rendering network supplies them.
 //
 // 1. Linear: sRGB decoded (IEC 61966-2-1).
-// 2. Illuminant: grey world over road, pavement, building and wall, which are nearly neutral; its cast is divided out to
+// 2. Illuminant: grey world over road, pavement, building and wall, which are nearly neutral; its cast is divided out
+// to
 //    the power that `cast_removal` states, at constant luminance.
-// 3. Shading: the ratio Y / (class median) is averaged over tiles; classes differ in albedo but share the light that falls
-//    on a place, so the smooth part of this ratio is light, not paint. It is divided out by half (square root), which
-//    halves the contrast of large cast shadows in log terms; their edges stay.
-// 4. Scale: per class, so that the median luminance meets the prior of class_priors.hpp; texture within the class stays.
+// 3. Shading: the ratio Y / (class median) of ground, buildings and plants is averaged over tiles; classes differ in
+// albedo
+//    but share the light that falls on a place, so the smooth part of this ratio is light, not paint. It is divided out
+//    by half (square root), which halves the contrast of large cast shadows in log terms; their edges stay. Vehicles,
+//    people and signs vary too much to tell light from paint, and so does everything without labels: no step 3 there.
+// 4. Scale: per class, so that the median luminance meets the prior of class_priors.hpp; texture within the class
+// stays.
 // 5. Bounds: luminance ratio to the prior at most max_ratio, values in [min_albedo, max_albedo]. Saturated pixels (a
-//    channel at or above saturated_level: sky in panes, lit lamps, sun glints) have no trustworthy colour and become grey.
-// Invariant: output is finite and within the bounds; pixels without surface get the neutral prior. Without labels all is
-// one class. The median of a class meets its prior to 1 % where the bounds do not bite (histogram of 1024 bins).
-// It is an estimate up to an unknown factor per class, not a measurement: a white and a black car share one prior.
-// Cost: four passes. Memory: histograms (2.4 MB) and tile sums. Same bits for any thread count.
+//    channel at or above saturated_level: sky in panes, lit lamps, sun glints) have no trustworthy colour and become
+//    grey.
+// Invariant: output is finite and within the bounds; pixels without surface get the neutral prior. Without labels all
+// is one class. The median of a class meets its prior to 1 % where the bounds do not bite (histogram of 1024 bins). It
+// is an estimate up to an unknown factor per class, not a measurement: a white and a black car share one prior. Cost:
+// four passes. Memory: histograms (2.4 MB) and tile sums. Same bits for any thread count.
 #ifndef NPSIM_MATERIAL_ALBEDO_HPP
 #define NPSIM_MATERIAL_ALBEDO_HPP
 
@@ -37,18 +42,18 @@ namespace npsim {
 inline namespace v1 {
 
 struct AlbedoParams {
-  float cast_removal = 0.7F;      // 0 keeps the colour cast, 1 makes the reference classes grey on average
-  bool soften_shading = true;     // step 3
-  int tile_px = 32;               // 4..1024; of step 3, at any image size
-  int saturated_level = 250;      // 1..256; 256 switches the treatment off
-  float max_ratio = 4.0F;         // > 1: of luminance to the prior
+  float cast_removal = 0.7F;   // 0 keeps the colour cast, 1 makes the reference classes grey on average
+  bool soften_shading = true;  // step 3
+  int tile_px = 32;            // 4..1024; of step 3, at any image size
+  int saturated_level = 250;   // 1..256; 256 switches the treatment off
+  float max_ratio = 4.0F;      // > 1: of luminance to the prior
   float min_albedo = 0.02F;
   float max_albedo = 0.9F;
 };
 
 struct RoughnessParams {
-  float wetness = 0.0F;        // 0 dry .. 1 wet: blends road, parking and pavement towards wet_alpha
-  float wet_alpha = 0.12F;     // .05-.2 under a film of water
+  float wetness = 0.0F;     // 0 dry .. 1 wet: blends road, parking and pavement towards wet_alpha
+  float wet_alpha = 0.12F;  // .05-.2 under a film of water
 };
 
 [[nodiscard]] inline Status validate(const AlbedoParams& p) noexcept {
@@ -72,7 +77,7 @@ struct AlbedoPartial {
   return pixels > 0 && tile > 0 ? static_cast<std::size_t>((pixels + tile - 1) / tile) : 0;
 }
 
-[[nodiscard]] constexpr std::size_t albedo_workspace_bytes(const AlbedoParams& p, Shape shape) noexcept {
+[[nodiscard]] constexpr std::size_t estimate_albedo_workspace_bytes(const AlbedoParams& p, Shape shape) noexcept {
   const std::size_t tiles = albedo_tiles(shape.width, p.tile_px) * albedo_tiles(shape.height, p.tile_px);
   constexpr auto kLabels34 = static_cast<std::size_t>(kLabelCount);
   return allocation_bytes<float>(256) + allocation_bytes<AlbedoPartial>(kAlbedoChunks) +
@@ -85,6 +90,10 @@ namespace albedo_detail {
 
 inline constexpr LabelSet kReferenceLabels =
     LabelSet::of(label::road, label::sidewalk, label::parking, label::building, label::wall, label::ground);
+
+// Of step 3.
+inline constexpr LabelSet kShadingLabels = LabelSet::of(label::road, label::sidewalk, label::parking, label::building,
+                                                        label::wall, label::ground, label::vegetation, label::terrain);
 
 struct Context {
   AlbedoParams params;
@@ -163,9 +172,8 @@ void class_medians(const Context& c, Span<std::uint32_t> histograms, Span<float>
     for (std::size_t b = 0; b < kBins && total > 0; ++b) {
       const std::uint64_t here = histograms[l * kBins + b];
       if (2 * (below + here) >= total) {
-        const float inside = here > 0 ? (0.5F * static_cast<float>(total) - static_cast<float>(below)) /
-                                            static_cast<float>(here)
-                                      : 0.5F;
+        const float inside =
+            here > 0 ? (0.5F * static_cast<float>(total) - static_cast<float>(below)) / static_cast<float>(here) : 0.5F;
         const float root = (static_cast<float>(b) + std::clamp(inside, 0.0F, 1.0F)) / kScale;
         medians[l] = std::max(root * root, 1e-5F);
         break;
@@ -235,7 +243,7 @@ void measure_shading(const Context& c, Span<const float> medians, Span<float> ra
         for (int y = static_cast<int>(j) * tile; y < y_end; ++y) {
           for (int x = i * tile; x < x_end; ++x) {
             const Label l = c.at(x, y);
-            if (kNoSurfaceLabels.contains(l) || !(medians[l] > 0.0F)) continue;
+            if (!kShadingLabels.contains(l) || !(medians[l] > 0.0F)) continue;
             const float ratio = luminance(c.linear(x, y)) / medians[l];
             sum += static_cast<double>(std::sqrt(std::clamp(ratio, 0.02F, 8.0F)));
             ++n;
@@ -290,8 +298,8 @@ Status estimate_albedo(const AlbedoParams& p, ImageView<const Rgb8> day, ImageVi
   Span<std::uint32_t> histograms;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(256, decode));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(kAlbedoChunks, partials));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(
-      kAlbedoChunks * static_cast<std::size_t>(kLabelCount) * kAlbedoHistogramBins, histograms));
+  NPSIM_RETURN_IF_ERROR(
+      workspace.allocate(kAlbedoChunks * static_cast<std::size_t>(kLabelCount) * kAlbedoHistogramBins, histograms));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(kLabelCount), medians));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(kLabelCount), scale));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(tiles, raw));
@@ -304,7 +312,7 @@ Status estimate_albedo(const AlbedoParams& p, ImageView<const Rgb8> day, ImageVi
   c.decode = decode;
   c.gain = cast_gain(c, partials, executor);
   class_medians(c, histograms, medians, executor);
-  if (p.soften_shading) {
+  if (p.soften_shading && !labels.empty()) {
     measure_shading(c, medians, raw, smooth, executor);
     c.tiles = smooth;
     class_medians(c, histograms, medians, executor);
@@ -338,7 +346,7 @@ Status estimate_albedo(const AlbedoParams& p, ImageView<const Rgb8> day, ImageVi
   return {};
 }
 
-// GGX alpha by class. `labels` may be empty (one class), then `alpha` alone gives the shape.
+// GGX alpha by class. `labels` may be empty: one class.
 template <class Executor>
 Status estimate_roughness(const RoughnessParams& p, ImageView<const Label> labels, ImageView<float> alpha,
                           Executor& executor) {
@@ -361,6 +369,11 @@ Status estimate_roughness(const RoughnessParams& p, ImageView<const Label> label
     }
   });
   return {};
+}
+
+template <class Executor>
+Status estimate_roughness(ImageView<const Label> labels, ImageView<float> alpha, Executor& executor) {
+  return estimate_roughness(RoughnessParams{}, labels, alpha, executor);
 }
 
 }  // namespace NPSIM_ISA_NAMESPACE

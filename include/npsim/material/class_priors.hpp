@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the surfaces of a street are like, by Cityscapes label: median albedo (of luminance) and GGX roughness.
 //
-// Albedo: asphalt new .07-.08, aged .12-.15; concrete .14-.20; soil .22; grass .21 (broadband; the visible part of leaves
-// reflects about .1). The others, and all of roughness, are plausible defaults [default]: dry asphalt .8-1, foliage .5-.7,
-// painted and glazed things .1-.4. A photograph shows relative albedo only; the prior sets its scale per class.
+// Albedo: asphalt new .07-.08, aged .12-.15; concrete .14-.20; soil .22; grass .21 (broadband; the visible part of
+// leaves reflects about .1). The others, and all of roughness, are plausible defaults [default]: dry asphalt .8-1,
+// foliage .5-.7, painted and glazed things .1-.4. A photograph shows relative albedo only; the prior sets its scale per
+// class.
 #ifndef NPSIM_MATERIAL_CLASS_PRIORS_HPP
 #define NPSIM_MATERIAL_CLASS_PRIORS_HPP
 

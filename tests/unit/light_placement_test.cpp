@@ -1,0 +1,362 @@
+// SPDX-License-Identifier: Apache-2.0
+// Placement of emitters from annotated regions, on small painted scenes whose geometry is known.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "npsim/core/random.hpp"
+#include "npsim/light/placement.hpp"
+
+namespace {
+
+using namespace npsim;
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+// A camera 1.5 m above a level ground; sky above the horizon until something is painted.
+struct Scene {
+  Shape shape{200, 100};
+  Intrinsics k{180, 180, 100, 50};
+  GroundPlane ground;
+  std::vector<float> depth = std::vector<float>(shape.pixels(), 0.0F);
+  std::vector<Label> labels = std::vector<Label>(shape.pixels(), label::sky);
+  std::vector<std::uint8_t> uncertain = std::vector<std::uint8_t>(shape.pixels(), 0);
+  std::vector<Vec3f> normals = std::vector<Vec3f>(shape.pixels());
+  std::vector<std::uint16_t> index = std::vector<std::uint16_t>(shape.pixels(), 0);
+  std::vector<LightMark> marks;
+  std::vector<Emitter> out = std::vector<Emitter>(64);
+  std::size_t count = 0;
+  bool with_labels = true;
+  bool with_normals = true;
+  PlacementParams params;
+
+  Scene() {
+    for (int y = 51; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        at(depth, x, y) = 1.5F * k.fy / (static_cast<float>(y) + 0.5F - k.cy);
+        at(labels, x, y) = label::road;
+        at(normals, x, y) = {0, -1, 0};
+      }
+    }
+  }
+  template <class T>
+  T& at(std::vector<T>& plane, int x, int y) const {
+    return plane[static_cast<std::size_t>(y * shape.width + x)];
+  }
+  void paint(int x0, int y0, int x1, int y1, Label l, float z, Vec3f n = {0, 0, -1}) {
+    for (int y = y0; y <= y1; ++y) {
+      for (int x = x0; x <= x1; ++x) {
+        at(labels, x, y) = l;
+        at(depth, x, y) = z;
+        at(normals, x, y) = n;
+      }
+    }
+  }
+  std::uint16_t mark(LightClass cls, int x0, int y0, int x1, int y1, std::uint16_t group = 0,
+                     SignalState state = SignalState::unknown) {
+    marks.push_back({static_cast<std::uint32_t>(100 + marks.size()), cls, state, group});
+    const auto value = static_cast<std::uint16_t>(marks.size());
+    for (int y = y0; y <= y1; ++y) {
+      for (int x = x0; x <= x1; ++x) at(index, x, y) = value;
+    }
+    return value;
+  }
+  Status place() {
+    std::vector<unsigned char> bytes(placement_workspace_bytes(params, shape));
+    Workspace workspace(bytes.data(), bytes.size());
+    return place_lights(params, Span<const LightMark>(marks.data(), marks.size()), {index.data(), shape},
+                        {depth.data(), shape},
+                        with_labels ? ImageView<const Label>(labels.data(), shape) : ImageView<const Label>(),
+                        {uncertain.data(), shape},
+                        with_normals ? ImageView<const Vec3f>(normals.data(), shape) : ImageView<const Vec3f>(), k,
+                        ground, workspace, Span<Emitter>(out.data(), out.size()), count);
+  }
+  const Emitter& only() {
+    REQUIRE(place().ok());
+    REQUIRE(count == 1);
+    return out[0];
+  }
+};
+
+void check_frame(const Emitter& e) {
+  CHECK(length(e.axis) == doctest::Approx(1.0).epsilon(1e-4));
+  CHECK(length(e.up) == doctest::Approx(1.0).epsilon(1e-4));
+  CHECK(std::fabs(dot(e.axis, e.up)) < 1e-4F);
+  CHECK(e.area_m2 > 0.0F);
+}
+
+}  // namespace
+
+TEST_CASE("a window in a wall that faces the camera: centre, size and 2 cm in front of it") {
+  Scene s;
+  s.paint(20, 5, 80, 49, label::building, 12);
+  s.mark(LightClass::window_building, 30, 10, 41, 29);
+  const Emitter& e = s.only();
+  check_frame(e);
+  CHECK(e.profile == EmissionProfile::lambert);
+  CHECK(e.centre_m.x == doctest::Approx((36 - 100) * 12 / 180.0).epsilon(1e-4));
+  CHECK(e.centre_m.y == doctest::Approx((20 - 50) * 12 / 180.0).epsilon(1e-4));
+  CHECK(e.centre_m.z == doctest::Approx(12 - 0.02).epsilon(1e-5));
+  CHECK(e.area_m2 == doctest::Approx(12 * 20 * 144 / 32400.0).epsilon(1e-4));
+  CHECK(4 * length(cross(e.half_u_m, e.half_v_m)) == doctest::Approx(static_cast<double>(e.area_m2)).epsilon(1e-4));
+}
+
+TEST_CASE("a window in a slanted facade lies in its plane, however many normals are missing") {
+  Scene s;
+  const Vec3f n = normalized(Vec3f{0.8F, 0, -0.6F});
+  // The facade on the left: n . X = -6.
+  for (int y = 0; y < 50; ++y) {
+    for (int x = 0; x < 90; ++x) {
+      const Vec3f ray = unproject_pixel(s.k, x, y, 1);
+      s.paint(x, y, x, y, label::building, -6 / dot(n, ray), n);
+    }
+  }
+  s.mark(LightClass::window_building, 30, 10, 49, 29);
+  for (int y = 10; y < 30; ++y) s.at(s.normals, 35, y) = {kNan, kNan, kNan};
+  const Emitter& e = s.only();
+  check_frame(e);
+  CHECK(length(e.axis - n) < 1e-4F);
+  CHECK(dot(n, e.centre_m) == doctest::Approx(-6 + 0.02).epsilon(0.01));
+  CHECK(std::fabs(dot(n, e.half_u_m)) < 1e-3F);
+  CHECK(std::fabs(dot(n, e.half_v_m)) < 1e-3F);
+  // True area on the facade: seen area over the cosine between its normal and the ray, per pixel.
+  double area = 0;
+  for (int y = 10; y < 30; ++y) {
+    for (int x = 30; x < 50; ++x) {
+      const Vec3f ray = unproject_pixel(s.k, x, y, 1);
+      const double z = static_cast<double>(-6 / dot(n, ray));
+      area += z * z * z / (180.0 * 180.0) * 1.0 / 6.0;  // dA = z^3 / (fx fy |n . X|)
+    }
+  }
+  CHECK(static_cast<double>(e.area_m2) == doctest::Approx(area).epsilon(0.03));
+}
+
+TEST_CASE("a normal that is grazing, missing or turned away is not believed") {
+  for (const Vec3f n : {Vec3f{1, 0, 0.02F}, Vec3f{0, 0, 0}, Vec3f{kNan, 0, 0}, Vec3f{0, 0, 1}}) {
+    Scene s;
+    s.paint(90, 5, 110, 49, label::building, 12, n);
+    s.mark(LightClass::advertisement, 95, 10, 105, 20);
+    const Emitter& e = s.only();
+    check_frame(e);
+    CHECK(dot(e.axis, normalized(e.centre_m)) < -0.9F);
+  }
+  Scene s;
+  s.with_normals = false;
+  s.paint(90, 5, 110, 49, label::building, 12);
+  s.mark(LightClass::clock, 95, 10, 105, 20);
+  CHECK(dot(s.only().axis, normalized(s.only().centre_m)) < -0.9F);
+}
+
+TEST_CASE("depth of a region is not moved by wrong, uncertain and missing pixels that are fewer than half") {
+  Scene s;
+  s.paint(60, 50, 120, 80, label::car, 15);
+  s.mark(LightClass::moving_rear, 70, 60, 79, 65);
+  for (int y = 60; y <= 65; ++y) {
+    s.at(s.depth, 70, y) = kNan;
+    s.at(s.depth, 71, y) = 0;
+    s.at(s.depth, 72, y) = 300;
+    s.at(s.depth, 73, y) = -5;
+    for (int x = 77; x < 80; ++x) {
+      s.at(s.depth, x, y) = 40;
+      s.at(s.uncertain, x, y) = 255;
+    }
+  }
+  const Emitter& e = s.only();
+  CHECK(e.centre_m.z == doctest::Approx(15 - 0.02).epsilon(1e-4));
+}
+
+TEST_CASE("a region without any depth takes that of its surroundings; with none at all it gives no emitter") {
+  Scene s;
+  s.paint(60, 52, 120, 80, label::car, 15);
+  s.mark(LightClass::moving_rear, 70, 60, 79, 65);
+  for (int y = 60; y <= 65; ++y) {
+    for (int x = 70; x < 80; ++x) s.at(s.depth, x, y) = kNan;
+  }
+  CHECK(s.only().centre_m.z == doctest::Approx(15).epsilon(0.01));
+  for (float& z : s.depth) z = kNan;
+  REQUIRE(s.place().ok());
+  CHECK(s.count == 0);
+}
+
+TEST_CASE("lamps of cars ahead: rear lamps and low beams face us along the street, low beams 1 % down") {
+  Scene s;
+  const float sine = std::sin(0.05F);
+  s.ground.up = normalized(Vec3f{0, -std::cos(0.05F), sine});
+  s.paint(60, 52, 140, 80, label::car, 20);
+  s.mark(LightClass::moving_front, 70, 60, 75, 64);
+  s.mark(LightClass::moving_rear, 120, 60, 125, 64);
+  s.mark(LightClass::parked_front, 90, 60, 95, 64);
+  REQUIRE(s.place().ok());
+  REQUIRE(s.count == 3);
+  const Vec3f back = -forward_on_ground(s.ground);
+  CHECK(s.out[0].profile == EmissionProfile::low_beam);
+  CHECK(dot(s.out[0].axis, s.ground.up) == doctest::Approx(-0.01).epsilon(1e-3));
+  CHECK(dot(s.out[0].axis, back) > 0.9999F - 1e-4F);
+  CHECK(s.out[1].profile == EmissionProfile::signal);
+  CHECK(dot(s.out[1].axis, back) > 0.9999F);
+  CHECK(s.out[2].profile == EmissionProfile::signal);
+  for (std::size_t i = 0; i < 3; ++i) check_frame(s.out[i]);
+  // The oncoming low beam's right is our left.
+  CHECK(cross(s.out[0].axis, s.out[0].up).x < -0.9F);
+}
+
+TEST_CASE("a car that crosses: its lamp follows the normal") {
+  Scene s;
+  s.paint(60, 52, 140, 80, label::car, 20, normalized(Vec3f{-1, 0, -0.1F}));
+  s.mark(LightClass::moving_front, 130, 60, 135, 64);
+  const Emitter& e = s.only();
+  CHECK(e.axis.x < -0.9F);
+  CHECK(dot(e.axis, e.centre_m) < 0.0F);
+}
+
+TEST_CASE("the lamp of a bicycle is no low beam") {
+  Scene s;
+  s.paint(60, 52, 140, 80, label::bicycle, 20);
+  s.marks.push_back({1, LightClass::bicycle_group, SignalState::unknown, 0});
+  s.mark(LightClass::moving_front, 70, 60, 73, 63, 1);
+  const Emitter& e = s.only();
+  CHECK(e.profile == EmissionProfile::signal);
+  CHECK(e.group == 1);
+  CHECK(e.group_cls == LightClass::bicycle_group);
+}
+
+TEST_CASE("inferred objects: discs of a traffic light are signals towards us, others are lit surfaces") {
+  Scene s;
+  s.paint(40, 10, 60, 40, label::traffic_light, 25);
+  s.marks.push_back({1, LightClass::traffic_light_group, SignalState::unknown, 0});
+  s.mark(LightClass::inferred_object, 45, 15, 48, 18, 1);
+  s.mark(LightClass::inferred_object, 45, 25, 48, 28, 0, SignalState::green);
+  s.mark(LightClass::inferred_object, 55, 25, 58, 28);
+  REQUIRE(s.place().ok());
+  REQUIRE(s.count == 3);
+  CHECK(s.out[0].profile == EmissionProfile::signal);
+  CHECK(s.out[1].profile == EmissionProfile::signal);
+  CHECK(s.out[1].state == SignalState::green);
+  CHECK(s.out[2].profile == EmissionProfile::lambert);
+  CHECK(dot(s.out[0].axis, normalized(-s.out[0].centre_m)) > 0.95F);
+  CHECK(std::fabs(dot(s.out[0].axis, s.ground.up)) < 1e-5F);
+}
+
+TEST_CASE("street lamp against the sky: never the depth of the sky, but that of its pole, or of the pole's foot") {
+  for (const bool pole_depth : {true, false}) {
+    Scene s;
+    // A pole 30 m away at x = 6.67 m: columns 139..141, from row 10 (height 8.1 m) to its foot at row 59.
+    s.paint(139, 10, 141, 58, label::pole, pole_depth ? 30.0F : 0.0F);
+    // Head with an arm to the left, labelled sky, filled with nonsense.
+    s.paint(120, 8, 128, 11, label::sky, 200);
+    s.mark(LightClass::street_light_ht, 120, 8, 128, 11);
+    const Emitter& e = s.only();
+    check_frame(e);
+    INFO("pole has depth: " << pole_depth);
+    // The foot's row is known to half a pixel of nine under the horizon: 6 %.
+    CHECK(e.centre_m.z == doctest::Approx(30).epsilon(pole_depth ? 0.001 : 0.06));
+    CHECK(e.profile == EmissionProfile::street_luminaire);
+    CHECK(length(e.axis - Vec3f{0, 1, 0}) < 1e-5F);
+    CHECK(height_above_ground(s.ground, e.centre_m) > 6.0F);
+    CHECK(height_above_ground(s.ground, e.centre_m) < 9.5F);
+    CHECK(e.area_m2 >= 0.02F);
+  }
+}
+
+TEST_CASE("street lamp whose own pixels are an object with a credible depth: that depth") {
+  Scene s;
+  s.paint(100, 20, 105, 29, label::static_object, 24);
+  s.paint(98, 20, 99, 29, label::building, 90);  // a facade behind, inside the region
+  s.mark(LightClass::street_light_lt, 98, 20, 105, 29);
+  CHECK(s.only().centre_m.z == doctest::Approx(24).epsilon(1e-3));
+}
+
+TEST_CASE("street lamp on a wire, nothing but sky: hung at the default height") {
+  Scene s;
+  s.paint(98, 10, 104, 14, label::sky, 500);
+  s.mark(LightClass::street_light_lt, 98, 10, 104, 14);
+  const Emitter& e = s.only();
+  CHECK(height_above_ground(s.ground, e.centre_m) == doctest::Approx(8.0).epsilon(0.1));
+  CHECK(e.centre_m.z < 60.0F);
+}
+
+TEST_CASE("street lamp without labels: an incredible depth (80 m up) is not taken") {
+  Scene s;
+  s.with_labels = false;
+  s.paint(98, 10, 104, 14, label::sky, 400);
+  s.mark(LightClass::street_light_lt, 98, 10, 104, 14);
+  CHECK(height_above_ground(s.ground, s.only().centre_m) < 16.5F);
+}
+
+TEST_CASE("groups, marks without pixels and class none give no emitter; order and references stay") {
+  Scene s;
+  s.paint(20, 5, 180, 49, label::building, 12);
+  s.marks.push_back({1, LightClass::windows_group, SignalState::unknown, 0});
+  s.marks.push_back({2, LightClass::window_building, SignalState::unknown, 1});  // no pixels
+  s.mark(LightClass::window_building, 30, 10, 35, 15, 1);
+  s.mark(LightClass::none, 50, 10, 55, 15);
+  s.mark(LightClass::car_group, 70, 10, 75, 15);
+  s.mark(LightClass::clock, 90, 10, 95, 15, 999);  // a group that does not exist
+  REQUIRE(s.place().ok());
+  REQUIRE(s.count == 2);
+  CHECK(s.out[0].mark == 3);
+  CHECK(s.out[0].group == 1);
+  CHECK(s.out[1].mark == 6);
+  CHECK(s.out[1].group == 0);
+}
+
+TEST_CASE("placement refuses what it cannot use and never writes past the end") {
+  Scene s;
+  s.paint(20, 5, 180, 49, label::building, 12);
+  s.mark(LightClass::clock, 30, 10, 35, 15);
+  s.mark(LightClass::clock, 50, 10, 55, 15);
+  s.out.resize(1);
+  CHECK(s.place().code() == StatusCode::capacity_exceeded);
+  s.out.resize(2);
+  s.at(s.index, 0, 0) = 77;
+  CHECK(s.place().code() == StatusCode::invalid_argument);
+  s.at(s.index, 0, 0) = 0;
+  s.ground.up = {0, -2, 0};
+  CHECK(s.place().code() == StatusCode::invalid_argument);
+  s.ground.up = {0, -1, 0};
+  s.params.min_area_m2 = 0;
+  CHECK(s.place().code() == StatusCode::invalid_argument);
+  s.params.min_area_m2 = 1e-3F;
+  CHECK(s.place().ok());
+  std::vector<unsigned char> bytes(64);
+  Workspace tiny(bytes.data(), bytes.size());
+  CHECK(place_lights(s.params, Span<const LightMark>(s.marks.data(), s.marks.size()), {s.index.data(), s.shape},
+                     {s.depth.data(), s.shape}, {}, {}, {}, s.k, s.ground, tiny,
+                     Span<Emitter>(s.out.data(), s.out.size()), s.count)
+            .code() == StatusCode::workspace_exhausted);
+  CHECK(place_lights(s.params, Span<const LightMark>(s.marks.data(), s.marks.size()), {s.index.data(), s.shape},
+                     {s.depth.data(), {10, 10}}, {}, {}, {}, s.k, s.ground, tiny,
+                     Span<Emitter>(s.out.data(), s.out.size()), s.count)
+            .code() == StatusCode::shape_mismatch);
+}
+
+TEST_CASE("single pixels, image corners and random planes of every class: finite emitters with unit frames") {
+  for (std::uint32_t round = 0; round < 60; ++round) {
+    Scene s;
+    RandomStream r(11, RandomPurpose::test, round, 0, 0, 0);
+    const float odd[] = {kNan, 0, -1, std::numeric_limits<float>::infinity(), 1e-30F, 1e30F, 5, 50};
+    for (std::size_t i = 0; i < s.depth.size(); ++i) {
+      RandomStream q(12, RandomPurpose::test, round, 0, static_cast<std::uint32_t>(i), 0);
+      if (q.uniform() < 0.7F) s.depth[i] = odd[q.next_u32() % 8];
+      s.labels[i] = static_cast<Label>(q.next_u32() % 40);
+      s.normals[i] = {q.uniform(-1, 1), q.uniform() < 0.1F ? kNan : q.uniform(-1, 1), q.uniform(-1, 1)};
+      s.uncertain[i] = q.uniform() < 0.3F ? 255 : 0;
+    }
+    for (int c = 0; c < kLightClassCount; ++c) {
+      const int x = static_cast<int>(r.next_u32() % 200);
+      const int y = static_cast<int>(r.next_u32() % 100);
+      s.mark(static_cast<LightClass>(c), x, y, std::min(199, x + static_cast<int>(r.next_u32() % 4)),
+             std::min(99, y + static_cast<int>(r.next_u32() % 4)));
+    }
+    REQUIRE(s.place().ok());
+    for (std::size_t i = 0; i < s.count; ++i) {
+      const Emitter& e = s.out[i];
+      CHECK_UNARY(is_finite(e.centre_m) && is_finite(e.half_u_m) && is_finite(e.half_v_m));
+      CHECK_UNARY(std::isfinite(e.area_m2) && e.area_m2 > 0.0F);
+      CHECK_UNARY(std::fabs(length(e.axis) - 1.0F) < 1e-3F && std::fabs(length(e.up) - 1.0F) < 1e-3F);
+      CHECK_UNARY(length(e.half_u_m) < 25.0F && length(e.half_v_m) < 25.0F);
+    }
+  }
+}
