@@ -59,30 +59,38 @@ enum class QuadEdge { top, bottom, left, right };
   return (quad & (edge_is_upper(quad, edge) ? kQuadUpperFace : kQuadLowerFace)) != 0;
 }
 
-// The 8 slots of a vertex, clockwise on the image from the edge above it; each quad around it has two.
-struct FanSlot {
-  int quad_dx;
-  int quad_dy;
-  QuadEdge edge;
-};
-inline constexpr FanSlot kFanSlots[8] = {{0, -1, QuadEdge::left},    {0, -1, QuadEdge::bottom}, {0, 0, QuadEdge::top},
-                                         {0, 0, QuadEdge::left},     {-1, 0, QuadEdge::right},  {-1, 0, QuadEdge::top},
-                                         {-1, -1, QuadEdge::bottom}, {-1, -1, QuadEdge::right}};
+// Slot k of a vertex is that of an edge of one of the quads around it, clockwise on the image from the edge above. Each
+// quad has two of them at its corner: A sees the quad from upper left, and has slots 2 and 3, and so on.
+inline constexpr QuadEdge kSlotEdge[8] = {QuadEdge::left,  QuadEdge::bottom, QuadEdge::top,    QuadEdge::left,
+                                          QuadEdge::right, QuadEdge::top,    QuadEdge::bottom, QuadEdge::right};
+inline constexpr unsigned kFirstSlot[4] = {2, 4, 0, 6};  // of corners A, B, C, D
+inline constexpr unsigned kAllSlots = 0xFF;
+
+[[nodiscard]] constexpr unsigned corner_slots(std::uint8_t quad, unsigned corner) noexcept {
+  const unsigned first = kFirstSlot[corner];
+  return (edge_has_face(quad, kSlotEdge[first]) ? 1U << first : 0U) |
+         (edge_has_face(quad, kSlotEdge[first + 1]) ? 2U << first : 0U);
+}
 
 [[nodiscard]] inline unsigned fan_slots(const ImageView<std::uint8_t>& quads, int x, int y) noexcept {
-  unsigned slots = 0;
-  for (unsigned k = 0; k < 8; ++k) {
-    const int qx = x + kFanSlots[k].quad_dx;
-    const int qy = y + kFanSlots[k].quad_dy;
-    if (quads.contains(qx, qy) && edge_has_face(quads(qx, qy), kFanSlots[k].edge)) slots |= 1U << k;
-  }
-  return slots;
+  const bool left = x > 0;
+  const bool right = x < quads.width();
+  const std::uint8_t* above = y > 0 ? quads.row(y - 1) + x : nullptr;
+  const std::uint8_t* below = y < quads.height() ? quads.row(y) + x : nullptr;
+  const std::uint8_t a = below != nullptr && right ? below[0] : std::uint8_t{0};  // the quad whose corner A this is
+  const std::uint8_t b = below != nullptr && left ? below[-1] : std::uint8_t{0};
+  const std::uint8_t c = above != nullptr && right ? above[0] : std::uint8_t{0};
+  const std::uint8_t d = above != nullptr && left ? above[-1] : std::uint8_t{0};
+  constexpr unsigned kBoth = kQuadUpperFace | kQuadLowerFace;
+  if ((static_cast<unsigned>(a & b) & static_cast<unsigned>(c & d) & kBoth) == kBoth) return kAllSlots;
+  if ((static_cast<unsigned>(a | b) | static_cast<unsigned>(c | d)) == 0) return 0;
+  return corner_slots(a, 0) | corner_slots(b, 1) | corner_slots(c, 2) | corner_slots(d, 3);
 }
 
 // Slots that begin a run.
 [[nodiscard]] constexpr unsigned fan_starts(unsigned slots) noexcept {
-  if (slots == 0xFFU) return 1U;
-  return slots & ~(((slots << 1U) | (slots >> 7U)) & 0xFFU);
+  if (slots == kAllSlots) return 1U;
+  return slots & ~(((slots << 1U) | (slots >> 7U)) & kAllSlots);
 }
 [[nodiscard]] constexpr std::uint32_t bit_count(unsigned bits) noexcept {
   std::uint32_t n = 0;
@@ -96,13 +104,13 @@ inline constexpr FanSlot kFanSlots[8] = {{0, -1, QuadEdge::left},    {0, -1, Qua
   return bit_count(starts & ((1U << slot) - 1U));
 }
 
-// A slot of corner A, B, C, D (0..3) of a quad that lies in the quad's upper or lower face, if that face has it.
+// The slot of a corner of a quad that lies in the quad's upper or lower face.
 [[nodiscard]] constexpr unsigned corner_slot(std::uint8_t quad, unsigned corner, bool upper) noexcept {
-  // First slot of the two that a quad has at its corner: A sees it as lower-right, B as lower-left, and so on.
-  constexpr unsigned kFirst[4] = {2, 4, 0, 6};
-  const unsigned first = kFirst[corner];
-  return edge_is_upper(quad, kFanSlots[first].edge) == upper ? first : first + 1;
+  const unsigned first = kFirstSlot[corner];
+  return edge_is_upper(quad, kSlotEdge[first]) == upper ? first : first + 1;
 }
+
+inline constexpr std::uint32_t kManyFans = 0x80000000U;  // flag of an index: the pixel has several vertices
 
 [[nodiscard]] inline std::uint32_t row_faces(const SheetLayer& layer, int y) noexcept {
   std::uint32_t n = 0;
@@ -141,7 +149,7 @@ template <class Executor>
   size = {};
   NPSIM_RETURN_IF_ERROR(validate(layer));
   const Shape shape = layer.vertices.shape();
-  if (shape.pixels() > 0x3FFFFFFFU) return {StatusCode::capacity_exceeded, "the image has more than 2^30 pixels"};
+  if (shape.pixels() > 0x1FFFFFFFU) return {StatusCode::capacity_exceeded, "the image has 2^29 pixels or more"};
   const WorkspaceScope scope(workspace);
   ImageView<std::uint32_t> index;  // of the first fan of each pixel
   Span<std::uint32_t> vertex_start;
@@ -170,9 +178,10 @@ template <class Executor>
   mesh_detail::for_rows(executor, shape.height, [&](int y) {
     std::uint32_t next = vertex_start[static_cast<std::size_t>(y)];
     for (int x = 0; x < shape.width; ++x) {
-      index(x, y) = next;
-      const unsigned slots = mesh_detail::fan_slots(layer.quads, x, y);
-      for (std::uint32_t fan = mesh_detail::bit_count(mesh_detail::fan_starts(slots)); fan > 0; --fan, ++next) {
+      const std::uint32_t fans =
+          mesh_detail::bit_count(mesh_detail::fan_starts(mesh_detail::fan_slots(layer.quads, x, y)));
+      index(x, y) = fans > 1 ? next | mesh_detail::kManyFans : next;
+      for (std::uint32_t fan = 0; fan < fans; ++fan, ++next) {
         out.vertices[next] = layer.vertices(x, y);
         if (pixels) {
           out.pixels[next] =
@@ -191,9 +200,10 @@ template <class Executor>
         for (unsigned corner = 0; corner < 4; ++corner) {
           const int px = x + static_cast<int>(corner & 1U);
           const int py = y + static_cast<int>(corner >> 1U);
-          const unsigned slots = mesh_detail::fan_slots(layer.quads, px, py);
-          vertex[corner] = first_vertex + index(px, py) +
-                           mesh_detail::fan_of_slot(slots, mesh_detail::corner_slot(quad, corner, upper));
+          vertex[corner] = first_vertex + (index(px, py) & ~mesh_detail::kManyFans);
+          if ((index(px, py) & mesh_detail::kManyFans) == 0) continue;
+          vertex[corner] += mesh_detail::fan_of_slot(mesh_detail::fan_slots(layer.quads, px, py),
+                                                     mesh_detail::corner_slot(quad, corner, upper));
         }
         out.faces[next++] =
             quad_face((quad & kQuadAntiDiagonal) != 0, upper, vertex[0], vertex[1], vertex[2], vertex[3]);
