@@ -263,6 +263,11 @@ inline void build_row(Scene& scene, const Layout& l, int side) {
       if (std::fabs(s - gap1) < 0.01F) after_gap = true;
     }
     if (s + width > last - 6) width = last - s;
+    const bool park = l.park_side == side && s > l.junction1 && s < l.junction1 + 30;
+    if (park) {
+      s = s + width > l.junction1 + 30 ? s + width : l.junction1 + 32;
+      continue;
+    }
     const float depth = dice.uniform(11, 14);
     const float setback = dice.chance(0.25F) ? dice.uniform(0.2F, 0.9F) : dice.uniform(0.0F, 0.08F);
     const float middle = s + 0.5F * width;

@@ -263,16 +263,16 @@ struct CarSpec {
   Vec3f colour{0.3F, 0.3F, 0.3F};
   bool moving = false;
   bool braking = false;
-  bool coarse = false;
+  int level = 0;  // 0: near, 1: middle, 2: far
 };
 
 inline Vec3f car_colour(Dice& dice) {
-  const Vec3f colours[12] = {{0.62F, 0.62F, 0.61F}, {0.36F, 0.37F, 0.38F}, {0.025F, 0.026F, 0.028F},
-                             {0.10F, 0.105F, 0.11F}, {0.30F, 0.025F, 0.02F}, {0.03F, 0.06F, 0.16F},
-                             {0.04F, 0.12F, 0.20F}, {0.20F, 0.20F, 0.205F}, {0.05F, 0.10F, 0.07F},
-                             {0.42F, 0.36F, 0.26F}, {0.50F, 0.50F, 0.50F}, {0.015F, 0.016F, 0.02F}};
-  const int i = dice.pick(14);
-  return i < 12 ? colours[i] : Vec3f{0.45F, 0.17F, 0.03F};
+  // About the shares of European traffic: grey, black and white first, then blue and red, few others.
+  const Vec3f colours[16] = {{0.60F, 0.60F, 0.59F}, {0.34F, 0.35F, 0.36F}, {0.022F, 0.023F, 0.025F}, {0.10F, 0.104F, 0.11F},
+                             {0.58F, 0.58F, 0.57F}, {0.17F, 0.175F, 0.18F}, {0.015F, 0.016F, 0.019F}, {0.42F, 0.42F, 0.42F},
+                             {0.06F, 0.062F, 0.066F}, {0.26F, 0.03F, 0.025F}, {0.025F, 0.05F, 0.14F}, {0.05F, 0.11F, 0.19F},
+                             {0.035F, 0.07F, 0.05F}, {0.33F, 0.29F, 0.22F}, {0.14F, 0.02F, 0.025F}, {0.38F, 0.15F, 0.03F}};
+  return colours[dice.pick(16)] * dice.uniform(0.85F, 1.1F);
 }
 
 inline void build_car(Scene& scene, const Pose& pose, const CarSpec& spec, Dice& dice) {
@@ -294,8 +294,10 @@ inline void build_car(Scene& scene, const Pose& pose, const CarSpec& spec, Dice&
 
   // Columns of the outline, dense at the wheel arches.
   std::vector<float> us;
-  const int face = spec.coarse ? 3 : 6;
-  const int corner = spec.coarse ? 3 : 6;
+  const bool coarse = spec.level > 1;
+  const bool close = spec.level == 0;
+  const int face = coarse ? 3 : (close ? 6 : 4);
+  const int corner = coarse ? 3 : (close ? 6 : 5);
   for (int i = 0; i < face; ++i) us.push_back(static_cast<float>(i) / static_cast<float>(face));
   for (int i = 0; i < corner; ++i) us.push_back(1 + 0.5F * static_cast<float>(i) / static_cast<float>(corner));
   {
@@ -306,14 +308,14 @@ inline void build_car(Scene& scene, const Pose& pose, const CarSpec& spec, Dice&
     const float r = c.wheel_radius + 0.055F;
     const float drop = c.wheel_radius - c.sections[0].y;
     const float reach = std::sqrt(r * r - drop * drop);
-    const int steps = spec.coarse ? 6 : 14;
+    const int steps = coarse ? 5 : (close ? 14 : 8);
     for (const float axle : {c.axle_rear, c.axle_front}) {
       for (int i = 0; i <= steps; ++i) {
         const float a = kPi * static_cast<float>(i) / static_cast<float>(steps);
         zs.push_back(axle - reach * std::cos(a));
       }
     }
-    const int mid = spec.coarse ? 3 : 8;
+    const int mid = coarse ? 2 : (close ? 7 : 4);
     for (int i = 1; i < mid; ++i) {
       zs.push_back(mix(c.axle_rear + reach, c.axle_front - reach, static_cast<float>(i) / static_cast<float>(mid)));
     }
@@ -332,8 +334,8 @@ inline void build_car(Scene& scene, const Pose& pose, const CarSpec& spec, Dice&
   for (int i = 0; i <= face; ++i) us.push_back(3 + static_cast<float>(i) / static_cast<float>(face));
 
   const float shoulder = c.sections[4].y;
-  const int low_rows = spec.coarse ? 3 : 6;
-  const int high_rows = spec.coarse ? 9 : 22;
+  const int low_rows = coarse ? 2 : (close ? 6 : 4);
+  const int high_rows = coarse ? 9 : (close ? 22 : 15);
   const float top = c.sections[13].y;
   for (const float side : {-1.0F, 1.0F}) {
     scene.grid(static_cast<int>(us.size()) - 1, low_rows + high_rows,
@@ -365,7 +367,7 @@ inline void build_car(Scene& scene, const Pose& pose, const CarSpec& spec, Dice&
   for (const float side : {-1.0F, 1.0F}) {
     for (const float axle : {c.axle_front, c.axle_rear}) {
       build_wheel(scene, pose, {side * (w - 0.125F), c.wheel_radius, axle}, c.wheel_radius, 0.2F, side, tyre, rim, spokes,
-                  base, spec.coarse ? 12 : 28);
+                  base, coarse ? 10 : (close ? 28 : 16));
     }
   }
 
@@ -375,12 +377,12 @@ inline void build_car(Scene& scene, const Pose& pose, const CarSpec& spec, Dice&
   window.light = inside;
   const float belt = c.belt + 0.02F;
   const float roof = c.roof - 0.01F;
-  const int gu = spec.coarse ? 3 : 8;
-  const int gv = spec.coarse ? 2 : 6;
+  const int gu = coarse ? 2 : (close ? 8 : 4);
+  const int gv = coarse ? 2 : (close ? 6 : 4);
   const auto flat = [](float v) { return [v](float) { return v; }; };
   for (const float side : {-1.0F, 1.0F}) {
     const auto side_window = [&](float from, float to) {
-      body_patch(scene, pose, c, 1.5F + from, 1.5F + to, side, flat(belt), flat(roof), 0.006F, gu, gv, window);
+      body_patch(scene, pose, c, 1.5F + from, 1.5F + to, side, flat(belt), flat(roof), 0.008F, gu, gv, window);
     };
     side_window(c.pillar_b + 0.025F, c.glass_front);
     if (c.glass_rear < c.pillar_b - 0.05F) {
@@ -390,7 +392,7 @@ inline void build_car(Scene& scene, const Pose& pose, const CarSpec& spec, Dice&
     // Black line under the windows, sill trim, door gaps and handles.
     body_patch(scene, pose, c, 1.5F + (c.glass_rear < 0.5F ? 0.03F : c.glass_rear), 2.48F, side, flat(belt - 0.022F), flat(belt - 0.002F),
                0.008F, gu * 2, 1, black);
-    if (!spec.coarse) {
+    if (!coarse) {
       const Section s = section_at(c, 0.5F);
       const float z0 = outline(s, 1.5F).z;
       const float z1 = outline(s, 2.5F).z;
@@ -411,14 +413,15 @@ inline void build_car(Scene& scene, const Pose& pose, const CarSpec& spec, Dice&
     scene.ellipsoid(pose.moved({root.x + side * 0.13F, my + 0.02F, root.z}), {0.11F, 0.075F, 0.06F}, 10, 6, paint);
   }
   // Windscreen and rear window, leaving the pillars; not lights of their own.
-  const int wu = spec.coarse ? 4 : 10;
+  const int wu = coarse ? 5 : (close ? 18 : 10);
+  const float lift = close ? 0.009F : 0.014F;
   const float rear_low = spec.type == 1 ? c.sections[8].y + 0.01F : belt + 0.03F;
   for (const float side : {-1.0F, 1.0F}) {
-    body_patch(scene, pose, c, 2.72F, 4.0F, side, flat(c.sections[7].y + 0.035F), flat(c.roof + 0.01F), 0.006F, wu, gv + 2, window);
+    body_patch(scene, pose, c, 2.72F, 4.0F, side, flat(c.sections[7].y + 0.035F), flat(c.roof + 0.01F), lift, wu, gv + 3, window);
     if (spec.type != 4) {
-      body_patch(scene, pose, c, 0.0F, 1.16F, side, flat(rear_low), flat(c.roof - 0.01F), 0.006F, wu, gv + 2, window);
+      body_patch(scene, pose, c, 0.0F, 1.16F, side, flat(rear_low), flat(c.roof - 0.01F), lift, wu, gv + 3, window);
     } else {
-      body_patch(scene, pose, c, 0.06F, 0.88F, side, flat(belt + 0.04F), flat(c.roof - 0.02F), 0.006F, wu, gv, window);
+      body_patch(scene, pose, c, 0.06F, 0.88F, side, flat(belt + 0.04F), flat(c.roof - 0.02F), lift, wu, gv, window);
     }
   }
 
@@ -426,8 +429,8 @@ inline void build_car(Scene& scene, const Pose& pose, const CarSpec& spec, Dice&
   const LightClass front_class = spec.moving ? LightClass::moving_front : LightClass::parked_front;
   const LightClass rear_class = spec.moving ? LightClass::moving_rear : LightClass::parked_rear;
   const std::uint16_t lens = material(Kind::lamp, {0.55F, 0.56F, 0.57F}, 0.1F, 0.08F);
-  const std::uint16_t red = material(Kind::lamp, {0.34F, 0.014F, 0.012F}, 0.15F, 0.06F, spec.braking ? 2.2F : 0.0F);
-  const int lu = spec.coarse ? 4 : 10;
+  const std::uint16_t red = material(Kind::lamp, {0.30F, 0.013F, 0.011F}, 0.15F, 0.035F, spec.braking ? 2.2F : 0.0F);
+  const int lu = coarse ? 4 : (close ? 12 : 8);
   for (const float side : {-1.0F, 1.0F}) {
     const Brush head = base.lit(lens, scene.add_light(front_class, group)).smoothed();
     const float ly = c.lamp_y;
@@ -438,7 +441,7 @@ inline void build_car(Scene& scene, const Pose& pose, const CarSpec& spec, Dice&
     if (c.tall_tail) {
       body_patch(scene, pose, c, 0.9F, 1.34F, side, flat(ty - 0.2F), flat(ty + 0.22F), 0.012F, lu, 4, tail);
     } else {
-      body_patch(scene, pose, c, 0.62F, 1.42F, side, [&](float t) { return ty - 0.075F + 0.02F * t; },
+      body_patch(scene, pose, c, 0.74F, 1.40F, side, [&](float t) { return ty - 0.075F + 0.02F * t; },
                  [&](float t) { return ty + 0.06F - 0.02F * (1 - t); }, 0.012F, lu, 3, tail);
     }
     // Indicator below the headlamp.
@@ -448,7 +451,7 @@ inline void build_car(Scene& scene, const Pose& pose, const CarSpec& spec, Dice&
     body_patch(scene, pose, c, 3.44F, 4.0F, side, flat(gy - 0.075F), flat(gy + 0.035F), 0.009F, 5, 2, black);
     body_patch(scene, pose, c, 3.3F, 4.0F, side, flat(0.27F), flat(0.43F), 0.009F, 5, 2, black);
     body_patch(scene, pose, c, 0.0F, 1.25F, side, flat(0.21F), flat(0.34F), 0.009F, 6, 2, black);
-    if (!spec.coarse) {
+    if (!coarse) {
       body_patch(scene, pose, c, 3.5F, 4.0F, side, flat(gy - 0.03F), flat(gy - 0.018F), 0.016F, 4, 1, chrome);
       if (spec.type != 1 && spec.type != 4) {  // gaps of the tailgate
         body_patch(scene, pose, c, 0.93F, 0.945F, side, flat(0.55F), flat(belt), 0.004F, 1, 6, black);

@@ -43,7 +43,7 @@ inline float marking_coverage(const Layout& l, float d, float s, float fp) {
     // Parking bays: a line along the lane and ticks between the cars.
     if (l.bay_left > l.kerb_left + 1) {
       add(0.9F * band(d, l.bay_left - 0.06F, l.bay_left + 0.06F, fp) * band(fract(s / 1.0F), 0, 0.55F, fp));
-      const float tick = s - 5.6F * std::floor(s / 5.6F);
+      const float tick = s - l.bay_phase - 5.6F * std::floor((s - l.bay_phase) / 5.6F);
       add(band(tick, 0, 0.1F, fp) * band(d, l.kerb_left + 0.35F, l.bay_left, fp));
     }
     if (l.bay_right < l.kerb_right - 1) {
@@ -71,12 +71,12 @@ inline SurfaceSample road_surface(const Layout& l, const Vec3f& p, float fp, std
   const float s = p.z;
   const float d = p.x - l.bend(s);
   const bool main_road = d > l.kerb_left && d < l.kerb_right;
-  float tone = 0.115F;
+  float tone = 0.098F;
   float rough = 0.92F;
   Vec3f tint{1.0F, 0.985F, 0.955F};
   tone *= 1 + 0.35F * fractal(s * 0.11F, d * 0.3F, 4, seed, fp * 0.2F);
   // Aggregate: grains of a few millimetres to centimetres.
-  tone *= 1 + 0.55F * fractal(p.x * 14.0F, s * 14.0F, 4, seed + 5, fp * 14.0F);
+  tone *= 1 + 0.42F * fractal(p.x * 14.0F, s * 14.0F, 4, seed + 5, fp * 14.0F);
   if (fp < 0.05F) {
     const float sparkle = noise(p.x * 75.0F, s * 75.0F, seed + 9);
     tone *= 1 + (sparkle > 0.78F ? 0.45F : -0.05F) * clamp01(1.6F - fp * 60.0F);
@@ -116,7 +116,7 @@ inline SurfaceSample road_surface(const Layout& l, const Vec3f& p, float fp, std
         const float lid = band(r, -1, 0.31F, fp);
         const float pattern = (fract((d - m.x) * 11.0F) < 0.5F) != (fract((s - m.y) * 11.0F) < 0.5F) ? 0.8F : 1.1F;
         tone = mix(tone, 0.085F * mix(pattern, 0.95F, clamp01(fp * 20.0F)), lid);
-        tone = mix(tone, 0.16F, 0.7F * band(r, 0.33F, 0.42F, fp));
+        tone = mix(tone, 0.125F, 0.6F * band(r, 0.33F, 0.40F, fp));
         rough = mix(rough, 0.6F, lid);
       }
     }

@@ -47,12 +47,16 @@ struct Layout {
   float camera_yaw = 0;        // towards +x
   float camera_pitch = 0;      // down
   Vec3f sun{};                 // unit, towards the sun, world
+  float sun_strength = 1;
+  float sun_radius = 0.0047F;  // rad; wider behind cloud
   float cloudiness = 0.5F;
   float haze = 0.5F;
   float wear = 0.5F;           // of the markings
   bool trees_left = true;
   bool trees_right = true;
   int dash_variant = 0;
+  int park_side = 0;           // -1, 1: a small park instead of houses behind the junction, for 30 m
+  float bay_phase = 0;         // where the painted parking bays begin
   std::array<RoadPatch, 9> patches{};
   std::array<Vec2f, 10> manholes{};
 
@@ -88,7 +92,7 @@ inline Layout make_layout(std::uint64_t seed) {
   if (!bays_right) l.bay_right = l.kerb_right;
   l.pavement_left = dice.uniform(2.6F, 4.6F);
   l.pavement_right = dice.uniform(2.6F, 4.2F);
-  l.junction0 = dice.uniform(21, 34);
+  l.junction0 = dice.uniform(17, 44);
   l.junction1 = l.junction0 + dice.uniform(7, 10);
   l.side_left = dice.chance(0.7F);
   l.side_right = !l.side_left || dice.chance(0.4F);
@@ -104,12 +108,20 @@ inline Layout make_layout(std::uint64_t seed) {
   const float elevation = dice.uniform(0.62F, 0.95F);
   l.sun = normalized(Vec3f{std::sin(azimuth) * std::cos(elevation), std::sin(elevation),
                            -std::cos(azimuth) * std::cos(elevation)});
-  l.cloudiness = dice.uniform(0.25F, 0.85F);
+  l.cloudiness = dice.uniform(0.2F, 0.75F);
+  l.sun_strength = mix(1.1F, 0.75F, l.cloudiness);
+  if (dice.chance(0.3F)) {  // overcast: hardly a shadow
+    l.cloudiness = dice.uniform(0.88F, 1.0F);
+    l.sun_strength = dice.uniform(0.05F, 0.2F);
+    l.sun_radius = 0.06F;
+  }
   l.haze = dice.uniform(0.3F, 1.0F);
   l.wear = dice.uniform(0.35F, 0.75F);
   l.trees_left = dice.chance(0.65F);
   l.trees_right = !l.trees_left || dice.chance(0.45F);
   l.dash_variant = dice.pick(2);
+  if (dice.chance(0.45F)) l.park_side = dice.chance(0.5F) ? -1 : 1;
+  l.bay_phase = dice.uniform(0, 5.6F);
   Dice road(seed, Topic::road, 0);
   for (std::size_t i = 0; i < l.patches.size(); ++i) {
     RoadPatch& p = l.patches[i];
@@ -121,7 +133,7 @@ inline Layout make_layout(std::uint64_t seed) {
     p.tone = road.uniform(0.62F, 1.25F);
   }
   for (std::size_t i = 0; i < l.manholes.size(); ++i) {
-    l.manholes[i] = {road.uniform(-2.6F, 2.6F), road.uniform(3, 9) + 7.0F * static_cast<float>(i)};
+    l.manholes[i] = {road.uniform(-2.8F, 2.8F), road.uniform(3, 20) + 9.0F * static_cast<float>(i)};
   }
   return l;
 }

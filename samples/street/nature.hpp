@@ -60,7 +60,7 @@ inline void build_tree(Scene& scene, const Pose& p, float height, float spread, 
       const Vec3f n = normalized(out + random_direction(d) * 0.7F + Vec3f{0, 0.35F, 0});
       const Vec3f u = normalized(cross(n, Vec3f{0.31F, 0.9F, 0.29F}));
       const Vec3f v = cross(n, u);
-      const float s = d.uniform(0.09F, 0.19F) * (leaves < 60 ? 1.7F : (leaves < 100 ? 1.25F : 1.0F));
+      const float s = d.uniform(0.09F, 0.18F) * std::sqrt(130.0F / static_cast<float>(leaves));
       const float t = d.uniform(0, 2 * kPi);
       const Vec3f a = u * (s * std::cos(t)) + v * (s * std::sin(t));
       const Vec3f b = u * (-s * std::sin(t)) + v * (s * std::cos(t));
@@ -145,21 +145,25 @@ inline PersonLook make_look(Scene& scene, Label l, Dice& dice) {
   return look;
 }
 
-inline void limb(Scene& scene, const Vec3f& a, const Vec3f& b, float r0, float r1, const Brush& brush) {
-  scene.bar(a, b, r0, r1, 9, brush);
-  scene.ellipsoid({b, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {r1, r1, r1}, 8, 5, brush);
+inline void limb(Scene& scene, const Vec3f& a, const Vec3f& b, float r0, float r1, const Brush& brush, bool fine) {
+  scene.bar(a, b, r0, r1, fine ? 9 : 5, brush);
+  if (fine) scene.ellipsoid({b, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {r1, r1, r1}, 8, 5, brush);
 }
 
-inline void build_head(Scene& scene, const Pose& p, const PersonLook& look) {
-  scene.ellipsoid(p, {0.078F, 0.115F, 0.095F}, 14, 10, look.skin);
-  scene.ellipsoid(p.moved({0, 0.032F, -0.022F}), {0.088F, 0.104F, 0.092F}, 14, 10, look.hair);
+inline void build_head(Scene& scene, const Pose& p, const PersonLook& look, bool fine) {
+  const int nu = fine ? 14 : 8;
+  const int nv = fine ? 10 : 6;
+  scene.ellipsoid(p, {0.078F, 0.115F, 0.095F}, nu, nv, look.skin);
+  scene.ellipsoid(p.moved({0, 0.032F, -0.022F}), {0.088F, 0.104F, 0.092F}, nu, nv, look.hair);
   scene.bar(p.point({0, -0.2F, -0.01F}), p.point({0, -0.06F, 0}), 0.05F, 0.048F, 8, look.skin);
 }
 
 // Walking along +z, one leg ahead by the given phase; 1.6-1.9 m tall.
-inline void build_walker(Scene& scene, const Pose& p, float height, float stride, Dice& dice) {
+inline void build_walker(Scene& scene, const Pose& p, float height, float stride, bool fine, Dice& dice) {
   const PersonLook look = make_look(scene, label::person, dice);
   const float k = height / 1.75F;
+  const int nu = fine ? 14 : 8;
+  const int nv = fine ? 8 : 5;
   const auto at = [&](float x, float y, float z) { return p.point({k * x, k * y, k * z}); };
   const float hip = 0.92F;
   for (const float side : {-1.0F, 1.0F}) {
@@ -167,27 +171,27 @@ inline void build_walker(Scene& scene, const Pose& p, float height, float stride
     const float knee_z = 0.24F * swing + 0.04F;
     const float foot_z = 0.42F * swing - 0.03F;
     const float lift = swing < 0 ? 0.07F * -swing : 0.0F;
-    limb(scene, at(side * 0.085F, hip, 0), at(side * 0.09F, 0.5F, knee_z), 0.088F * k, 0.062F * k, look.legs);
-    limb(scene, at(side * 0.09F, 0.5F, knee_z), at(side * 0.09F, 0.1F + lift, foot_z), 0.062F * k, 0.048F * k, look.legs);
-    scene.ellipsoid(p.moved({side * 0.09F * k, (0.05F + lift) * k, (foot_z + 0.06F) * k}), {0.048F * k, 0.048F * k, 0.13F * k}, 10, 6,
+    limb(scene, at(side * 0.085F, hip, 0), at(side * 0.09F, 0.5F, knee_z), 0.088F * k, 0.062F * k, look.legs, fine);
+    limb(scene, at(side * 0.09F, 0.5F, knee_z), at(side * 0.09F, 0.1F + lift, foot_z), 0.062F * k, 0.048F * k, look.legs, fine);
+    scene.ellipsoid(p.moved({side * 0.09F * k, (0.05F + lift) * k, (foot_z + 0.06F) * k}), {0.048F * k, 0.048F * k, 0.13F * k}, fine ? 10 : 6, fine ? 6 : 4,
                     look.shoes);
     // Arms swing against the legs.
     const float a = -swing * 0.5F;
-    limb(scene, at(side * 0.205F, 1.4F, 0), at(side * 0.25F, 1.13F, 0.16F * a - 0.03F), 0.058F * k, 0.045F * k, look.top);
-    limb(scene, at(side * 0.25F, 1.13F, 0.16F * a - 0.03F), at(side * 0.235F, 0.89F, 0.33F * a + 0.08F), 0.045F * k, 0.036F * k, look.top);
+    limb(scene, at(side * 0.205F, 1.4F, 0), at(side * 0.25F, 1.13F, 0.16F * a - 0.03F), 0.058F * k, 0.045F * k, look.top, fine);
+    limb(scene, at(side * 0.25F, 1.13F, 0.16F * a - 0.03F), at(side * 0.235F, 0.89F, 0.33F * a + 0.08F), 0.045F * k, 0.036F * k, look.top, fine);
     scene.ellipsoid(p.moved({side * 0.235F * k, 0.84F * k, (0.35F * a + 0.1F) * k}), {0.032F, 0.055F, 0.035F}, 8, 5, look.skin);
   }
   // Trunk: waist, chest, shoulders.
   const bool coat = dice.chance(0.4F);
-  scene.ellipsoid(p.moved({0, 0.98F * k, 0}), {0.155F * k, 0.16F * k, 0.115F * k}, 14, 8, coat ? look.top : look.legs);
-  scene.ellipsoid(p.moved({0, 1.22F * k, 0}), {0.175F * k, 0.27F * k, 0.118F * k}, 14, 10, look.top);
-  scene.ellipsoid(p.moved({0, 1.385F * k, -0.005F}), {0.215F * k, 0.10F * k, 0.10F * k}, 14, 8, look.top);
-  if (coat) scene.bar(at(0, 0.66F, 0), at(0, 1.0F, 0), 0.185F * k, 0.155F * k, 14, look.top);
+  scene.ellipsoid(p.moved({0, 0.98F * k, 0}), {0.155F * k, 0.16F * k, 0.115F * k}, nu, nv, coat ? look.top : look.legs);
+  scene.ellipsoid(p.moved({0, 1.22F * k, 0}), {0.175F * k, 0.27F * k, 0.118F * k}, nu, nv, look.top);
+  scene.ellipsoid(p.moved({0, 1.385F * k, -0.005F}), {0.215F * k, 0.10F * k, 0.10F * k}, nu, nv, look.top);
+  if (coat) scene.bar(at(0, 0.66F, 0), at(0, 1.0F, 0), 0.185F * k, 0.155F * k, nu, look.top);
   if (dice.chance(0.35F)) {  // rucksack or bag
     const Brush bag = look.shoes.with(scene.add_plain({dice.uniform(0.02F, 0.3F), dice.uniform(0.02F, 0.15F), dice.uniform(0.02F, 0.25F)}, 0.85F));
-    scene.ellipsoid(p.moved({0, 1.22F * k, -0.17F * k}), {0.14F * k, 0.21F * k, 0.09F * k}, 12, 8, bag);
+    scene.ellipsoid(p.moved({0, 1.22F * k, -0.17F * k}), {0.14F * k, 0.21F * k, 0.09F * k}, nu, nv, bag);
   }
-  build_head(scene, p.moved({0, 1.645F * k, 0.015F}), look);
+  build_head(scene, p.moved({0, 1.645F * k, 0.015F}), look, fine);
 }
 
 // Bicycle, with its rider when `ridden`; length along z.
@@ -243,18 +247,18 @@ inline void build_bicycle(Scene& scene, const Pose& p, bool ridden, Dice& dice) 
     const Vec3f pedal = p.point({side * 0.1F, 0.29F + 0.15F * phase, -0.05F + 0.06F * phase});
     const Vec3f hip = p.point({side * 0.085F, 0.98F, -0.22F});
     const Vec3f knee = p.point({side * 0.1F, phase > 0 ? 0.83F : 0.62F, phase > 0 ? 0.2F : 0.06F});
-    limb(scene, hip, knee, 0.085F, 0.062F, look.legs);
-    limb(scene, knee, pedal + Vec3f{0, 0.05F, 0}, 0.062F, 0.045F, look.legs);
+    limb(scene, hip, knee, 0.085F, 0.062F, look.legs, true);
+    limb(scene, knee, pedal + Vec3f{0, 0.05F, 0}, 0.062F, 0.045F, look.legs, true);
     scene.ellipsoid(Pose{pedal + Vec3f{0, 0.02F, 0}, p.x, p.y, p.z}, {0.045F, 0.045F, 0.12F}, 10, 6, look.shoes);
     const Vec3f shoulder = p.point({side * 0.19F, 1.45F, 0.0F});
     const Vec3f elbow = p.point({side * 0.26F, 1.2F, 0.13F});
-    limb(scene, shoulder, elbow, 0.055F, 0.045F, look.top);
-    limb(scene, elbow, p.point({side * 0.25F, 1.06F, 0.3F}), 0.042F, 0.036F, look.top);
+    limb(scene, shoulder, elbow, 0.055F, 0.045F, look.top, true);
+    limb(scene, elbow, p.point({side * 0.25F, 1.06F, 0.3F}), 0.042F, 0.036F, look.top, true);
   }
   scene.bar(p.point({0, 0.95F, -0.25F}), p.point({0, 1.5F, 0.0F}), 0.14F, 0.17F, 12, look.top);
   scene.ellipsoid(p.moved({0, 0.97F, -0.25F}), {0.17F, 0.13F, 0.15F}, 12, 8, look.legs);
   scene.ellipsoid(p.moved({0, 1.47F, -0.01F}), {0.21F, 0.10F, 0.12F}, 12, 8, look.top);
-  build_head(scene, p.moved({0, 1.72F, 0.06F}), look);
+  build_head(scene, p.moved({0, 1.72F, 0.06F}), look, true);
 }
 
 }  // namespace street

@@ -39,7 +39,7 @@ struct StreetParams {
   std::uint64_t seed = 1;
   Shape shape{960, 540};
   float horizontal_fov_rad = 1.17F;  // 67 degrees, a dashboard camera
-  int samples = 6;                   // jittered samples a pixel, 1..64
+  int samples = 4;                   // jittered samples a pixel, 1..64
   int sky_rays = 2;                  // hemisphere rays a sample, 0..16
   int light_min_px = 3;              // smaller lights are left out of the annotation (not out of the emitters)
   float sensor_noise = 1.0F;         // 1: noise of a small daytime sensor; 0: none

@@ -45,17 +45,17 @@ inline void build_parked_cars(Scene& scene, const Layout& l) {
     const float bay = left ? l.bay_left : l.bay_right;
     if (std::fabs(kerb - bay) < 1.5F) continue;
     // 5.6 m bays, as painted; some are empty.
-    for (int i = -3; i < 22; ++i) {
+    for (int i = -4; i < 21; ++i) {
       Dice dice(l.seed, Topic::car, static_cast<std::uint32_t>(1000 * (side + 1) + i + 10));
-      const float s = 5.6F * (static_cast<float>(i) + 0.5F) + dice.uniform(-0.35F, 0.35F);
-      if (!clear_of_junction(l, s - 2.6F, s + 2.6F) || dice.chance(0.16F)) continue;
+      const float s = l.bay_phase + 5.6F * (static_cast<float>(i) + 0.5F) + dice.uniform(-0.35F, 0.35F);
+      if (!clear_of_junction(l, s - 2.6F, s + 2.6F) || dice.chance(!left && s < 9 ? 0.6F : 0.2F)) continue;
       if (!left && stop.ahead && std::fabs(s - stop.s) < 14) continue;
       CarSpec spec;
       const int types[8] = {0, 0, 1, 2, 3, 5, 2, 4};
       spec.type = types[dice.pick(8)];
       if (!left && i <= 1 && spec.type == 4) spec.type = 0;  // a van this near would hide the whole side
       spec.colour = spec.type == 4 && dice.chance(0.6F) ? Vec3f{0.62F, 0.62F, 0.6F} : car_colour(dice);
-      spec.coarse = s > 42;
+      spec.level = s > 44 ? 2 : (s > 21 ? 1 : 0);
       const float half = 0.92F;
       const float d = kerb - static_cast<float>(side) * (half + dice.uniform(0.16F, 0.32F));
       // In a one-sided mood: most cars point with the traffic of their side.
@@ -73,13 +73,13 @@ inline void build_traffic(Scene& scene, const Layout& l) {
     spec.colour = car_colour(dice);
     spec.moving = true;
     spec.braking = braking;
-    spec.coarse = s > 60;
+    spec.level = s > 46 ? 2 : (s > 22 ? 1 : 0);
     build_car(scene, l.pose(s, d, 0, (towards ? kPi : 0.0F) + dice.uniform(-0.015F, 0.015F)), spec, dice);
   };
   const int types[6] = {0, 1, 2, 3, 0, 5};
   const float lane = 0.5F * kLane_m;
-  moving(dice.uniform(12.5F, 17.5F), lane + dice.uniform(-0.2F, 0.3F), false, types[dice.pick(6)], dice.chance(0.5F));
-  moving(dice.uniform(17, 27), -lane + dice.uniform(-0.15F, 0.2F), true, types[dice.pick(6)], false);
+  moving(dice.uniform(10.5F, 22), lane + dice.uniform(-0.3F, 0.3F), false, types[dice.pick(6)], dice.chance(0.5F));
+  moving(dice.uniform(12, 28), -lane + dice.uniform(-0.15F, 0.2F), true, types[dice.pick(6)], false);
   const BusStop stop = bus_stop(l);
   if (stop.ahead) moving(dice.uniform(40, 52), -lane, true, types[dice.pick(6)], false);
   moving(dice.uniform(62, 72), -lane, true, types[dice.pick(6)], false);
@@ -128,7 +128,8 @@ inline void build_furniture(Scene& scene, const Layout& l) {
   // Signs.
   build_sign(scene, f, l.pose(l.zebra0 - 0.4F, l.kerb_left - 0.4F, h, facing_us), 2, 2.45F, true);
   const int near_signs[5] = {0, 3, 5, 6, 4};
-  build_sign(scene, f, l.pose(dice.uniform(8.5F, 12.5F), l.kerb_right + 0.4F, h, facing_us + 0.06F), near_signs[dice.pick(5)], 2.5F, true);
+  const bool sign_right = dice.chance(0.6F);
+  build_sign(scene, f, l.pose(dice.uniform(8.0F, 14.0F), sign_right ? l.kerb_right + 0.4F : l.kerb_left - 0.4F, h, facing_us), near_signs[dice.pick(5)], 2.5F, true);
   const Pose pair = l.pose(l.junction1 + dice.uniform(3, 5), l.kerb_right + 0.4F, h, facing_us);
   build_sign(scene, f, pair, 0, 2.75F, true);
   build_sign(scene, f, pair, 3, 2.08F, false);
@@ -158,7 +159,7 @@ inline void build_furniture(Scene& scene, const Layout& l) {
               dice.chance(0.5F) ? Vec3f{0.5F, 0.2F, 0.02F} : Vec3f{0.12F, 0.14F, 0.13F});
   }
   const bool left_poster = dice.chance(0.5F);
-  build_poster(scene, f, l.pose(dice.uniform(12.5F, 15.5F), left_poster ? l.kerb_left - 0.95F : l.kerb_right + 0.95F, h, facing_us + (left_poster ? -0.12F : 0.12F)), dice);
+  build_poster(scene, f, l.pose(dice.uniform(9.5F, 16.5F), left_poster ? l.kerb_left - 0.95F : l.kerb_right + 0.95F, h, facing_us + (left_poster ? -0.12F : 0.12F)), dice);
   build_poster(scene, f, l.pose(l.junction1 + dice.uniform(9, 14), left_poster ? l.kerb_right + 0.9F : l.kerb_left - 0.9F, h, facing_us), dice);
   build_clock(scene, f, l.pose(l.junction1 + dice.uniform(2.2F, 4), (left_poster ? l.kerb_right + 1.3F : l.kerb_left - 1.4F), h, facing_us), dice.bits());
   const BusStop stop = bus_stop(l);
@@ -214,7 +215,7 @@ inline void build_greenery(Scene& scene, const Layout& l) {
       if (s > l.zebra0 - 4 && s < l.junction1 + 6) continue;
       const float d = kerb + sg * 0.95F;
       const Pose p = l.pose(s, d, h, dice.uniform(0, 6));
-      build_tree(scene, p, height, spread, s < 45 ? 130 : (s < 80 ? 80 : 45), l.seed, index);
+      build_tree(scene, p, height, spread, s < 24 ? 300 : (s < 50 ? 120 : (s < 90 ? 70 : 40)), l.seed, index);
       const Pose q = l.pose(s, d, h + 0.006F);
       scene.quad(q.point({-0.6F, 0, -0.7F}), q.point({0.6F, 0, -0.7F}), q.point({0.6F, 0, 0.7F}), q.point({-0.6F, 0, 0.7F}), {0, 1, 0}, pit);
     }
@@ -233,6 +234,67 @@ inline void build_greenery(Scene& scene, const Layout& l) {
   }
 }
 
+// Lawn, trees and a railing where a few houses are left out, with the backs of other houses beyond.
+inline void build_park(Scene& scene, const Layout& l) {
+  if (l.park_side == 0) return;
+  const bool left = l.park_side < 0;
+  const float sg = static_cast<float>(l.park_side);
+  const float edge = left ? l.facade_left() : l.facade_right();
+  const bool gap = left ? l.side_left : l.side_right;
+  const float s0 = l.junction1 + (gap ? 2.8F : 0.0F);
+  const float s1 = l.junction1 + 31;
+  Dice dice(l.seed, Topic::tree, 950);
+  Material grass;
+  grass.kind = Kind::grass;
+  grass.base = {0.045F, 0.085F, 0.022F};
+  grass.second = {0.085F, 0.115F, 0.04F};
+  grass.seed = dice.bits();
+  Brush lawn;
+  lawn.label = label::terrain;
+  lawn.material = scene.add(grass);
+  const float h = kKerbHeight_m + 0.05F;
+  for (int i = 0; i < 6; ++i) {
+    const float a = mix(s0, s1, static_cast<float>(i) / 6);
+    const float b = mix(s0, s1, static_cast<float>(i + 1) / 6);
+    scene.quad(l.at(a, edge, h), l.at(b, edge, h), l.at(b, edge + sg * 30, h), l.at(a, edge + sg * 30, h), {0, 1, 0}, lawn);
+    scene.quad(l.at(a, edge, kKerbHeight_m), l.at(b, edge, kKerbHeight_m), l.at(b, edge, h), l.at(a, edge, h), {-sg, 0, 0}, lawn);
+  }
+  Brush rail;
+  rail.label = label::fence;
+  rail.material = scene.add_plain({0.04F, 0.05F, 0.045F}, 0.55F, 0.4F);
+  const bool hedge = dice.chance(0.5F);
+  if (hedge) {
+    for (std::uint32_t i = 0; i < 4; ++i) {
+      const float a = mix(s0 + 0.5F, s1, static_cast<float>(i) / 4);
+      build_hedge(scene, l.pose(a, edge + sg * 0.5F, kKerbHeight_m), (s1 - s0) / 4 - (i == 1 ? 1.6F : 0.0F), dice.uniform(0.9F, 1.2F), l.seed, 260 + i);
+    }
+  } else {
+    for (float s = s0; s < s1; s += 2.0F) {
+      const Vec3f p = l.at(s, edge + sg * 0.2F, kKerbHeight_m);
+      const Vec3f q = l.at(std::fmin(s + 2, s1), edge + sg * 0.2F, kKerbHeight_m);
+      scene.bar(p, p + Vec3f{0, 1.15F, 0}, 0.03F, 0.03F, 6, rail);
+      for (const float y : {0.15F, 1.05F}) scene.bar(p + Vec3f{0, y, 0}, q + Vec3f{0, y, 0}, 0.018F, 0.018F, 5, rail);
+      for (int k = 1; k < 14; ++k) {
+        const Vec3f r = mix(p, q, static_cast<float>(k) / 14);
+        scene.bar(r + Vec3f{0, 0.15F, 0}, r + Vec3f{0, 1.05F, 0}, 0.009F, 0.009F, 3, rail);
+      }
+    }
+  }
+  for (std::uint32_t i = 0; i < 6; ++i) {
+    const float s = dice.uniform(s0 + 3, s1 - 2);
+    build_tree(scene, l.pose(s, edge + sg * dice.uniform(3.5F, 14), h), dice.uniform(7, 12), dice.uniform(2.8F, 4.2F), s < 50 ? 110 : 70, l.seed, 270 + i);
+  }
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    Dice house(l.seed, left ? Topic::building_left : Topic::building_right, 130 + i);
+    const float turn = left ? 0.5F * kPi : -0.5F * kPi;
+    const float width = 15;
+    const float from = l.junction1 + width * static_cast<float>(i);
+    Pose p = upright(l.at(left ? from + width : from, edge + sg * 31, 0), turn);
+    HouseStyle style = make_style(scene, p, house, Detail::middle);
+    build_house(scene, p, width, 10, style, false, false, house);
+  }
+}
+
 inline void build_people(Scene& scene, const Layout& l) {
   const float h = kKerbHeight_m;
   for (std::uint32_t i = 0; i < 15; ++i) {
@@ -244,16 +306,20 @@ inline void build_people(Scene& scene, const Layout& l) {
     float s = 9.0F + 4.2F * static_cast<float>(i) + dice.uniform(-2, 2);
     if (s > l.junction0 - 2 && s < l.junction1 + 2) s += 14;
     const float turn = (dice.chance(0.5F) ? 0.0F : kPi) + dice.uniform(-0.3F, 0.3F);
-    build_walker(scene, l.pose(s, d, h, turn), dice.uniform(1.6F, 1.9F), dice.uniform(-1, 1), dice);
-    if (dice.chance(0.3F)) build_walker(scene, l.pose(s + 0.25F, d + (left ? -0.62F : 0.62F), h, turn), dice.uniform(1.55F, 1.85F), dice.uniform(-1, 1), dice);
+    build_walker(scene, l.pose(s, d, h, turn), dice.uniform(1.6F, 1.9F), dice.uniform(-1, 1), s < 26, dice);
+    if (dice.chance(0.3F)) build_walker(scene, l.pose(s + 0.25F, d + (left ? -0.62F : 0.62F), h, turn), dice.uniform(1.55F, 1.85F), dice.uniform(-1, 1), s < 26, dice);
   }
   // Somebody waits at the crossing, somebody crosses behind it.
   Dice dice(l.seed, Topic::person, 100);
   const float side = dice.chance(0.5F) ? 1.0F : -1.0F;
-  build_walker(scene, l.pose(l.zebra0 + 1.2F, side > 0 ? l.kerb_right + 0.5F : l.kerb_left - 0.5F, h, -side * 0.5F * kPi), 1.74F, 0.1F, dice);
-  build_walker(scene, l.pose(l.junction1 + 2.8F, dice.uniform(-4.4F, -2.8F), 0, 0.5F * kPi), 1.7F, 0.9F, dice);
+  build_walker(scene, l.pose(l.zebra0 + 1.2F, side > 0 ? l.kerb_right + 0.5F : l.kerb_left - 0.5F, h, -side * 0.5F * kPi), 1.74F, 0.1F, true, dice);
+  build_walker(scene, l.pose(l.junction1 + 2.8F, dice.uniform(-4.4F, -2.8F), 0, 0.5F * kPi), 1.7F, 0.9F, true, dice);
   Dice cyclist(l.seed, Topic::person, 200);
-  build_bicycle(scene, l.pose(cyclist.uniform(9.0F, 12.0F), l.bay_right - cyclist.uniform(0.15F, 0.4F), 0, cyclist.uniform(-0.05F, 0.05F)), true, cyclist);
+  if (cyclist.chance(0.65F)) {
+    const bool towards = cyclist.chance(0.35F);
+    const float d = towards ? l.bay_left + cyclist.uniform(0.1F, 0.4F) : l.bay_right - cyclist.uniform(0.1F, 0.4F);
+    build_bicycle(scene, l.pose(cyclist.uniform(8.5F, 24.0F), d, 0, (towards ? kPi : 0.0F) + cyclist.uniform(-0.05F, 0.05F)), true, cyclist);
+  }
   for (int i = 0; i < 4; ++i) {
     const bool left = cyclist.chance(0.5F);
     float s = 7 + 12.0F * static_cast<float>(i) + cyclist.uniform(0, 5);
@@ -273,6 +339,7 @@ inline Scene build_scene(const Layout& l) {
   build_traffic(scene, l);
   build_furniture(scene, l);
   build_greenery(scene, l);
+  build_park(scene, l);
   build_people(scene, l);
   return scene;
 }

@@ -26,7 +26,8 @@
 namespace npsim {
 namespace street {
 
-inline constexpr float kSkyScale = 0.62F;  // the sky's light against the sun's
+inline constexpr float kSkyScale = 0.42F;    // the sky's light against the sun's, on surfaces
+inline constexpr float kSkyDisplay = 0.80F;  // and as the camera sees it between the roofs
 inline constexpr std::size_t kRowsPerChunk = 4;
 
 // Camera frame axes (right, down, forward) in the world.
@@ -125,7 +126,7 @@ inline bool in_shadow(const Stage& stage, const Vec3f& origin, const Vec3f& dire
   return occluded(stage.bvh, ray);
 }
 
-inline Vec3f sun_colour(const Layout& l) { return Vec3f{1.0F, 0.93F, 0.80F} * mix(1.08F, 0.62F, l.cloudiness); }
+inline Vec3f sun_colour(const Layout& l) { return Vec3f{1.0F, 0.93F, 0.80F} * l.sun_strength; }
 
 // Light leaving a face that a bounce ray meets: no further rays, sun assumed to reach half of what faces it.
 inline Vec3f bounce_radiance(const Stage& stage, const ShadePoint& p) {
@@ -150,19 +151,28 @@ struct SampleLight {
   Vec3f sky{};      // mean radiance from the hemisphere
 };
 
-inline Vec3f gather(const Stage& stage, const ShadePoint& p, int rays, Dice& dice) {
+// Where sample `index` of a pixel lies in its random domains: one lattice for all samples of the pixel (the R2 sequence,
+// Roberts 2018), shifted per pixel, so that a few samples cover the sun's disc and the hemisphere evenly.
+struct Lattice {
+  Vec2f sun{};
+  Vec2f sky{};
+  int index = 0;
+  [[nodiscard]] static Vec2f at(const Vec2f& shift, int i) {
+    const float n = static_cast<float>(i);
+    return {fract(shift.x + n * 0.7548777F), fract(shift.y + n * 0.5698403F)};
+  }
+};
+
+inline Vec3f gather(const Stage& stage, const ShadePoint& p, int rays, const Lattice& lattice) {
   Vec3f t, b;
   tangents(p.normal, t, b);
   const Vec3f origin = p.position + p.geometric * 3e-3F;
-  const float turn = dice.uniform();
-  const float lift = dice.uniform();
   Vec3f sum{};
   for (int i = 0; i < rays; ++i) {
-    const float u = fract(turn + static_cast<float>(i) / static_cast<float>(rays));
-    const float v = fract(lift + 0.618034F * static_cast<float>(i));
-    const float r = std::sqrt(v);
-    const float a = 2 * kPi * u;
-    const Vec3f d = normalized(t * (r * std::cos(a)) + b * (r * std::sin(a)) + p.normal * std::sqrt(1 - v));
+    const Vec2f uv = Lattice::at(lattice.sky, lattice.index * rays + i);
+    const float r = std::sqrt(uv.y);
+    const float a = 2 * kPi * uv.x;
+    const Vec3f d = normalized(t * (r * std::cos(a)) + b * (r * std::sin(a)) + p.normal * std::sqrt(1 - uv.y));
     Hit hit;
     if (dot(d, p.geometric) <= 0) continue;
     if (trace_world(stage, origin, d, 60, hit)) {
@@ -181,7 +191,7 @@ inline float schlick(float f0, float cosine) {
 }
 
 inline SampleLight shade(const Stage& stage, const Vec3f& eye, const Vec3f& ray, const ShadePoint& p, float pixel_rad,
-                         int sky_rays, Dice& dice) {
+                         int sky_rays, const Lattice& lattice, Dice& dice) {
   const Layout& l = *stage.layout;
   const Material& m = stage.scene->materials[stage.scene->info[p.face].material];
   const float view = std::fmax(0.02F, -dot(p.normal, ray));
@@ -190,9 +200,14 @@ inline SampleLight shade(const Stage& stage, const Vec3f& eye, const Vec3f& ray,
   const Vec3f origin = p.position + p.geometric * 3e-3F;
   SampleLight out;
   out.albedo = s.albedo;
-  out.sky = gather(stage, p, sky_rays, dice);
-  Vec3f sun_direction = l.sun;
-  sun_direction = normalized(sun_direction + Vec3f{dice.uniform(-1, 1), dice.uniform(-1, 1), dice.uniform(-1, 1)} * 0.012F);
+  out.sky = gather(stage, p, sky_rays, lattice);
+  // A point of the sun's disc, half an angle of 0.0047 rad.
+  Vec3f st, sb;
+  tangents(l.sun, st, sb);
+  const Vec2f su = Lattice::at(lattice.sun, lattice.index);
+  const float disc = l.sun_radius * std::sqrt(su.x);
+  const Vec3f sun_direction =
+      normalized(l.sun + st * (disc * std::cos(2 * kPi * su.y)) + sb * (disc * std::sin(2 * kPi * su.y)));
   const float facing = dot(p.normal, sun_direction);
   const bool leaf = m.kind == Kind::leaf;
   float lit = 0;
@@ -226,18 +241,18 @@ inline SampleLight shade(const Stage& stage, const Vec3f& eye, const Vec3f& ray,
       const ShadePoint q = shade_point(stage, origin, d, hit);
       const Material& qm = stage.scene->materials[stage.scene->info[q.face].material];
       const SurfaceSample qs = surface_at(l, qm, q.position, d, fp + hit.t * 0.004F);
-      seen = bounce_radiance(stage, q) * 0.0F + qs.albedo * (horizon_radiance(l) * (kSkyScale * 0.45F));
+      seen = qs.albedo * (horizon_radiance(l) * (kSkyScale * 0.45F));
       const float c = dot(q.geometric, l.sun);
       if (c > 0 && fresnel > 0.03F && !in_shadow(stage, q.position + q.geometric * 3e-3F, l.sun)) seen += qs.albedo * sun * c;
     } else {
-      seen = sky_radiance(l, d) * kSkyScale;
+      seen = sky_radiance(l, d) * kSkyDisplay;
     }
     out.direct += seen * fresnel;
   }
   if (s.glow > 0) out.direct += s.albedo * s.glow;
   // Aerial perspective.
-  const float clear = std::exp(-p.t * 0.0016F * (0.4F + l.haze));
-  const Vec3f air = horizon_radiance(l) * (kSkyScale * 1.05F);
+  const float clear = std::exp(-p.t * 0.0007F * (0.4F + l.haze));
+  const Vec3f air = horizon_radiance(l) * (kSkyDisplay * 0.9F);
   out.direct = out.direct * clear + air * (1 - clear);
   out.albedo *= clear;
   (void)eye;
@@ -276,8 +291,8 @@ inline float srgb_encode(float v) {
 
 // Toe and shoulder of a camera: 0.18 stays, 2 nearly reaches white.
 inline float tone_curve(float v) {
-  const float p = std::pow(std::fmax(v, 0.0F), 1.22F);
-  return 1.2F * p / (p + 0.70F);
+  const float p = std::pow(std::fmax(v, 0.0F), 1.28F);
+  return 1.18F * p / (p + 0.62F);
 }
 
 // Fills image, the exact planes and, per pixel, the face seen (kNoFace for the sky).
@@ -294,6 +309,8 @@ void render_street(const Stage& stage, Street& street, std::vector<std::uint32_t
   std::vector<Vec3f> sky(shape.pixels());
   const float pixel_rad = 1.0F / k.fx;
   const int samples = street.params.samples;
+  // Under a closed cover the ceiling is little brighter than what it lights.
+  const float sky_display = mix(kSkyDisplay, 0.60F, smoothstep(0.8F, 0.95F, l.cloudiness));
   executor.for_chunks(static_cast<std::size_t>(shape.height), kRowsPerChunk, [&](std::size_t begin, std::size_t end) {
     for (std::size_t row = begin; row < end; ++row) {
       const int y = static_cast<int>(row);
@@ -335,11 +352,15 @@ void render_street(const Stage& stage, Street& street, std::vector<std::uint32_t
         Dice dice(street.params.seed, Topic::render, static_cast<std::uint32_t>(at));
         const float ox = dice.uniform();
         const float oy = dice.uniform();
+        Lattice lattice;
+        lattice.sun = {dice.uniform(), dice.uniform()};
+        lattice.sky = {dice.uniform(), dice.uniform()};
         Vec3f sum_direct{};
         Vec3f sum_albedo{};
         Vec3f sum_sky{};
         int on_surface = 0;
         for (int i = 0; i < samples; ++i) {
+          lattice.index = i;
           Dice d(street.params.seed, Topic::render, static_cast<std::uint32_t>(at), static_cast<std::uint32_t>(i) + 1U);
           // A tent a little wider than the pixel, as a lens and a low-pass filter would give.
           const auto tent = [](float u) { return u < 0.5F ? std::sqrt(2 * u) - 1 : 1 - std::sqrt(2 - 2 * u); };
@@ -352,13 +373,13 @@ void render_street(const Stage& stage, Street& street, std::vector<std::uint32_t
           Hit h;
           if (closest_hit(stage.bvh, ray, h)) {
             const ShadePoint p = shade_point(stage, stage.camera.o, world, h);
-            const SampleLight light = shade(stage, stage.camera.o, world, p, pixel_rad, street.params.sky_rays, d);
+            const SampleLight light = shade(stage, stage.camera.o, world, p, pixel_rad, street.params.sky_rays, lattice, d);
             sum_direct += light.direct;
             sum_albedo += light.albedo;
             sum_sky += light.sky;
             ++on_surface;
           } else {
-            sum_direct += sky_radiance(l, world) * kSkyScale * 1.25F;
+            sum_direct += sky_radiance(l, world) * sky_display;
           }
         }
         direct[at] = sum_direct / static_cast<float>(samples);
@@ -384,7 +405,7 @@ void render_street(const Stage& stage, Street& street, std::vector<std::uint32_t
   double sum = 0;
   for (const Vec3f& v : radiance) sum += std::log(1e-3 + static_cast<double>(luminance(v)));
   const float mean = static_cast<float>(std::exp(sum / static_cast<double>(radiance.size())));
-  const float exposure = 0.205F / mean;
+  const float exposure = 0.175F / mean;
   Dice balance(street.params.seed, Topic::sky, 1);
   const Vec3f white{balance.uniform(0.97F, 1.04F), 1.0F, balance.uniform(0.97F, 1.05F)};
   executor.for_chunks(static_cast<std::size_t>(shape.height), kRowsPerChunk, [&](std::size_t begin, std::size_t end) {
@@ -403,7 +424,7 @@ void render_street(const Stage& stage, Street& street, std::vector<std::uint32_t
             return (dice.uniform() + dice.uniform() + dice.uniform() + dice.uniform() - 2.0F) * 1.7320508F;
           };
           const auto noisy = [&](float c) {
-            return c + street.params.sensor_noise * gauss() * std::sqrt(1.2e-4F * std::fmax(c, 0.0F) + 1.5e-6F);
+            return c + street.params.sensor_noise * gauss() * std::sqrt(4.0e-5F * std::fmax(c, 0.0F) + 1.0e-6F);
           };
           v = {noisy(v.x), noisy(v.y), noisy(v.z)};
         }

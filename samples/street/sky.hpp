@@ -42,6 +42,9 @@ inline Vec3f sky_radiance(const Layout& l, const Vec3f& d) {
     const float thick = smoothstep(0.5F, 0.95F, field + 0.12F * fractal(u * 2, v * 2, 4, seed + 8, 0.01F));
     const Vec3f cloud = mix(Vec3f{0.98F, 0.97F, 0.95F}, Vec3f{0.66F, 0.68F, 0.72F}, thick);
     c = mix(c, cloud, 0.85F * cover * smoothstep(0.015F, 0.16F, d.y));
+    // A closed cover is a grey ceiling with darker rolls.
+    const float closed = smoothstep(0.8F, 0.95F, l.cloudiness);
+    c = mix(c, c * (0.80F + 0.55F * fractal(u * 0.8F + 3 * warp, v * 0.55F, 5, seed + 20, 0.01F)), closed * smoothstep(0.0F, 0.2F, d.y));
   }
   return c;
 }
