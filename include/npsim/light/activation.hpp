@@ -4,12 +4,12 @@
 //
 // Every (group, class) draws one p ~ U(a, b), one strength and one colour; every source of it is then on with
 // probability p, independently. Groups are independent of each other and of ungrouped sources, each of which is its own
-// group. Beyond the text, because one sees it at once when it is missing:
+// group.
+// Beyond the text, because one sees it at once when it is missing:
 //   - the lamps of one vehicle are switched together: one p and one draw for front and rear; rear lamps are stop lamps
 //     with stop_probability;
 //   - street lamps of a class share technology and strength all over the image, with a small jitter per lamp;
-//   - of a traffic light that shows several discs one is on: the annotated one, else the one that glows by day, else
-//   any.
+//   - of a traffic light that shows several discs one is on: the annotated one, else one that glows by day, else any.
 //     Unknown states follow the daytime colour, then the place in the panel, then a draw.
 // Randomness: streams (seed, activation, variant, key) with key = kind | class | group or mark in disjoint bits, so the
 // order of emitters and the presence of others never change a draw, and each variant is a new night.

@@ -10,8 +10,9 @@
 //                     glow of the glass: a street lamp can be seen from everywhere, and 2.3 % of its light goes up.
 //   low_beam          headlamp of UN R112 class B for right-hand traffic, see low_beam.hpp
 // The closed forms are ours, chosen so that the flux integrals in photometry.hpp are exact; they use only + * / sqrt,
-// so that every machine gets the same bits. Cost: a few dot products. Error: at most 1e-6 against the same formula in
-// double.
+// so that every machine gets the same bits.
+// Cost: a few dot products.
+// Error: at most 1e-6 against the same formula in double.
 #ifndef NPSIM_LIGHT_EMITTER_HPP
 #define NPSIM_LIGHT_EMITTER_HPP
 

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // The ground plane, dot(up, X) = -camera_height_m, from the depth of road-like pixels.
 //
-// A plane is linear in inverse depth: with r = ((u - cx)/fx, (v - cy)/fy, 1) and X = z r, 1/z = q . r where
-// up = -q/|q| and the camera height is 1/|q|. A seeded search over triples of samples (RANSAC; Fischler and Bolles
-// 1981) finds the plane with the smallest truncated relative error, then weighted least squares (weight z^2, so errors
-// count relative to the depth, as those of stereo and of networks do) refines it on its inliers. Fallback, marked by
-// inlier_share = 0: a level plane 1.5 m below the camera, where too few samples exist or the result is implausible. So
-// the function succeeds for every valid input. Samples: road and parking; pavement and other ground only where those
-// are too few; without labels the lower 40 % of the image. Cost: iterations x samples. Memory: 12 bytes per sample.
+// A plane is linear in inverse depth: with r = ((u - cx)/fx, (v - cy)/fy, 1) and X = z r, 1/z = q . r where up = -q/|q|
+// and the camera height is 1/|q|. A seeded search over triples of samples (RANSAC; Fischler and Bolles 1981) finds the
+// plane with the smallest truncated relative error, then weighted least squares (weight z^2, so errors count relative
+// to the depth, as those of stereo and of networks do) refines it on its inliers.
+// Fallback, marked by inlier_share = 0: a level plane 1.5 m below the camera, where too few samples exist or the result
+// is implausible. So the function succeeds for every valid input.
+// Samples: road and parking; pavement and other ground only where those are too few; without labels the lower 40 % of
+// the image.
+// Cost: iterations x samples. Memory: 12 bytes per sample.
 // Error on exact depth of a plane: tilt below 1e-4 rad, height below 1e-4 relative (float rays); on noisy depth see the
 // test.
 #ifndef NPSIM_LIGHT_GROUND_HPP

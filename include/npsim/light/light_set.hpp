@@ -2,16 +2,17 @@
 // What the light sources of each class are like: how often they are on, how strong, and of which colour.
 //
 // Activation ranges are those of the published successor of the method (SOLO, WACV 2025): p ~ U(p_low, p_high).
-// Strengths are in the unit of the profile (photometry.hpp): lm of the luminaire, cd at the peak, cd/m2. Sources: UN R7
-// (rear position 4-17 cd, stop 60-185 cd, front position 4-140 cd), R112 (low beam), EN 12368 (signals, dimmed by
-// night); street lamps: LED 60-100 W at 140-200 lm/W, sodium 70-150 W (6-17 klm), both times 0.8 for the optics. CIE
-// illuminants LED-B1..V2, HP1, HP2 (CIE 015:2018); black-body points for windows. Entries marked [default] are
-// plausible, not measured.
+// Strengths are in the unit of the profile (photometry.hpp): lm of the luminaire, cd at the peak, cd/m2.
+// Sources: UN R7 (rear position 4-17 cd, stop 60-185 cd, front position 4-140 cd), R112 (low beam), EN 12368 (signals,
+// dimmed by night); street lamps: LED 60-100 W at 140-200 lm/W, sodium 70-150 W (6-17 klm), both times 0.8 for the
+// optics. CIE illuminants LED-B1..V2, HP1, HP2 (CIE 015:2018); black-body points for windows.
+// Entries marked [default] are plausible, not measured.
 #ifndef NPSIM_LIGHT_LIGHT_SET_HPP
 #define NPSIM_LIGHT_LIGHT_SET_HPP
 
 #include <cstddef>
 
+#include "npsim/color/illuminants.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
@@ -29,7 +30,7 @@ struct LightSetEntry {
   Vec2f xy;
 };
 
-inline constexpr int kMaxChromaticities = 6;
+inline constexpr int kMaxChromaticities = 8;
 
 struct LightClassModel {
   float p_low = 0, p_high = 0;
@@ -42,9 +43,11 @@ namespace chromaticity {
 inline constexpr Vec2f k2700{0.4599F, 0.4106F}, k3000{0.4369F, 0.4041F}, k3200{0.4234F, 0.3990F},
     k3500{0.4053F, 0.3907F}, k4000{0.3805F, 0.3768F}, k5000{0.3451F, 0.3516F}, k5500{0.3325F, 0.3411F},
     k6500{0.3135F, 0.3237F};  // black body, K
-inline constexpr Vec2f led_b1{0.4560F, 0.4078F}, led_b2{0.4357F, 0.4012F}, led_b3{0.3756F, 0.3723F},
-    led_b4{0.3422F, 0.3502F}, led_v1{0.4548F, 0.4044F}, led_v2{0.3781F, 0.3775F};
-inline constexpr Vec2f hp1{0.5330F, 0.4150F}, hp2{0.4778F, 0.4158F};
+[[nodiscard]] constexpr Vec2f of(const Chromaticity& c) noexcept { return {c.x, c.y}; }
+inline constexpr Vec2f led_b1 = of(illuminant::kLedB1), led_b2 = of(illuminant::kLedB2),
+                       led_b3 = of(illuminant::kLedB3), led_b4 = of(illuminant::kLedB4),
+                       led_v1 = of(illuminant::kLedV1), led_v2 = of(illuminant::kLedV2);
+inline constexpr Vec2f hp1 = of(illuminant::kHighPressureSodium1), hp2 = of(illuminant::kHighPressureSodium2);
 inline constexpr Vec2f signal_red{0.633F, 0.321F}, signal_amber{0.536F, 0.413F}, signal_green{0.289F, 0.429F};
 inline constexpr Vec2f rear_red{0.68F, 0.31F};
 }  // namespace chromaticity
@@ -65,7 +68,7 @@ inline constexpr float kStopLampCd[2] = {60.0F, 185.0F};
     case LightClass::moving_rear: return {0.95F, 1.0F, 4.0F, 17.0F, {rear_red}, 1};
     case LightClass::window_transport: return {0.9F, 1.0F, 10.0F, 50.0F, {k4000, k5000}, 2};  // [default]
     case LightClass::street_light_ht:
-      return {1.0F, 1.0F, 7000.0F, 16000.0F, {led_b1, led_b2, led_b3, led_b4, led_v1, led_v2}, 6};
+      return {1.0F, 1.0F, 7000.0F, 16000.0F, {led_b1, led_v1, led_b2, led_b3, led_b3, led_v2, led_v2, led_b4}, 8};
     case LightClass::street_light_lt: return {1.0F, 1.0F, 5000.0F, 14000.0F, {hp1, hp2}, 2};
     case LightClass::advertisement: return {0.6F, 0.8F, 20.0F, 100.0F, {k4000, k5000, k6500}, 3};
     case LightClass::clock: return {0.8F, 1.0F, 10.0F, 60.0F, {k4000, k5000}, 2};  // [default]

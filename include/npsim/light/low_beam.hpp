@@ -6,9 +6,9 @@
 // degree is 0.01746). The cut-off lies 1 % below H-H on the left and rises by 15 degrees on the right (the kerb side),
 // up to 1.5 degrees above H-H. Below it stand a hot spot and a wide foreground, both squared Lorentz curves, which fall
 // off like a Gaussian near the middle but need no exp; across it the light fades over about 0.3 degrees; above it
-// remains a glow of about 90 cd for overhead signs. Gradient of the cut-off, G = log10 E(v) - log10 E(v + 0.1 degree):
-// between 0.13 and 0.40, as the regulation asks. What was fitted: the constants below, by hand, to the points that the
-// test lists. Left-hand traffic mirrors h.
+// remains a glow of about 90 cd for overhead signs.
+// Gradient of the cut-off, G = log10 E(v) - log10 E(v + 0.1 degree): between 0.13 and 0.40, as the regulation asks.
+// What was fitted: the constants below, by hand, to the points that the test lists. Left-hand traffic mirrors h.
 #ifndef NPSIM_LIGHT_LOW_BEAM_HPP
 #define NPSIM_LIGHT_LOW_BEAM_HPP
 

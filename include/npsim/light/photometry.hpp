@@ -13,6 +13,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "npsim/color/chromaticity.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/light/emitter.hpp"
@@ -69,26 +70,17 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
   return strength * area_m2;
 }
 
-// Linear RGB of luminance 1 with chromaticity (x, y). Colours outside the gamut of sRGB lose their negative components
-// and are scaled back to luminance 1, so energy is kept and only saturation is lost.
+// Linear RGB of luminance 1 with chromaticity (x, y), desaturated into the gamut of sRGB where it lies outside; white
+// where (x, y) is no colour. Luminance is exactly that of core/vec.hpp, so that photometric values survive.
 [[nodiscard]] constexpr Vec3f light_rgb(const Vec2f& xy) noexcept {
-  if (!(xy.y > 1e-4F)) return {1.0F, 1.0F, 1.0F};
-  const float cx = xy.x / xy.y;
-  const float cz = (1.0F - xy.x - xy.y) / xy.y;
-  Vec3f rgb{3.2406F * cx - 1.5372F - 0.4986F * cz, -0.9689F * cx + 1.8758F + 0.0415F * cz,
-            0.0557F * cx - 0.2040F + 1.0570F * cz};
-  rgb = {rgb.x > 0.0F ? rgb.x : 0.0F, rgb.y > 0.0F ? rgb.y : 0.0F, rgb.z > 0.0F ? rgb.z : 0.0F};
-  const float y = luminance(rgb);
-  return y > 0.0F ? rgb / y : Vec3f{1.0F, 1.0F, 1.0F};
+  const Vec3f rgb = xy_to_linear_srgb({xy.x, xy.y}).value_or({1.0F, 1.0F, 1.0F});
+  return rgb / luminance(rgb);
 }
 
-// Chromaticity of linear RGB; that of D65 for black.
+// Chromaticity of linear RGB; that of D65 for black and for what is no colour.
 [[nodiscard]] constexpr Vec2f light_xy(const Vec3f& rgb) noexcept {
-  const float x = 0.4124F * rgb.x + 0.3576F * rgb.y + 0.1805F * rgb.z;
-  const float y = 0.2126F * rgb.x + 0.7152F * rgb.y + 0.0722F * rgb.z;
-  const float z = 0.0193F * rgb.x + 0.1192F * rgb.y + 0.9505F * rgb.z;
-  const float sum = x + y + z;
-  return sum > 0.0F ? Vec2f{x / sum, y / sum} : Vec2f{0.3127F, 0.3290F};
+  const Chromaticity xy = linear_srgb_to_xy(rgb).value_or(illuminant::kD65);
+  return {xy.x, xy.y};
 }
 
 inline namespace NPSIM_ISA_NAMESPACE {

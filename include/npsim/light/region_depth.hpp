@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Regions of a light-index plane, and a robust distance for each.
 //
-// region_depth() is the median of z over the region without outliers (3 sigma by the quartiles, at least 2 %),
-// from the first of these sets that has samples: certain surface pixels, all surface pixels, then the same in growing
+// region_depth() is the median of z over the region without outliers (3 sigma by the quartiles, at least 2 %), from the
+// first of these sets that has samples: certain surface pixels, all surface pixels, then the same in growing
 // surroundings. Pixels labelled sky or ego vehicle, and depths outside 0.05 m to 100 km, never count. The median of at
 // most kMaxRegionSamples pixels, taken evenly in raster order, stands for that of larger regions. 0 where nothing was
-// found. Breakdown point: one half; fewer than half wrong pixels move the result by less than the spread of the right
-// ones.
+// found.
+// Breakdown point: one half; fewer than half wrong pixels move the result by less than the spread of the right ones.
 #ifndef NPSIM_LIGHT_REGION_DEPTH_HPP
 #define NPSIM_LIGHT_REGION_DEPTH_HPP
 

@@ -3,7 +3,8 @@
 //
 // P(i) = w_i / sum w. Weights that are zero, negative, infinite or NaN are never picked. The picked index is
 // non-decreasing in u, so stratified u give stratified picks. Sums run in double, in index order: the same bits
-// everywhere. Cost: two passes over the weights; right for short lists, where an alias table would not pay.
+// everywhere.
+// Cost: two passes over the weights; right for short lists, where an alias table would not pay.
 #ifndef NPSIM_LIGHT_SAMPLER_HPP
 #define NPSIM_LIGHT_SAMPLER_HPP
 
