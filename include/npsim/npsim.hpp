@@ -33,8 +33,10 @@
 
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/fill.hpp"
+#include "npsim/depth/fill_class.hpp"
 #include "npsim/depth/loss_kernel.hpp"
 #include "npsim/depth/loss_params.hpp"
+#include "npsim/depth/loss_problem.hpp"
 #include "npsim/depth/losses.hpp"
 #include "npsim/depth/normal_convention.hpp"
 #include "npsim/depth/normals.hpp"

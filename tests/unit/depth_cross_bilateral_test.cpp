@@ -26,8 +26,12 @@ struct BackwardExecutor {
 
 template <class L>
 struct Scene {
-  explicit Scene(Shape s) : shape(s), depth(s.pixels(), 10.0F), labels(s.pixels(), L{1}),
-                            lab(s.pixels(), Vec3f{50, 0, 0}), out(s.pixels(), -5.0F) {}
+  explicit Scene(Shape s)
+      : shape(s),
+        depth(s.pixels(), 10.0F),
+        labels(s.pixels(), L{1}),
+        lab(s.pixels(), Vec3f{50, 0, 0}),
+        out(s.pixels(), -5.0F) {}
   std::size_t at(int x, int y) const { return static_cast<std::size_t>(y * shape.width + x); }
 
   // Two surfaces with a ragged edge, colours that follow it loosely, holes.
@@ -234,8 +238,9 @@ TEST_CASE("cross-bilateral gives the same bits with one lane, with chunks backwa
   SerialExecutor serial;
   s.out.assign(s.out.size(), -1.0F);
   REQUIRE(depth_detail::cross_bilateral_with<simd::scalar::F32>(
-              p, ImageView<const float>(s.depth.data(), s.shape), ImageView<const std::uint8_t>(s.labels.data(), s.shape),
-              ImageView<const Vec3f>(s.lab.data(), s.shape), ImageView<float>(s.out.data(), s.shape), workspace, serial)
+              p, ImageView<const float>(s.depth.data(), s.shape),
+              ImageView<const std::uint8_t>(s.labels.data(), s.shape), ImageView<const Vec3f>(s.lab.data(), s.shape),
+              ImageView<float>(s.out.data(), s.shape), workspace, serial)
               .ok());
   CHECK(s.out == expected);
 

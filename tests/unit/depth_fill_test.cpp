@@ -25,18 +25,23 @@ struct BackwardExecutor {
 
 struct Scene {
   explicit Scene(Shape s, Label l = label::building)
-      : shape(s), depth(s.pixels(), kNaN), truth(s.pixels(), 0.0F), labels(s.pixels(), l), out(s.pixels(), -3.0F),
+      : shape(s),
+        depth(s.pixels(), kNaN),
+        truth(s.pixels(), 0.0F),
+        labels(s.pixels(), l),
+        out(s.pixels(), -3.0F),
         filled(s.pixels(), 9) {}
-  std::size_t at(int x, int y) const { return static_cast<std::size_t>(y) * static_cast<std::size_t>(shape.width) +
-                                              static_cast<std::size_t>(x); }
+  std::size_t at(int x, int y) const {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(shape.width) + static_cast<std::size_t>(x);
+  }
   template <class Executor>
   Status run(Executor& executor, bool with_labels = true, const FillParams& p = {}) {
     std::vector<unsigned char> bytes(fill_workspace_bytes(p, shape));
     Workspace workspace(bytes.data(), bytes.size());
     const ImageView<const Label> h =
         with_labels ? ImageView<const Label>(labels.data(), shape) : ImageView<const Label>();
-    const Status s = fill_depth(p, {depth.data(), shape}, h, {out.data(), shape}, {filled.data(), shape}, workspace,
-                                executor);
+    const Status s =
+        fill_depth(p, {depth.data(), shape}, h, {out.data(), shape}, {filled.data(), shape}, workspace, executor);
     CHECK(workspace.used() == 0);
     return s;
   }
@@ -145,9 +150,9 @@ TEST_CASE("a hole across a label edge keeps the depth edge where the labels are"
 TEST_CASE("sky stays without depth, is no source, and does not stop a pole before it from getting one") {
   Scene s({50, 40}, label::sky);
   s.plane(0.02, 0, 0, 0, 25, 50, 40, label::building);
-  for (int x = 0; x < 50; ++x) s.depth[s.at(x, 3)] = 700.0F;                           // a network's idea of the sky
-  for (int y = 10; y < 25; ++y) s.labels[s.at(20, y)] = label::pole;                   // touches the building
-  for (int y = 5; y < 9; ++y) s.labels[s.at(40, y)] = label::traffic_light;            // touches nothing but sky
+  for (int x = 0; x < 50; ++x) s.depth[s.at(x, 3)] = 700.0F;                 // a network's idea of the sky
+  for (int y = 10; y < 25; ++y) s.labels[s.at(20, y)] = label::pole;         // touches the building
+  for (int y = 5; y < 9; ++y) s.labels[s.at(40, y)] = label::traffic_light;  // touches nothing but sky
   REQUIRE(s.run().ok());
   for (int y = 0; y < 40; ++y) {
     for (int x = 0; x < 50; ++x) {
@@ -183,7 +188,8 @@ TEST_CASE("fill agrees with the membrane solved to convergence in double: random
   RandomStream random(3, RandomPurpose::test, 0, 0, 0, 0);
   for (int y = 0; y < 29; ++y) {
     for (int x = 0; x < 37; ++x) {
-      s.labels[s.at(x, y)] = (x / 8 + y / 6) % 3 == 0 ? label::car : ((x + y) / 20 == 1 ? label::wall : label::building);
+      s.labels[s.at(x, y)] =
+          (x / 8 + y / 6) % 3 == 0 ? label::car : ((x + y) / 20 == 1 ? label::wall : label::building);
       if (random.uniform() < 0.3F) s.depth[s.at(x, y)] = random.uniform(0.01F, 60.0F);
     }
   }

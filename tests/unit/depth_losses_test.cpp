@@ -25,8 +25,14 @@ struct BackwardExecutor {
 
 template <class T>
 struct Scene {
-  explicit Scene(Shape s) : shape(s), estimate(s.pixels()), depth(s.pixels()), gradient(s.pixels()),
-                            normals(s.pixels()), uncertain(s.pixels()), labels(s.pixels()) {
+  explicit Scene(Shape s)
+      : shape(s),
+        estimate(s.pixels()),
+        depth(s.pixels()),
+        gradient(s.pixels()),
+        normals(s.pixels()),
+        uncertain(s.pixels()),
+        labels(s.pixels()) {
     k = {300.0F, 280.0F, 0.4F * static_cast<float>(s.width), 0.6F * static_cast<float>(s.height)};
   }
   std::size_t at(int x, int y) const { return static_cast<std::size_t>(y * shape.width + x); }
@@ -34,14 +40,18 @@ struct Scene {
   // Smooth surface with depth edges, holes, wrong and missing normals, some uncertain pixels.
   void randomise(std::uint32_t seed, double holes) {
     RandomStream random(seed, RandomPurpose::test, 0, 0, 0, 0);
-    const auto uniform = [&](double low, double high) { return low + (high - low) * static_cast<double>(random.uniform()); };
+    const auto uniform = [&](double low, double high) {
+      return low + (high - low) * static_cast<double>(random.uniform());
+    };
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
         const std::size_t i = at(x, y);
         const double z = (x > shape.width / 2 ? 6.0 : 20.0) * (1 + 0.004 * y) * uniform(0.99, 1.01);
         depth[i] = static_cast<T>(z);
-        estimate[i] = static_cast<T>(uniform(0, 1) < holes ? (uniform(0, 1) < 0.5 ? kNaN : 0.0) : z * uniform(0.95, 1.05));
-        normals[i] = {static_cast<T>(uniform(-1, 1)), static_cast<T>(uniform(-1, 1)), static_cast<T>(uniform(-3, -0.1))};
+        estimate[i] =
+            static_cast<T>(uniform(0, 1) < holes ? (uniform(0, 1) < 0.5 ? kNaN : 0.0) : z * uniform(0.95, 1.05));
+        normals[i] = {static_cast<T>(uniform(-1, 1)), static_cast<T>(uniform(-1, 1)),
+                      static_cast<T>(uniform(-3, -0.1))};
         if (uniform(0, 1) < holes) normals[i] = uniform(0, 1) < 0.5 ? Vec3<T>{} : Vec3<T>{static_cast<T>(kNaN), 0, 0};
         uncertain[i] = uniform(0, 1) < 0.2 ? 1 : 0;
         labels[i] = uniform(0, 1) < 0.4 ? label::road : (uniform(0, 1) < 0.5 ? label::car : Label{200});
@@ -49,14 +59,15 @@ struct Scene {
     }
   }
   LossInput<T> input() const {
-    return {{estimate.data(), shape}, {normals.data(), shape}, {uncertain.data(), shape}, {labels.data(), shape},
-            {weights.data(), weights.size()}, k};
+    return {{estimate.data(), shape}, {normals.data(), shape},          {uncertain.data(), shape},
+            {labels.data(), shape},   {weights.data(), weights.size()}, k};
   }
   template <class Executor>
   Status run(const LossParams& p, Executor& executor) {
     std::vector<unsigned char> bytes(depth_losses_workspace_bytes<T>(p, shape));
     Workspace workspace(bytes.data(), bytes.size());
-    const Status s = depth_losses<T>(p, input(), {depth.data(), shape}, {gradient.data(), shape}, values, workspace, executor);
+    const Status s =
+        depth_losses<T>(p, input(), {depth.data(), shape}, {gradient.data(), shape}, values, workspace, executor);
     CHECK(workspace.used() == 0);
     return s;
   }
@@ -81,8 +92,8 @@ struct Scene {
         if (!usable(estimate[i])) continue;
         const LossWeights w = labels[i] < weights.size() ? weights[labels[i]] : LossWeights{};
         const double e = static_cast<double>(depth[i]) - static_cast<double>(estimate[i]);
-        const double unit = p.depth_term == DepthTerm::metric ? static_cast<double>(p.depth_unit_m)
-                                                              : static_cast<double>(estimate[i]);
+        const double unit =
+            p.depth_term == DepthTerm::metric ? static_cast<double>(p.depth_unit_m) : static_cast<double>(estimate[i]);
         v.depth += static_cast<double>(w.depth) * (e / unit) * (e / unit);
         ++v.depth_count;
         const Vec3d given = vec_cast<double>(normals[i]);
@@ -118,8 +129,8 @@ struct Scene {
       v.continuity /= static_cast<double>(v.normal_count);
     }
     v.depth /= static_cast<double>(v.depth_count);
-    v.total = static_cast<double>(p.lambda.normal) * v.normal + static_cast<double>(p.lambda.continuity) * v.continuity +
-              static_cast<double>(p.lambda.depth) * v.depth;
+    v.total = static_cast<double>(p.lambda.normal) * v.normal +
+              static_cast<double>(p.lambda.continuity) * v.continuity + static_cast<double>(p.lambda.depth) * v.depth;
     return v;
   }
 

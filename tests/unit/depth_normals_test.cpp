@@ -130,8 +130,8 @@ TEST_CASE("the thesis' tangents agree with the printed formula, turned towards t
   for (int y = 0; y + 1 < shape.height; ++y) {
     for (int x = 0; x + 1 < shape.width; ++x) {
       const auto at = [&](int i, int j) { return static_cast<double>(z[static_cast<std::size_t>(j * 17 + i)]); };
-      const Vec3d printed = normalized(Vec3d{-500.0 * (at(x + 1, y) - at(x, y)) / at(x, y),
-                                             -450.0 * (at(x, y + 1) - at(x, y)) / at(x, y), 1.0});
+      const Vec3d printed = normalized(
+          Vec3d{-500.0 * (at(x + 1, y) - at(x, y)) / at(x, y), -450.0 * (at(x, y + 1) - at(x, y)) / at(x, y), 1.0});
       CHECK(length(printed + vec_cast<double>(n[static_cast<std::size_t>(y * 17 + x)])) < 1.5e-7);
     }
   }

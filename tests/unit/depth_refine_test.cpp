@@ -26,8 +26,14 @@ struct BackwardExecutor {
 // A road between two walls with boxes on it; depth with smeared edges, a low-frequency scale error and noise.
 struct Street {
   Street(Shape s, std::uint32_t seed, float depth_noise, float normal_noise)
-      : shape(s), k(intrinsics_from_fov(s, 1.3F)), truth(s.pixels()), estimate(s.pixels()), out(s.pixels(), -1.0F),
-        true_normals(s.pixels()), normals(s.pixels()), uncertain(s.pixels(), 0) {
+      : shape(s),
+        k(intrinsics_from_fov(s, 1.3F)),
+        truth(s.pixels()),
+        estimate(s.pixels()),
+        out(s.pixels(), -1.0F),
+        true_normals(s.pixels()),
+        normals(s.pixels()),
+        uncertain(s.pixels(), 0) {
     k.cy = 0.45F * static_cast<float>(s.height);
     RandomStream random(seed, RandomPurpose::test, 0, 0, 0, 0);
     float box_x[5], box_z[5];
@@ -93,8 +99,8 @@ struct Street {
     std::vector<unsigned char> bytes(refine_workspace_bytes(p, shape));
     Workspace workspace(bytes.data(), bytes.size());
     curve.assign(static_cast<std::size_t>(p.adam.steps) + 1, -1.0F);
-    const Status s = refine_with_normals(p, input(), {out.data(), shape}, {curve.data(), curve.size()}, result,
-                                         workspace, executor);
+    const Status s =
+        refine_with_normals(p, input(), {out.data(), shape}, {curve.data(), curve.size()}, result, workspace, executor);
     CHECK(workspace.used() == 0);
     return s;
   }
@@ -178,20 +184,24 @@ TEST_CASE("Adam follows the textbook in double") {
   for (int t = 0; t <= 60; ++t) {
     Workspace workspace(bytes.data(), bytes.size());
     LossValues values;
-    const LossInput<double> input{{estimate.data(), s.shape}, {normals.data(), s.shape}, {s.uncertain.data(), s.shape}, {}, {}, s.k};
+    const LossInput<double> input{
+        {estimate.data(), s.shape}, {normals.data(), s.shape}, {s.uncertain.data(), s.shape}, {}, {}, s.k};
     REQUIRE(depth_losses<double>(loss, input, {depth.data(), s.shape}, {gradient.data(), s.shape}, values, workspace,
-                                 serial).ok());
+                                 serial)
+                .ok());
     CHECK(std::abs(values.total - static_cast<double>(s.curve[static_cast<std::size_t>(t)])) < 1e-4 * values.total);
     if (t == 60) break;
     for (std::size_t i = 0; i < depth.size(); ++i) {
       const double g = gradient[i] * 80;
       m[i] = 0.9 * m[i] + 0.1 * g;
       v[i] = 0.999 * v[i] + 0.001 * g * g;
-      depth[i] -= 80 * 1e-4 * (m[i] / (1 - std::pow(0.9, t + 1))) / (std::sqrt(v[i] / (1 - std::pow(0.999, t + 1))) + 1e-8);
+      depth[i] -=
+          80 * 1e-4 * (m[i] / (1 - std::pow(0.9, t + 1))) / (std::sqrt(v[i] / (1 - std::pow(0.999, t + 1))) + 1e-8);
     }
   }
   double worst = 0;
-  for (std::size_t i = 0; i < depth.size(); ++i) worst = std::max(worst, std::abs(depth[i] - static_cast<double>(s.out[i])));
+  for (std::size_t i = 0; i < depth.size(); ++i)
+    worst = std::max(worst, std::abs(depth[i] - static_cast<double>(s.out[i])));
   CHECK(worst < 0.008 * 0.1);  // a tenth of one step, after 60 of them
 }
 

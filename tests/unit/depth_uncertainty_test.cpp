@@ -17,8 +17,13 @@ namespace {
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 
 struct Images {
-  explicit Images(Shape s) : shape(s), depth(s.pixels(), 10.0F), labels(s.pixels(), label::road), mask(s.pixels(), 7),
-                             windows(s.pixels(), 7), variance(s.pixels(), -1.0F) {}
+  explicit Images(Shape s)
+      : shape(s),
+        depth(s.pixels(), 10.0F),
+        labels(s.pixels(), label::road),
+        mask(s.pixels(), 7),
+        windows(s.pixels(), 7),
+        variance(s.pixels(), -1.0F) {}
   float& z(int x, int y) { return depth[static_cast<std::size_t>(y * shape.width + x)]; }
   Label& h(int x, int y) { return labels[static_cast<std::size_t>(y * shape.width + x)]; }
 
@@ -223,7 +228,8 @@ TEST_CASE("uncertainty on strided sub-views writes inside them only, and outputs
   const ImageView<float> z(im.depth.data(), im.shape);
   const ImageView<Label> h(im.labels.data(), im.shape);
   const ImageView<std::uint8_t> mask(im.mask.data(), im.shape);
-  REQUIRE(uncertainty(p, z.sub(5, 6, part), h.sub(5, 6, part), {mask.sub(5, 6, part), {}, {}}, workspace, executor).ok());
+  REQUIRE(
+      uncertainty(p, z.sub(5, 6, part), h.sub(5, 6, part), {mask.sub(5, 6, part), {}, {}}, workspace, executor).ok());
   Images copy(part);
   for (int y = 0; y < part.height; ++y) {
     for (int x = 0; x < part.width; ++x) {

@@ -46,7 +46,7 @@ struct CrossBilateralParams {
   int radius_px = -1;            // half the window's side, centre excluded; negative: ceil(3 sigma_s)
   bool use_labels = true;
   bool use_colour = true;
-  bool keep_invalid = false;     // leave pixels without depth (the sky) without depth
+  bool keep_invalid = false;  // leave pixels without depth (the sky) without depth
 };
 
 [[nodiscard]] inline int cross_bilateral_radius(const CrossBilateralParams& params, Shape shape) noexcept {

@@ -11,16 +11,14 @@
 //
 // Invariant: valid depths on surfaces come out unchanged, and every other surface pixel gets a positive depth within a
 // factor 4 of the range of valid depths of its label. Depths outside 1e-4..1e6 m are kept but not used.
-// Method: nearest valid pixel of the region along 4-connected paths, then red-black over-relaxation, at most max_sweeps.
-// Cost: O(pixels) + O(filled pixels x sweeps). Memory: 9 bytes per pixel. Deterministic for any executor.
+// Method: nearest valid pixel of the region along 4-connected paths, then red-black over-relaxation, at most
+// max_sweeps. Cost: O(pixels) + O(filled pixels x sweeps). Memory: 9 bytes per pixel. Deterministic for any executor.
 #ifndef NPSIM_DEPTH_FILL_HPP
 #define NPSIM_DEPTH_FILL_HPP
 
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
@@ -28,6 +26,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/fill_class.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/simd/isa.hpp"
 
@@ -37,140 +36,23 @@ inline namespace v1 {
 struct FillParams {
   LabelSet no_surface = kNoSurfaceLabels;
   LabelSet planar = LabelSet::of(label::ground, label::road, label::sidewalk, label::parking, label::rail_track);
-  int max_sweeps = 400;       // holes up to about this many pixels wide converge
-  float tolerance = 1e-5F;    // stop when no inverse depth changes by more than this share of itself in one sweep
-  float relaxation = 1.9F;    // of the over-relaxation, in (0, 2)
+  int max_sweeps = 400;     // holes up to about this many pixels wide converge
+  float tolerance = 1e-5F;  // stop when no inverse depth changes by more than this share of itself in one sweep
+  float relaxation = 1.9F;  // of the over-relaxation, in (0, 2)
 };
 
 inline constexpr std::size_t kFillChunkRows = 16;
 
 [[nodiscard]] constexpr std::size_t fill_workspace_bytes(const FillParams&, Shape shape) noexcept {
-  return kWorkspaceAlignment + allocation_bytes<float>(shape.pixels()) + allocation_bytes<std::int32_t>(shape.pixels()) +
-         allocation_bytes<std::uint8_t>(shape.pixels()) +
+  return kWorkspaceAlignment + allocation_bytes<float>(shape.pixels()) +
+         allocation_bytes<std::int32_t>(shape.pixels()) + allocation_bytes<std::uint8_t>(shape.pixels()) +
          allocation_bytes<float>(chunk_count(static_cast<std::size_t>(shape.height), kFillChunkRows));
 }
 
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
-inline constexpr std::int32_t kUnreached = std::numeric_limits<std::int32_t>::max();
 enum FillFlag : std::uint8_t { kLeft = 1, kRight = 2, kUp = 4, kDown = 8, kOrphan = 16 };
-
-// What is known of one label: range of inverse depth, and for planar labels the plane w = w0 + slope_u x + slope_v y.
-struct FillClass {
-  bool surface = true;
-  bool plane = false;
-  float low = 0;
-  float high = 0;
-  double w0 = 0;
-  float slope_u = 0;
-  float slope_v = 0;
-};
-
-struct FillState {
-  ImageView<const Label> labels;  // empty: one class
-  ImageView<float> w;             // inverse depth
-  ImageView<std::int32_t> steps;  // length of the path to the valid pixel that a pixel started from; 0: valid itself
-  ImageView<std::uint8_t> flags;  // which neighbours a filled pixel is the mean of
-  std::array<FillClass, 256> classes;
-
-  [[nodiscard]] Label label_at(int x, int y) const noexcept { return labels.empty() ? Label{0} : labels(x, y); }
-  [[nodiscard]] const FillClass& class_at(int x, int y) const noexcept { return classes[label_at(x, y)]; }
-};
-
-[[nodiscard]] inline bool is_fill_source(float z_m) noexcept { return z_m >= 1e-4F && z_m <= 1e6F; }
-
-// Sums for the least-squares plane of one label, relative to the image centre.
-struct PlaneSums {
-  double n = 0, u = 0, v = 0, uu = 0, uv = 0, vv = 0, w = 0, uw = 0, vw = 0;
-  int left = std::numeric_limits<int>::max(), right = -1, top = std::numeric_limits<int>::max(), bottom = -1;  // valid
-  int label_left = std::numeric_limits<int>::max(), label_right = -1;
-  int label_top = std::numeric_limits<int>::max(), label_bottom = -1;
-};
-
-// Fits the plane if the valid pixels determine it: at least 16, spread over a quarter of the label's extent each way.
-inline void fit_plane(const PlaneSums& s, double u0, double v0, FillClass& c) noexcept {
-  if (s.n < 16 || 4 * (s.right - s.left) < s.label_right - s.label_left ||
-      4 * (s.bottom - s.top) < s.label_bottom - s.label_top) {
-    return;
-  }
-  const double uu = s.uu - s.u * s.u / s.n;
-  const double uv = s.uv - s.u * s.v / s.n;
-  const double vv = s.vv - s.v * s.v / s.n;
-  const double uw = s.uw - s.u * s.w / s.n;
-  const double vw = s.vw - s.v * s.w / s.n;
-  const double determinant = uu * vv - uv * uv;
-  if (!(determinant > 1e-3 * uu * vv) || !(uu > 0) || !(vv > 0)) return;
-  const double slope_u = (vv * uw - uv * vw) / determinant;
-  const double slope_v = (uu * vw - uv * uw) / determinant;
-  c.plane = true;
-  c.slope_u = static_cast<float>(slope_u);
-  c.slope_v = static_cast<float>(slope_v);
-  c.w0 = (s.w - slope_u * s.u - slope_v * s.v) / s.n - slope_u * u0 - slope_v * v0;
-}
-
-// Copies valid depths as inverse depth and describes each label. Returns the number of usable pixels.
-[[nodiscard]] inline std::size_t describe_classes(const FillParams& params, ImageView<const float> depth,
-                                                  FillState& state) noexcept {
-  const double u0 = 0.5 * depth.width();
-  const double v0 = 0.5 * depth.height();
-  const auto each_pixel = [&](const auto& f) {
-    for (int y = 0; y < depth.height(); ++y) {
-      for (int x = 0; x < depth.width(); ++x) f(x, y);
-    }
-  };
-  float low = std::numeric_limits<float>::max();
-  float high = 0;
-  for (std::size_t l = 0; l < state.classes.size(); ++l) {
-    state.classes[l] = {};
-    state.classes[l].surface = state.labels.empty() || !params.no_surface.contains(static_cast<Label>(l));
-    state.classes[l].low = low;
-  }
-  std::size_t usable = 0;
-  each_pixel([&](int x, int y) {
-    FillClass& c = state.classes[state.label_at(x, y)];
-    const bool source = c.surface && is_fill_source(depth(x, y));
-    state.steps(x, y) = source ? 0 : kUnreached;
-    state.w(x, y) = source ? 1.0F / depth(x, y) : 0.0F;
-    if (!source) return;
-    ++usable;
-    const float w = state.w(x, y);
-    c.low = w < c.low ? w : c.low;
-    c.high = w > c.high ? w : c.high;
-    low = w < low ? w : low;
-    high = w > high ? w : high;
-  });
-  for (std::size_t l = 0; l < state.classes.size(); ++l) {
-    FillClass& c = state.classes[l];
-    if (c.high == 0) {
-      c.low = low;
-      c.high = high;
-    }
-    c.low *= 0.25F;
-    c.high *= 4.0F;
-    if (state.labels.empty() || !c.surface || !params.planar.contains(static_cast<Label>(l))) continue;
-    PlaneSums s;
-    each_pixel([&](int x, int y) {
-      if (state.label_at(x, y) != l) return;
-      s.label_left = x < s.label_left ? x : s.label_left;
-      s.label_right = x > s.label_right ? x : s.label_right;
-      s.label_top = y < s.label_top ? y : s.label_top;
-      s.label_bottom = y > s.label_bottom ? y : s.label_bottom;
-      if (state.steps(x, y) != 0) return;
-      s.left = x < s.left ? x : s.left;
-      s.right = x > s.right ? x : s.right;
-      s.top = y < s.top ? y : s.top;
-      s.bottom = y > s.bottom ? y : s.bottom;
-      const double u = x - u0;
-      const double v = y - v0;
-      const double w = static_cast<double>(state.w(x, y));
-      s.n += 1; s.u += u; s.v += v; s.w += w;
-      s.uu += u * u; s.uv += u * v; s.vv += v * v; s.uw += u * w; s.vw += v * w;
-    });
-    fit_plane(s, u0, v0, c);
-  }
-  return usable;
-}
 
 enum class FillReach { same_label, any_surface, anything };
 
@@ -213,7 +95,8 @@ inline void spread(FillState& state, FillReach reach) noexcept {
   }
 }
 
-// A start value for every pixel: from its region, else from its class' plane, else from any surface, else from anything.
+// A start value for every pixel: from its region, else from its class' plane, else from any surface, else from
+// anything.
 inline void initialise(FillState& state) noexcept {
   spread(state, FillReach::same_label);
   for (int y = 0; y < state.w.height(); ++y) {
@@ -222,7 +105,8 @@ inline void initialise(FillState& state) noexcept {
       if (state.steps(x, y) != kUnreached) continue;
       const FillClass& c = state.class_at(x, y);
       if (c.plane) {
-        state.w(x, y) = static_cast<float>(c.w0 + static_cast<double>(c.slope_u) * x + static_cast<double>(c.slope_v) * y);
+        state.w(x, y) =
+            static_cast<float>(c.w0 + static_cast<double>(c.slope_u) * x + static_cast<double>(c.slope_v) * y);
         state.steps(x, y) = 1;
       } else {
         state.flags(x, y) = kOrphan;
@@ -255,10 +139,22 @@ inline void initialise(FillState& state) noexcept {
   const float dv = orphan ? 0.0F : c.slope_v;
   float sum = 0;
   float count = 0;
-  if ((flags & kLeft) != 0) { sum += state.w(x - 1, y) + du; count += 1; }
-  if ((flags & kRight) != 0) { sum += state.w(x + 1, y) - du; count += 1; }
-  if ((flags & kUp) != 0) { sum += state.w(x, y - 1) + dv; count += 1; }
-  if ((flags & kDown) != 0) { sum += state.w(x, y + 1) - dv; count += 1; }
+  if ((flags & kLeft) != 0) {
+    sum += state.w(x - 1, y) + du;
+    count += 1;
+  }
+  if ((flags & kRight) != 0) {
+    sum += state.w(x + 1, y) - du;
+    count += 1;
+  }
+  if ((flags & kUp) != 0) {
+    sum += state.w(x, y - 1) + dv;
+    count += 1;
+  }
+  if ((flags & kDown) != 0) {
+    sum += state.w(x, y + 1) - dv;
+    count += 1;
+  }
   float& w = state.w(x, y);
   const float before = w;
   float after = before + relaxation * (sum / count - before);
@@ -300,7 +196,7 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, state.flags));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(chunk_count(rows, kFillChunkRows), change));
 
-  if (describe_classes(params, depth, state) == 0) {
+  if (describe_classes(params.no_surface, params.planar, depth, state) == 0) {
     return {StatusCode::no_valid_input, "fill_depth: no pixel of a surface has a usable depth"};
   }
   initialise(state);

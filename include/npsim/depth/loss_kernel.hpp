@@ -1,55 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 // The pass over the image that evaluates the losses of loss_params.hpp and their gradient; see there for the equations.
 //
-// Everything that does not change during an optimisation (unit normals, masks, label weights) is prepared once into
-// planes whose rows are padded to whole blocks of 16 pixels and which have one more row: the loops have no tails and no
-// tests, because padding and missing pixels hold depth 1 and weight 0.
 // A row is evaluated 16 pixels at a time, in batches of whatever width; losses are summed in 16 lanes by x mod 16, so
 // the bits do not depend on the width. A pixel's gradient is its own part, then the part of its left and of its upper
 // neighbour. A chunk evaluates the row above its first one again, so no chunk writes into another's rows.
+// Cost: about 90 operations per pixel.
 #ifndef NPSIM_DEPTH_LOSS_KERNEL_HPP
 #define NPSIM_DEPTH_LOSS_KERNEL_HPP
 
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
 #include <type_traits>
 
-#include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
-#include "npsim/core/span.hpp"
-#include "npsim/core/status.hpp"
-#include "npsim/core/vec.hpp"
-#include "npsim/core/workspace.hpp"
 #include "npsim/depth/loss_params.hpp"
+#include "npsim/depth/loss_problem.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/isa.hpp"
 
 namespace npsim {
 inline namespace v1 {
-
-inline constexpr int kLossBlock = 16;
-inline constexpr std::size_t kLossChunkRows = 16;
-
-[[nodiscard]] constexpr std::ptrdiff_t loss_plane_stride(int width) noexcept {
-  return (width + kLossBlock - 1) / kLossBlock * kLossBlock + kLossBlock;  // the block after the last is read at x + 1
-}
-[[nodiscard]] constexpr std::size_t loss_plane_elements(Shape shape) noexcept {
-  return static_cast<std::size_t>(loss_plane_stride(shape.width)) * (static_cast<std::size_t>(shape.height) + 1);
-}
-// Row buffers of one chunk: parts of the gradient for the right and for the lower neighbour, the latter twice.
-inline constexpr std::size_t kLossRowBuffers = 3;
-
-template <class T>
-[[nodiscard]] constexpr std::size_t loss_problem_bytes(Shape shape) noexcept {
-  const std::size_t chunks = chunk_count(static_cast<std::size_t>(shape.height), kLossChunkRows);
-  return 7 * allocation_bytes<T>(loss_plane_elements(shape)) +
-         allocation_bytes<T>(chunks * kLossRowBuffers * static_cast<std::size_t>(loss_plane_stride(shape.width))) +
-         3 * allocation_bytes<double>(static_cast<std::size_t>(shape.height));
-}
-
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
@@ -70,112 +42,6 @@ struct F64 {
 
 template <class T>
 using LossBatch = std::conditional_t<std::is_same_v<T, double>, F64, simd::F32>;
-
-template <class T>
-[[nodiscard]] bool has_depth(T z_m) noexcept {
-  return z_m >= T(1e-3) && z_m <= T(1e5);  // false for NaN
-}
-
-template <class T>
-struct LossProblem {
-  LossParams params;
-  Intrinsics k;
-  ImageView<T> estimate, nx, ny, nz;
-  ImageView<T> normal_weight, continuity_weight, depth_weight;
-  Span<T> row_buffers;
-  Span<double> row_normal, row_continuity, row_depth;  // loss by row
-  std::size_t normal_count = 0;
-  std::size_t depth_count = 0;
-};
-
-template <class T>
-[[nodiscard]] Status allocate_loss_plane(Shape shape, Workspace& workspace, ImageView<T>& plane) noexcept {
-  Span<T> elements;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(loss_plane_elements(shape), elements));
-  plane = ImageView<T>(elements.data(), shape, loss_plane_stride(shape.width));
-  return {};
-}
-
-template <class T>
-[[nodiscard]] Status validate_losses(const LossParams& params, const LossInput<T>& input) noexcept {
-  NPSIM_RETURN_IF_ERROR(validate(input.intrinsics));
-  const auto weight = [](float w) { return w >= 0 && w <= 1e6F; };  // false for NaN
-  const auto weights = [weight](const LossWeights& w) {
-    return weight(w.normal) && weight(w.continuity) && weight(w.depth);
-  };
-  if (!weights(params.lambda)) return {StatusCode::invalid_argument, "losses: each lambda must lie in 0..1e6"};
-  for (const LossWeights& w : input.label_weights) {
-    if (!weights(w)) return {StatusCode::invalid_argument, "losses: label weights must lie in 0..1e6"};
-  }
-  if (!(params.depth_unit_m >= 1e-3F && params.depth_unit_m <= 1e5F)) {
-    return {StatusCode::invalid_argument, "losses: depth_unit_m must lie in 1e-3..1e5"};
-  }
-  if (input.depth_est.empty()) return {StatusCode::no_valid_input, "losses: the depth image is empty"};
-  const Shape shape = input.depth_est.shape();
-  const auto fits = [shape](const auto& view) { return view.empty() || view.shape() == shape; };
-  if (input.normals.empty() || !fits(input.normals) || !fits(input.uncertain) || !fits(input.labels)) {
-    return {StatusCode::shape_mismatch, "losses: normals, uncertain and labels must have the shape of the depth"};
-  }
-  return {};
-}
-
-// The planes of one pixel. Returns whether it has the normal and continuity terms.
-template <class T>
-bool prepare_pixel(const LossInput<T>& input, LossProblem<T>& p, int x, int y) noexcept {
-  const Shape shape = input.depth_est.shape();
-  const auto present = [&](int i, int j) {
-    return i < shape.width && j < shape.height && has_depth(input.depth_est(i, j));
-  };
-  const bool inside = present(x, y);
-  LossWeights w;
-  if (inside && !input.labels.empty() && input.labels(x, y) < input.label_weights.size()) {
-    w = input.label_weights[input.labels(x, y)];
-  }
-  Vec3<T> n{};
-  if (inside && present(x + 1, y) && present(x, y + 1)) {
-    n = input.normals(x, y);
-    const T norm = length(n);
-    n = norm > T(1e-6) && std::isfinite(norm) ? n / norm : Vec3<T>{};
-  }
-  const bool has_normal = dot(n, n) > T(0.5);
-  const bool sure = !inside || input.uncertain.empty() || input.uncertain(x, y) == 0;
-  const T estimate = inside ? input.depth_est(x, y) : T(1);
-  const T unit = p.params.depth_term == DepthTerm::metric ? T(p.params.depth_unit_m) : estimate;
-  p.estimate.row(y)[x] = estimate;
-  p.nx.row(y)[x] = n.x;
-  p.ny.row(y)[x] = n.y;
-  p.nz.row(y)[x] = n.z;
-  p.normal_weight.row(y)[x] = has_normal && (sure || p.params.normal_in_uncertain) ? T(w.normal) : T(0);
-  p.continuity_weight.row(y)[x] = has_normal && sure ? T(w.continuity) : T(0);
-  p.depth_weight.row(y)[x] = inside ? T(w.depth) / (unit * unit) : T(0);
-  if (inside) ++p.depth_count;
-  return has_normal;
-}
-
-template <class T, class Executor>
-[[nodiscard]] Status prepare_losses(const LossParams& params, const LossInput<T>& input, Workspace& workspace,
-                                    Executor&, LossProblem<T>& p) noexcept {
-  const Shape shape = input.depth_est.shape();
-  p.params = params;
-  p.k = input.intrinsics;
-  for (ImageView<T>* plane :
-       {&p.estimate, &p.nx, &p.ny, &p.nz, &p.normal_weight, &p.continuity_weight, &p.depth_weight}) {
-    NPSIM_RETURN_IF_ERROR(allocate_loss_plane(shape, workspace, *plane));
-  }
-  const auto rows = static_cast<std::size_t>(shape.height);
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(
-      chunk_count(rows, kLossChunkRows) * kLossRowBuffers * static_cast<std::size_t>(p.estimate.stride()),
-      p.row_buffers));
-  for (Span<double>* sums : {&p.row_normal, &p.row_continuity, &p.row_depth}) {
-    NPSIM_RETURN_IF_ERROR(workspace.allocate(rows, *sums));
-  }
-  for (int y = 0; y <= shape.height; ++y) {
-    for (int x = 0; x < p.estimate.stride(); ++x) {
-      if (prepare_pixel(input, p, x, y)) ++p.normal_count;
-    }
-  }
-  return p.depth_count > 0 ? Status() : Status(StatusCode::no_valid_input, "losses: no pixel has a usable depth");
-}
 
 // What one batch of pixels adds to the losses (weights of pixels included, lambda not) and to the gradient.
 template <class V>
@@ -253,14 +119,14 @@ template <TangentForm kForm, class T, class V = LossBatch<T>>
   const V afy = a * (fy / fx);
   const V c = a / fx * nx + b / fy * ny + nz;
   const ContinuityForm form = p.params.continuity;
-  const TangentTerm<V> tx =
-      tangent_term(form, nx + fx * c * sx, fx * c, one + a * sx, a, bfx * sx, bfx, fx * sx, fx);
-  const TangentTerm<V> ty =
-      tangent_term(form, ny + fy * c * sy, fy * c, afy * sy, afy, one + b * sy, b, fy * sy, fy);
+  const TangentTerm<V> tx = tangent_term(form, nx + fx * c * sx, fx * c, one + a * sx, a, bfx * sx, bfx, fx * sx, fx);
+  const TangentTerm<V> ty = tangent_term(form, ny + fy * c * sy, fy * c, afy * sy, afy, one + b * sy, b, fy * sy, fy);
 
   const V half(T(0.5));
-  const V by_sx = normal_scale * normal_weight * normal_sx + continuity_scale * continuity_weight * half * tx.derivative;
-  const V by_sy = normal_scale * normal_weight * normal_sy + continuity_scale * continuity_weight * half * ty.derivative;
+  const V by_sx =
+      normal_scale * normal_weight * normal_sx + continuity_scale * continuity_weight * half * tx.derivative;
+  const V by_sy =
+      normal_scale * normal_weight * normal_sy + continuity_scale * continuity_weight * half * ty.derivative;
 
   const V offset = z - V::load(p.estimate.row(y) + x);
   const V weighted_offset = V::load(p.depth_weight.row(y) + x) * offset;
@@ -308,8 +174,8 @@ void evaluate_row(LossProblem<T>& p, ImageView<const T> depth, int y, T* self, T
       const int lane = static_cast<int>(i) * V::lanes;
       const int x = block + lane;
       const V a = V::load(a_of_lane + lane);
-      const LossPart<V> part = loss_part<kForm, T>(p, here, below, x, y, a, b, normal_scale, continuity_scale,
-                                                   depth_scale);
+      const LossPart<V> part =
+          loss_part<kForm, T>(p, here, below, x, y, a, b, normal_scale, continuity_scale, depth_scale);
       part.down.store(down + x);
       if (only_down) continue;
       part.self.store(self + x);
@@ -339,8 +205,8 @@ void evaluate_all(LossProblem<T>& p, ImageView<const T> depth, ImageView<T> grad
   const std::ptrdiff_t end_x = stride - kLossBlock;
   const auto rows = static_cast<std::size_t>(depth.height());
   executor.for_chunks(rows, kLossChunkRows, [&, stride, end_x](std::size_t begin, std::size_t end) {
-    T* right = p.row_buffers.data() +
-               static_cast<std::ptrdiff_t>(begin / kLossChunkRows) * static_cast<std::ptrdiff_t>(kLossRowBuffers) * stride;
+    T* right = p.row_buffers.data() + static_cast<std::ptrdiff_t>(begin / kLossChunkRows) *
+                                          static_cast<std::ptrdiff_t>(kLossRowBuffers) * stride;
     T* from_above = right + stride;
     T* down = from_above + stride;
     for (std::ptrdiff_t x = 0; x < end_x; ++x) from_above[x] = T(0);

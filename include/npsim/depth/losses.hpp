@@ -15,6 +15,7 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/loss_kernel.hpp"
 #include "npsim/depth/loss_params.hpp"
+#include "npsim/depth/loss_problem.hpp"
 #include "npsim/simd/isa.hpp"
 
 namespace npsim {

@@ -113,8 +113,8 @@ template <class Executor>
         }
         const double z = static_cast<double>(row[x]);
         if (params.tangents == TangentForm::perspective) {
-          out = vec_cast<float>(depth_detail::perspective_normal(intrinsics, x + 0.5, y + 0.5, 1.0 / z, along_u,
-                                                                 along_v));
+          out = vec_cast<float>(
+              depth_detail::perspective_normal(intrinsics, x + 0.5, y + 0.5, 1.0 / z, along_u, along_v));
         } else {
           const double fx = static_cast<double>(intrinsics.fx);
           const double fy = static_cast<double>(intrinsics.fy);

@@ -10,9 +10,9 @@
 // Presets. thesis_refine_params(): its tangents, metric depth term in (d/80)^2, lambda (1, 5, 1). Those tangents are
 // biased, so depth gets worse the better the loss is minimised: on a road with boxes between two walls, relative error
 // .0185 -> .0332. The default takes perspective tangents and a relative depth term strong enough to hold what normals
-// cannot know: .0185 -> .0162, normal error 61 -> 6 degrees. Where depth is far better than the normals (.0033, noise of
-// 13 degrees in N) it still loses, .0052, against .0196 with the metric term and (1, 5, 1).
-// Cost: one evaluation of the losses and 15 operations per pixel and step. Memory: 12 floats per pixel.
+// cannot know: .0185 -> .0162, normal error 61 -> 6 degrees. Where depth is far better than the normals (.0033, noise
+// of 13 degrees in N) it still loses, .0052, against .0196 with the metric term and (1, 5, 1). Cost: one evaluation of
+// the losses and 15 operations per pixel and step. Memory: 12 floats per pixel.
 #ifndef NPSIM_DEPTH_REFINE_HPP
 #define NPSIM_DEPTH_REFINE_HPP
 
@@ -27,6 +27,7 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/loss_kernel.hpp"
 #include "npsim/depth/loss_params.hpp"
+#include "npsim/depth/loss_problem.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/isa.hpp"
 
@@ -34,9 +35,9 @@ namespace npsim {
 inline namespace v1 {
 
 struct AdamParams {
-  int steps = 1000;         // section 3.4.3
-  float rate = 1e-4F;       // section 3.4.3, per step, in units of depth_scale_m
-  float beta1 = 0.9F;       // the paper's defaults, as in the framework that the thesis used
+  int steps = 1000;    // section 3.4.3
+  float rate = 1e-4F;  // section 3.4.3, per step, in units of depth_scale_m
+  float beta1 = 0.9F;  // the paper's defaults, as in the framework that the thesis used
   float beta2 = 0.999F;
   float epsilon = 1e-8F;
 };
@@ -77,7 +78,8 @@ struct RefineResult {
 };
 
 [[nodiscard]] constexpr std::size_t refine_workspace_bytes(const RefineParams& params, Shape shape) noexcept {
-  return kWorkspaceAlignment + loss_problem_bytes<float>(shape) + 4 * allocation_bytes<float>(loss_plane_elements(shape)) +
+  return kWorkspaceAlignment + loss_problem_bytes<float>(shape) +
+         4 * allocation_bytes<float>(loss_plane_elements(shape)) +
          allocation_bytes<double>(static_cast<std::size_t>(params.adam.steps > 0 ? params.adam.steps : 0) + 1);
 }
 

@@ -39,9 +39,9 @@ struct UncertaintyParams {
 
 // Views that are left empty are not written. Each has the shape of the depth.
 struct UncertaintyOutput {
-  ImageView<std::uint8_t> mask;      // U: 1 where the pixel belongs to a window that fires, else 0
-  ImageView<std::uint8_t> windows;   // 1 at the upper-left pixel of every window that fires, else 0
-  ImageView<float> variance_m2;      // population variance of the window at its upper-left pixel; 0 without a window
+  ImageView<std::uint8_t> mask;     // U: 1 where the pixel belongs to a window that fires, else 0
+  ImageView<std::uint8_t> windows;  // 1 at the upper-left pixel of every window that fires, else 0
+  ImageView<float> variance_m2;     // population variance of the window at its upper-left pixel; 0 without a window
 };
 
 [[nodiscard]] constexpr std::size_t uncertainty_workspace_bytes(const UncertaintyParams&, Shape shape) noexcept {
