@@ -96,7 +96,8 @@ inline Expected<Image<float>> read_depth(const std::string& path, const DepthFor
     }
     if (format.encoding == DepthEncoding::cityscapes_disparity &&
         !(positive(format.baseline_m) && positive(format.fx_px))) {
-      return Error{path, "baseline", "disparity needs a camera with a positive baseline (m) and fx (px)"};
+      return Error{path, "baseline",
+                   "is missing or not positive, expected a camera with a baseline (m) and fx (px) for disparity"};
     }
     Image<float> depth;
     DepthCounts found;

@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <doctest/doctest.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "io_fixture.hpp"
+#include "npsim/io/light_annotation.hpp"
+
+namespace {
+
+using namespace npsim;
+using io_test::check_error;
+using io_test::put;
+using io_test::require_ok;
+using io_test::TemporaryFolder;
+
+struct Box {
+  int x, y, width, height;
+  std::uint32_t id;
+};
+
+// A 20 x 10 bitmap with later boxes over earlier ones.
+void put_bitmap(const std::string& path, const std::vector<Box>& boxes, Shape shape = {20, 10}) {
+  io::Image<io::Rgba8> bitmap(shape);
+  for (const Box& b : boxes) {
+    for (int y = b.y; y < b.y + b.height; ++y) {
+      for (int x = b.x; x < b.x + b.width; ++x) {
+        bitmap(x, y) = {static_cast<std::uint8_t>(b.id & 255U), static_cast<std::uint8_t>(b.id >> 8 & 255U),
+                        static_cast<std::uint8_t>(b.id >> 16), 255};
+      }
+    }
+  }
+  require_ok(io::write_png_rgba(path, bitmap.view()));
+}
+
+std::string categories() {
+  std::string list;
+  for (int i = 1; i < kLightClassCount; ++i) {
+    list += (i > 1 ? ", " : "") + std::string(R"({"id": )") + std::to_string(100 + i) + R"(, "name": ")" +
+            kLightClasses[static_cast<std::size_t>(i)].name + "\"}";
+  }
+  return list + R"(, {"id": 7, "name": "tree"})";
+}
+
+std::string entry(std::uint32_t id, LightClass cls, const std::string& attributes = "") {
+  return R"({"id": )" + std::to_string(id) + R"(, "category_id": )" + std::to_string(100 + static_cast<int>(cls)) +
+         (attributes.empty() ? "" : R"(, "attributes": {)" + attributes + "}") + "}";
+}
+
+std::string segments(const std::string& annotations, const std::string& more_samples = "") {
+  return R"({"dataset": {"task_attributes": {"categories": [)" + categories() +
+         R"(]}, "samples": [{"name": "a.png", "labels": {"ground-truth": {"attributes": {"annotations": [)" +
+         annotations + R"(], "segmentation_bitmap": {"url": "https://somewhere.invalid/x/lights.png?key=1"}}}}})" +
+         more_samples + "]}}";
+}
+
+std::string panoptic(const std::string& segments_info) {
+  return R"({"categories": [)" + categories() + R"(], "images": [], "annotations": [{"image_id": 1, "file_name": )" +
+         R"("lights.png", "segments_info": [)" + segments_info + "]}]}";
+}
+
+io::Expected<io::LightAnnotation> read(const TemporaryFolder& folder, const std::string& json,
+                                       io::LightAnnotationFormat format = io::LightAnnotationFormat::segments_ai) {
+  put(folder / "lights.json", json);
+  return io::read_light_annotation(format, folder / "lights.json", folder / "lights.png", {20, 10});
+}
+
+}  // namespace
+
+TEST_CASE("light annotation: classes, states, explicit groups, ids of three bytes, the index plane") {
+  const TemporaryFolder folder;
+  put_bitmap(folder / "lights.png", {{2, 2, 6, 4, 70000}, {3, 3, 1, 1, 5}, {15, 0, 2, 2, 300}});
+  const auto lights =
+      read(folder, segments(entry(5, LightClass::inferred_object, R"("group": 70000, "state": "red")") + ", " +
+                            entry(70000, LightClass::traffic_light_group, R"("note": "x")") + ", " +
+                            entry(300, LightClass::street_light_lt, R"("group": null, "state": "white/unknown")")));
+  require_ok(lights);
+  const auto& marks = lights.value().marks;
+  REQUIRE(marks.size() == 3);
+  CHECK(marks[0].cls == LightClass::inferred_object);
+  CHECK(marks[0].state == SignalState::red);
+  CHECK(marks[0].group == 2);
+  CHECK(marks[1].cls == LightClass::traffic_light_group);
+  CHECK(marks[1].id == 70000);
+  CHECK(marks[2].group == 0);
+  CHECK(marks[2].state == SignalState::unknown);
+  CHECK(lights.value().index(3, 3) == 1);
+  CHECK(lights.value().index(4, 3) == 2);
+  CHECK(lights.value().index(16, 1) == 3);
+  CHECK(lights.value().index(10, 8) == 0);
+}
+
+TEST_CASE("light annotation: COCO panoptic says the same, attributes in the segment or below it") {
+  const TemporaryFolder folder;
+  put_bitmap(folder / "lights.png", {{2, 2, 6, 4, 70000}, {3, 3, 1, 1, 5}});
+  const auto lights = read(folder,
+                           panoptic(R"({"id": 5, "category_id": 112, "group": "70000", "state": "green"}, )" +
+                                    entry(70000, LightClass::traffic_light_group)),
+                           io::LightAnnotationFormat::coco_panoptic);
+  require_ok(lights);
+  REQUIRE(lights.value().marks.size() == 2);
+  CHECK(lights.value().marks[0].group == 2);
+  CHECK(lights.value().marks[0].state == SignalState::green);
+  CHECK(lights.value().index(3, 3) == 1);
+}
+
+TEST_CASE("light annotation: a source without a group joins the compatible one that overlaps most") {
+  const TemporaryFolder folder;
+  // A car (1) and a truck (2) side by side, the lamp (3) reaches further into the truck; the window (4) lies inside the
+  // car but no car can hold it; the street lamp (5) touches nothing.
+  put_bitmap(folder / "lights.png",
+             {{0, 0, 8, 6, 1}, {8, 0, 8, 6, 2}, {6, 2, 6, 2, 3}, {1, 1, 2, 2, 4}, {18, 8, 1, 1, 5}, {17, 0, 2, 2, 6}});
+  const auto lights =
+      read(folder, segments(entry(1, LightClass::car_group) + "," + entry(2, LightClass::truck_group) + "," +
+                            entry(3, LightClass::parked_rear) + "," + entry(4, LightClass::window_building) + "," +
+                            entry(5, LightClass::street_light_ht) + "," + entry(6, LightClass::parked_front)));
+  require_ok(lights);
+  CHECK(lights.value().marks[2].group == 2);
+  CHECK(lights.value().marks[3].group == 0);
+  CHECK(lights.value().marks[4].group == 0);
+  CHECK(lights.value().marks[5].group == 0);
+}
+
+TEST_CASE("which group holds which source") {
+  CHECK(io::can_hold(LightClass::windows_group, LightClass::window_building));
+  CHECK_FALSE(io::can_hold(LightClass::windows_group, LightClass::window_parked));
+  CHECK(io::can_hold(LightClass::car_group, LightClass::moving_rear));
+  CHECK_FALSE(io::can_hold(LightClass::car_group, LightClass::window_transport));
+  CHECK(io::can_hold(LightClass::bus_group, LightClass::window_transport));
+  CHECK(io::can_hold(LightClass::train_group, LightClass::window_transport));
+  CHECK_FALSE(io::can_hold(LightClass::bicycle_group, LightClass::window_parked));
+  CHECK(io::can_hold(LightClass::traffic_light_group, LightClass::inferred_object));
+  CHECK_FALSE(io::can_hold(LightClass::traffic_light_group, LightClass::moving_front));
+  for (int g = 0; g < kLightClassCount; ++g) {
+    for (int s = 0; s < kLightClassCount; ++s) {
+      const auto group = static_cast<LightClass>(g);
+      const auto source = static_cast<LightClass>(s);
+      if (!is_group(group) || is_group(source) || source == LightClass::none) CHECK_FALSE(io::can_hold(group, source));
+    }
+  }
+}
+
+TEST_CASE("light annotation: entries without pixels are kept, with a note") {
+  const TemporaryFolder folder;
+  put_bitmap(folder / "lights.png", {});
+  const auto lights = read(folder, segments(entry(9, LightClass::clock)));
+  require_ok(lights);
+  CHECK(lights.value().marks.size() == 1);
+  REQUIRE_FALSE(lights.value().notes.empty());
+  CHECK(lights.value().notes.back().find("without pixels") != std::string::npos);
+}
+
+TEST_CASE("light annotation: names in another case or with underscores are the same class") {
+  CHECK(io::detail::light_class_from_name("Inferred_Object") == LightClass::inferred_object);
+  CHECK(io::detail::light_class_from_name("street-light-ht") == LightClass::street_light_ht);
+  CHECK(io::detail::light_class_from_name("none") == LightClass::none);
+  CHECK(io::detail::light_class_from_name("") == LightClass::none);
+  CHECK(io::detail::signal_state_from_name("Yellow") == SignalState::amber);
+}
+
+TEST_CASE("light annotation: of several samples the one with the bitmap's name counts") {
+  const TemporaryFolder folder;
+  put_bitmap(folder / "lights.png", {{0, 0, 2, 2, 5}});
+  const std::string other = R"(, {"labels": {"auto": null, "gt": {"attributes": {"annotations": [], )"
+                            R"("segmentation_bitmap": {"url": "other.png"}}}}})";
+  const auto lights = read(folder, segments(entry(5, LightClass::clock), other));
+  require_ok(lights);
+  CHECK(lights.value().marks.size() == 1);
+  put_bitmap(folder / "third.png", {{0, 0, 2, 2, 5}});
+  check_error(io::read_light_annotation(io::LightAnnotationFormat::segments_ai, folder / "lights.json",
+                                        folder / "third.png", {20, 10}),
+              "lights.json", "third.png");
+}
+
+TEST_CASE("light annotation: bad input ends in one line that names it") {
+  const TemporaryFolder folder;
+  const auto refused = [&](const std::string& json, const std::string& words) {
+    check_error(read(folder, json), "lights.", words);
+  };
+  put_bitmap(folder / "lights.png", {{0, 0, 2, 2, 5}, {4, 3, 2, 2, 77}});
+  refused(segments(entry(5, LightClass::clock)), "pixel (4, 3): has id 77");
+  put_bitmap(folder / "lights.png", {{0, 0, 2, 2, 5}});
+  refused(segments(R"({"id": 5, "category_id": 7})"), "'tree'");
+  refused(segments(R"({"id": 5, "category_id": 999})"), "999");
+  refused(segments(R"({"id": 5})"), "category_id");
+  refused(segments(R"({"category_id": 101})"), "id");
+  refused(segments(R"({"id": "5", "category_id": 101})"), "id");
+  refused(segments(R"({"id": 5.5, "category_id": 101})"), "id");
+  refused(segments(R"({"id": 0, "category_id": 101})"), "id");
+  refused(segments(R"({"id": 16777216, "category_id": 101})"), "id");
+  refused(segments(R"({"id": 18446744073709551615, "category_id": 101})"), "id");
+  refused(segments(entry(5, LightClass::clock) + "," + entry(5, LightClass::clock)), "given twice");
+  refused(segments(entry(5, LightClass::moving_rear, R"("group": 9)")), "attributes.group: is 9");
+  refused(segments(entry(5, LightClass::moving_rear, R"("group": 6)") + "," + entry(6, LightClass::clock)),
+          "group annotation");
+  refused(segments(entry(5, LightClass::moving_rear, R"("group": "left")")), "left");
+  refused(segments(entry(5, LightClass::moving_rear, R"("group": -1)")), "group");
+  refused(segments(entry(5, LightClass::moving_rear, R"("group": [1])")), "group");
+  refused(segments(entry(5, LightClass::clock, R"("state": 3)")), "state");
+  refused(segments("17"), "annotations[0]");
+  refused("{\"dataset\": 3}", "dataset");
+  refused("{}", "dataset");
+  refused("[]", "object");
+  refused("", "empty");
+  refused("{\"dataset\": {", "not valid JSON");
+  refused("{\"a\": 1, \"a\": 2}", "twice");
+  refused("{\"a\": 1e999}", "JSON");
+  refused(std::string("\xFF\xFE\x00{", 4), "JSON");
+
+  std::string many;
+  for (std::uint32_t i = 1; i <= 65535; ++i) many += (i > 1 ? "," : "") + entry(i, LightClass::clock);
+  refused(segments(many), "65534");
+}
+
+TEST_CASE("light annotation: truncated at every length") {
+  const TemporaryFolder folder;
+  put_bitmap(folder / "lights.png", {{0, 0, 2, 2, 5}});
+  const std::string whole = segments(entry(5, LightClass::clock));
+  require_ok(read(folder, whole));
+  for (std::size_t length = 0; length < whole.size(); length += 7) {
+    check_error(read(folder, whole.substr(0, length)), "lights.json");
+  }
+}
+
+TEST_CASE("light annotation: a bitmap of another size or kind") {
+  const TemporaryFolder folder;
+  put_bitmap(folder / "lights.png", {}, {10, 10});
+  check_error(read(folder, segments(entry(5, LightClass::clock))), "lights.png", "10x10");
+  io::Image<std::uint8_t> grey({20, 10});
+  require_ok(io::write_png(folder / "lights.png", grey.view()));
+  check_error(read(folder, segments(entry(5, LightClass::clock))), "lights.png", "grey");
+}
