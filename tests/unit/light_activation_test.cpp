@@ -195,6 +195,20 @@ TEST_CASE("street lamps of an image share their technology, with a small jitter"
   }
 }
 
+TEST_CASE("a street lamp on a low post carries less light, unless its strength was measured") {
+  Emitter low = make(LightClass::street_light_ht, 1, 0, EmissionProfile::street_luminaire);
+  Emitter high = low;
+  low.mounting_height_m = 3.5F;
+  high.mounting_height_m = 8.0F;
+  const float ratio = draw({low}, 0)[0].strength / draw({high}, 0)[0].strength;
+  CHECK(ratio == doctest::Approx(std::pow(3.5 / 8, 1.5)).epsilon(1e-4));
+  const LightSetEntry set[] = {{LightClass::street_light_ht, 6000.0F, {0.4F, 0.39F}}};
+  ActivationParams params;
+  params.light_set = set;
+  params.street_strength_jitter = 0;
+  CHECK(draw({low}, 0, 1, {}, params)[0].strength == 6000.0F);
+}
+
 TEST_CASE("same seed, same night; order, company and class of other emitters change nothing") {
   std::vector<Emitter> some;
   for (std::uint16_t i = 1; i <= 30; ++i) {

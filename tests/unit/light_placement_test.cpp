@@ -256,6 +256,8 @@ TEST_CASE("street lamp against the sky: never the depth of the sky, but that of 
     CHECK(length(e.axis - Vec3f{0, 1, 0}) < 1e-5F);
     CHECK(height_above_ground(s.ground, e.centre_m) > 6.0F);
     CHECK(height_above_ground(s.ground, e.centre_m) < 9.5F);
+    CHECK(e.mounting_height_m ==
+          doctest::Approx(static_cast<double>(height_above_ground(s.ground, e.centre_m))).epsilon(0.01));
     CHECK(e.area_m2 >= 0.02F);
   }
 }

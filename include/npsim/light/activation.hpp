@@ -8,7 +8,8 @@
 // Beyond the text, because one sees it at once when it is missing:
 //   - the lamps of one vehicle are switched together: one p and one draw for front and rear; rear lamps are stop lamps
 //     with stop_probability;
-//   - street lamps of a class share technology and strength all over the image, with a small jitter per lamp;
+//   - street lamps of a class share technology and strength all over the image, with a small jitter per lamp, and low
+//     ones carry less light;
 //   - of a traffic light that shows several discs one is on: the annotated one, else one that glows by day, else any.
 //     Unknown states follow the daytime colour, then the place in the panel, then a draw.
 // Randomness: streams (seed, activation, variant, key) with key = kind | class | group or mark in disjoint bits, so the
@@ -93,6 +94,15 @@ enum class ActivationKey : std::uint32_t { group, alone, source, technology, veh
   return e.cls == LightClass::inferred_object && e.profile == EmissionProfile::signal;
 }
 
+// Low lamps carry less light: flux grows with height^1.5 between footpath posts (3.5 m, 3 klm) and main roads (12 m),
+// the default strengths being those for 8 m. [default]
+[[nodiscard]] inline float height_factor(float height_m) noexcept {
+  if (!(height_m > 0.0F)) return 1.0F;
+  const float h = height_m / 8.0F;
+  const float factor = h * std::sqrt(h);
+  return factor > 0.2F ? (factor < 2.0F ? factor : 2.0F) : 0.2F;
+}
+
 // Uniform in the square root.
 [[nodiscard]] inline float draw_strength(float low, float high, float u) noexcept {
   const float a = std::sqrt(low);
@@ -166,7 +176,8 @@ struct SignalChoice {
 }
 
 // Replaces strength and colour by one of the user's entries of this class, if there are any.
-inline bool draw_from_set(Span<const LightSetEntry> set, LightClass cls, float u, float& strength, Vec2f& xy) noexcept {
+[[nodiscard]] inline bool draw_from_set(Span<const LightSetEntry> set, LightClass cls, float u, float& strength,
+                                        Vec2f& xy) noexcept {
   std::size_t n = 0;
   for (const LightSetEntry& e : set) n += e.cls == cls ? 1U : 0U;
   if (n == 0) return false;
@@ -258,7 +269,8 @@ inline bool draw_from_set(Span<const LightSetEntry> set, LightClass cls, float u
         luminance(day_rgb[i]) > 0.0F) {
       xy = light_xy(day_rgb[i]);
     }
-    light_detail::draw_from_set(p.light_set, e.cls, u_xy, strength, xy);
+    const bool from_set = light_detail::draw_from_set(p.light_set, e.cls, u_xy, strength, xy);
+    if (street && !from_set) strength *= light_detail::height_factor(e.mounting_height_m);
     if (street) {
       strength *= 1.0F + p.street_strength_jitter * source.uniform(-1.0F, 1.0F);
       xy = {xy.x + p.street_xy_jitter * source.uniform(-1.0F, 1.0F),

@@ -42,6 +42,7 @@ struct Emitter {
   std::uint16_t mark = 0;   // position + 1 of its LightMark; 0 = a lamp of the vehicle that carries the camera
   std::uint16_t group = 0;  // position + 1 of its group's LightMark; 0 = stands alone
   LightClass group_cls = LightClass::none;
+  float mounting_height_m = 0;  // of a street lamp above the ground; 0 = unknown
 };
 
 inline constexpr float kStreetGlow = 0.01F;  // share of the peak that leaves in every direction, upwards included

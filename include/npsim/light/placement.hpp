@@ -175,6 +175,7 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
   e.area_m2 = std::max(seen_area, p.min_street_area_m2);
   e.axis = down;
   e.up = along;
+  e.mounting_height_m = std::max(height_above_ground(ground, unproject(k, u, static_cast<float>(r.y1 + 1), z)), 0.0F);
   e.centre_m = unproject(k, u, static_cast<float>(r.y1 + 1), z) + down * p.offset_m;
 }
 
