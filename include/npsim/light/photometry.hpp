@@ -14,6 +14,7 @@
 #include <cstdint>
 
 #include "npsim/color/chromaticity.hpp"
+#include "npsim/color/xyz.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/light/emitter.hpp"
@@ -70,10 +71,15 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
   return strength * area_m2;
 }
 
-// Linear RGB of luminance 1 with chromaticity (x, y), desaturated into the gamut of sRGB where it lies outside; white
+// Linear RGB of luminance 1 with chromaticity (x, y). Outside the gamut of sRGB negative channels are dropped, not mixed
+// away with white: a red lamp is overexposed a hundredfold, where white's share of blue would turn it magenta. White
 // where (x, y) is no colour. Luminance is exactly that of core/vec.hpp, so that photometric values survive.
 [[nodiscard]] constexpr Vec3f light_rgb(const Vec2f& xy) noexcept {
-  const Vec3f rgb = xy_to_linear_srgb({xy.x, xy.y}).value_or({1.0F, 1.0F, 1.0F});
+  const auto x = static_cast<double>(xy.x);
+  const auto y = static_cast<double>(xy.y);
+  if (!(x >= 0.0 && y >= 1e-3 && x + y <= 1.0 + 1e-6)) return {1.0F, 1.0F, 1.0F};
+  const Vec3f raw = vec_cast<float>(xyz_to_linear_srgb({x / y, 1.0, (1.0 - x - y) / y}));
+  const Vec3f rgb{raw.x > 0.0F ? raw.x : 0.0F, raw.y > 0.0F ? raw.y : 0.0F, raw.z > 0.0F ? raw.z : 0.0F};
   return rgb / luminance(rgb);
 }
 

@@ -10,6 +10,7 @@
 #define NPSIM_PIPELINE_REFINE_DEPTH_HPP
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -24,10 +25,23 @@
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/smooth_normals.hpp"
 #include "npsim/depth/uncertainty.hpp"
+#include "npsim/light/ground.hpp"
 #include "npsim/pipeline/scene_view.hpp"
 
 namespace npsim {
 inline namespace v1 {
+
+// Predicted normals are worst on roads, which are the plainest surface there is. On these labels they are smoothed far
+// more than elsewhere, and where they still lean away from the ground plane's (robustly fitted to depth) they turn into
+// it: not at all below min_rad, which is the road's own shape, fully from twice that to max_rad; more is a kerb's face.
+struct GroundNormalsParams {
+  bool enabled = true;
+  LabelSet labels = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground, label::rail_track);
+  SmoothNormalsParams smoothing{5};
+  float min_rad = 0.04F;
+  float max_rad = 0.90F;
+  GroundParams ground;
+};
 
 struct RefineDepthParams {
   FillParams fill;
@@ -35,13 +49,17 @@ struct RefineDepthParams {
   UncertaintyParams uncertainty;
   NormalsParams normals;
   RefineParams refine;
-  SmoothNormalsParams smoothing;  // of normals that come from depth, not of given ones
+  SmoothNormalsParams smoothing;            // of normals that come from depth
+  SmoothNormalsParams given_smoothing{2};   // of given normals, before anything is guided by them
+  GroundNormalsParams ground_normals;       // of given normals
 
   [[nodiscard]] static RefineDepthParams thesis() noexcept {
     RefineDepthParams params;
     params.normals.tangents = TangentForm::thesis;
     params.refine = thesis_refine_params();
     params.smoothing.iterations = 0;
+    params.given_smoothing.iterations = 0;
+    params.ground_normals.enabled = false;
     return params;
   }
 };
@@ -66,7 +84,8 @@ struct RefinedDepth {
       std::max({fill_workspace_bytes(params.fill, shape),
                 allocation_bytes<Vec3f>(pixels) + cross_bilateral_workspace_bytes(params.filter, shape),
                 uncertainty_workspace_bytes(params.uncertainty, shape),
-                smooth_normals_workspace_bytes(params.smoothing, shape), refine_workspace_bytes(params.refine, shape)});
+                smooth_normals_workspace_bytes(params.smoothing, shape) + allocation_bytes<Vec3f>(pixels),
+                ground_workspace_bytes(params.ground_normals.ground, shape), refine_workspace_bytes(params.refine, shape)});
   return 2 * allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
          allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(refine_loss_count(params.refine)) + steps +
          kWorkspaceAlignment;
@@ -92,6 +111,21 @@ inline void mark_surface(ImageView<const float> given, ImageView<const Label> la
     }
     for (int y = 0; y < shape.height; ++y) {
       surface(x, y) = y >= top && !kNoSurfaceLabels.contains(labels(x, y)) && is_valid_depth(depth(x, y)) ? 1 : 0;
+    }
+  }
+}
+
+inline void straighten_ground(const GroundNormalsParams& params, const GroundPlane& ground,
+                              ImageView<const Label> labels, ImageView<const Vec3f> smooth, ImageView<Vec3f> normals) {
+  const bool known = ground.inlier_share > 0.0F;  // a guess is no evidence against what was predicted
+  for (int y = 0; y < normals.height(); ++y) {
+    for (int x = 0; x < normals.width(); ++x) {
+      if (!params.labels.contains(labels(x, y)) || normals(x, y) == Vec3f{}) continue;
+      const float cosine = dot(smooth(x, y), ground.up);
+      const float off = std::sqrt(std::max(0.0F, 2.0F - 2.0F * cosine));  // the chord; nearly the angle
+      if (off > params.max_rad) continue;
+      const float towards = known ? std::clamp((off - params.min_rad) / params.min_rad, 0.0F, 1.0F) : 0.0F;
+      normals(x, y) = normalized(smooth(x, y) * (1.0F - towards) + ground.up * towards);
     }
   }
 }
@@ -156,11 +190,34 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
   observer.end(Stage::uncertainty);
   NPSIM_RETURN_IF_ERROR(cancelled());
 
-  if (!scene.normals.empty()) {
+  const bool guided = !scene.normals.empty();
+  if (guided) {
     observer.begin(Stage::refine);
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        const Vec3f n = scene.normals(x, y);
+        out.normals(x, y) = is_finite(n) && dot(n, n) > 0.25F ? normalized(n) : Vec3f{};
+      }
+    }
+    NPSIM_RETURN_IF_ERROR(smooth_normals(params.given_smoothing, ImageView<const float>(out.depth), out.labels,
+                                         out.normals, workspace, executor));
+    if (params.ground_normals.enabled) {
+      GroundPlane ground;
+      NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground_normals.ground, ImageView<const float>(out.depth), out.labels,
+                                            scene.camera, workspace, ground));
+      WorkspaceScope scope(workspace);
+      ImageView<Vec3f> smooth;
+      NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, smooth));
+      for (int y = 0; y < shape.height; ++y) {
+        for (int x = 0; x < shape.width; ++x) smooth(x, y) = out.normals(x, y);
+      }
+      NPSIM_RETURN_IF_ERROR(smooth_normals(params.ground_normals.smoothing, ImageView<const float>(out.depth),
+                                           out.labels, smooth, workspace, executor));
+      refine_detail::straighten_ground(params.ground_normals, ground, out.labels, smooth, out.normals);
+    }
     LossInput<float> input;
     input.depth_est = out.depth;
-    input.normals = scene.normals;
+    input.normals = out.normals;
     input.uncertain = out.uncertain;
     input.labels = out.labels;
     input.intrinsics = scene.camera;
@@ -169,14 +226,19 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
                                               executor));
     observer.end(Stage::refine);
   }
-  NPSIM_RETURN_IF_ERROR(normals_from_depth(params.normals, ImageView<const float>(out.depth), scene.camera, out.normals,
-                                           workspace, executor));
-  NPSIM_RETURN_IF_ERROR(smooth_normals(params.smoothing, ImageView<const float>(out.depth), out.labels, out.normals,
-                                       workspace, executor));
-  for (int y = 0; y < (scene.normals.empty() ? 0 : shape.height); ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      const Vec3f n = scene.normals(x, y);
-      if (is_finite(n) && dot(n, n) > 0.25F) out.normals(x, y) = normalized(n);
+  // What has no given normal takes that of the refined depth.
+  {
+    WorkspaceScope scope(workspace);
+    ImageView<Vec3f> derived;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, derived));
+    NPSIM_RETURN_IF_ERROR(normals_from_depth(params.normals, ImageView<const float>(out.depth), scene.camera, derived,
+                                             workspace, executor));
+    NPSIM_RETURN_IF_ERROR(smooth_normals(params.smoothing, ImageView<const float>(out.depth), out.labels, derived,
+                                         workspace, executor));
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        if (!guided || out.normals(x, y) == Vec3f{}) out.normals(x, y) = derived(x, y);
+      }
     }
   }
   return cancelled();

@@ -59,6 +59,7 @@ struct Relighting {
   Span<const Emitter> emitters;                  // marked ones first, then the ego vehicle's
   Span<const Activation> activations;            // variant-major: variant * emitters + emitter
   Span<const std::uint32_t> emitter_of_mark;     // mark position -> emitter, or kNoPoint
+  Span<const float> mean_of_mark;                // mean displayed brightness of each mark's pixels by day
   Span<const std::uint8_t> visibility;
   Span<const std::uint32_t> receivers;           // the points that pixels show
   Span<const std::uint32_t> hits;
@@ -82,6 +83,7 @@ inline constexpr float kInversePi = 0.31830989F;
          allocation_bytes<Emitter>(emitters) +
          allocation_bytes<Activation>(emitters * static_cast<std::size_t>(variants)) +
          allocation_bytes<float>(emitters) + allocation_bytes<std::uint32_t>(scene.lights.size()) +
+         2 * allocation_bytes<float>(scene.lights.size()) +
          allocation_bytes<Vec3f>(emitters) +
          placement_workspace_bytes(params.placement, scene.shape()) + ground_workspace_bytes(params.ground, scene.shape()) +
          surface_attributes_workspace_bytes(params.material, scene.shape()) +
@@ -118,6 +120,56 @@ inline void daytime_colours(const SceneView& scene, Span<const std::uint32_t> em
   }
   for (std::size_t e = 0; e < colour.size(); ++e) {
     if (brightest[e] > 0) colour[e] = colour[e] / brightest[e];
+  }
+}
+
+// Brightness of a lit source across its area, mean 1: a window shows curtains and bars, a sign its letters. By day they
+// show in the photograph; half of that contrast is taken, as the light now comes from behind.
+[[nodiscard]] inline float texture(const SceneView& scene, float mean, int x, int y) {
+  if (!(mean > 0.0F)) return 1.0F;
+  const Rgb8 c = scene.image(x, y);
+  const float here = luminance({static_cast<float>(c.r), static_cast<float>(c.g), static_cast<float>(c.b)});
+  const float ratio = 0.5F + 0.5F * here / mean;
+  return ratio < 2.0F ? ratio : 2.0F;
+}
+
+// Mean displayed brightness of each mark's pixels.
+inline void mean_brightness(const SceneView& scene, Span<float> mean, Span<float> count) {
+  for (float& m : mean) m = 0.0F;
+  for (float& c : count) c = 0.0F;
+  for (int y = 0; y < (scene.light_index.empty() ? 0 : scene.shape().height); ++y) {
+    for (int x = 0; x < scene.shape().width; ++x) {
+      const std::uint16_t mark = scene.light_index(x, y);
+      if (mark == 0) continue;
+      const Rgb8 c = scene.image(x, y);
+      mean[mark - 1U] += luminance({static_cast<float>(c.r), static_cast<float>(c.g), static_cast<float>(c.b)});
+      count[mark - 1U] += 1.0F;
+    }
+  }
+  for (std::size_t m = 0; m < mean.size(); ++m) mean[m] = count[m] > 0.0F ? mean[m] / count[m] : 0.0F;
+}
+
+// The frame that rectification leaves around some data sets' pictures shows nothing; it repeats what is next to it,
+// towards the middle of the image, within 3 % of the image's size.
+inline void continue_over_frame(ImageView<const Label> labels, ImageView<Vec3f> image) {
+  if (labels.empty()) return;
+  constexpr LabelSet kFrame = LabelSet::of(label::rectification_border, label::out_of_roi);
+  const Shape shape = image.shape();
+  const int reach = (shape.width > shape.height ? shape.width : shape.height) / 32 + 1;
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (!kFrame.contains(labels(x, y))) continue;
+      int qx = x;
+      int qy = y;
+      for (int step = 0; step < reach && kFrame.contains(labels(qx, qy)); ++step) {
+        // Inwards from the nearest border first, so that corners go diagonally.
+        const bool border_x = qx < reach || qx >= shape.width - reach;
+        const bool border_y = qy < reach || qy >= shape.height - reach;
+        if (border_x) qx += qx < shape.width / 2 ? 1 : -1;
+        if (border_y) qy += qy < shape.height / 2 ? 1 : -1;
+      }
+      if (!kFrame.contains(labels(qx, qy))) image(x, y) = image(qx, qy);
+    }
   }
 }
 
@@ -160,6 +212,14 @@ Status prepare_relighting(const RelightParams& params, std::uint64_t seed, int v
   NPSIM_RETURN_IF_ERROR(workspace.allocate(count, peak_cd));
   Span<Vec3f> day_rgb;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(count, day_rgb));
+  Span<float> mean_of_mark;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), mean_of_mark));
+  {
+    WorkspaceScope scope(workspace);
+    Span<float> pixel_count;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), pixel_count));
+    relight_detail::mean_brightness(scene, mean_of_mark, pixel_count);
+  }
   relight_detail::daytime_colours(scene, emitter_of_mark, day_rgb, peak_cd);
   for (float& peak : peak_cd) peak = 0;
   for (int v = 0; v < variants; ++v) {
@@ -229,6 +289,7 @@ Status prepare_relighting(const RelightParams& params, std::uint64_t seed, int v
   out.emitters = emitters;
   out.activations = activations;
   out.emitter_of_mark = emitter_of_mark;
+  out.mean_of_mark = mean_of_mark;
   out.visibility = visibility;
   out.receivers = receivers;
   out.hits = hits;
@@ -311,11 +372,14 @@ Status relight(const RelightParams& params, const SceneView& scene, const Religh
         }
         const std::uint16_t mark = scene.light_index.empty() ? std::uint16_t{0} : scene.light_index(x, y);
         const std::uint32_t emitter = mark == 0 ? kNoPoint : shared.emitter_of_mark[mark - 1U];
-        if (emitter != kNoPoint && lit[emitter].lit) seen += lit[emitter].luminance_cd_m2;
+        if (emitter != kNoPoint && lit[emitter].lit) {
+          seen += lit[emitter].luminance_cd_m2 * relight_detail::texture(scene, shared.mean_of_mark[mark - 1U], x, y);
+        }
         out(x, y) = seen;
       }
     }
   });
+  relight_detail::continue_over_frame(scene.labels, out);
   return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while relighting") : Status();
 }
 

@@ -5,9 +5,14 @@
 // looks small from p, else four, one per quarter of the patch, and where these disagree (a penumbra) k x k more. An
 // occluder that hides part of a patch but none of the four rays is missed. It does not depend on which lamps are
 // lit, nor on their strength or colour, so every night of one day shares it.
-// Skipped, V = 0: points behind the emitter or facing away, and pairs whose unshadowed illuminance stays below
-// `cutoff_lx` at the emitter's peak intensity over all variants. The error of the direct illuminance at a point is
-// therefore at most  n_emitters * cutoff_lx + E / 510  plus the penumbra's sampling noise.
+// Effort follows what is at stake, the unshadowed illuminance E at the emitter's peak intensity over all variants:
+//   E < cutoff_lx         V = 0, as for points behind the emitter or turned away from it
+//   E < 50 cutoff_lx      every 16th point is traced; those between take the value of the last one, their neighbour in a
+//   E < 500 cutoff_lx     every 4th point    row of the image, unless depth or normal say that it is another surface
+//   else                  every point
+// So a shadow edge of a weak source may lie up to 15 pixels off in a row. The error of the direct illuminance at a point
+// is at most  n_emitters * cutoff_lx + E / 510  away from shadow edges, plus there  500 cutoff_lx  per emitter at worst,
+// plus the penumbra's sampling noise.
 // Faces that carry an emitter's own mark do not block it: a lamp is not hidden by its own glass.
 // Cost: one shadow ray per pair and sample; memory: one byte per pair, emitter-major.
 #ifndef NPSIM_RENDER_VISIBILITY_HPP
@@ -32,7 +37,7 @@ inline namespace v1 {
 struct VisibilityParams {
   int samples_per_side = 4;         // k of the penumbra, 1..16
   float small_angle = 0.02F;        // patch side / distance below which one ray is enough
-  float cutoff_lx = 1e-3F;          // full moon: 0.25 lx; city sky: 0.1 lx and more
+  float cutoff_lx = 2e-4F;          // full moon: 0.25 lx; city sky: 0.07 lx
   float relative_bias = 2e-3F;      // see pulled_out()
   std::uint64_t seed = 0;
 };
@@ -80,6 +85,8 @@ Status compute_visibility(const VisibilityParams& params, const Bvh& bvh, const 
       const auto passes = [&](std::uint32_t face) {
         return emitter.mark == 0 || face >= face_mark.size() || face_mark[face] != emitter.mark;
       };
+      std::size_t traced = begin;  // the last point for which rays were traced, if traced_any
+      bool traced_any = false;
       const float extent = 2.0F * std::fmax(length(emitter.half_u_m), length(emitter.half_v_m));
       for (std::size_t p = begin; p < end; ++p) {
         row[p] = 0;
@@ -88,6 +95,17 @@ Status compute_visibility(const VisibilityParams& params, const Bvh& bvh, const 
         const float unshadowed =
             peak_cd[e] * illuminance_per_cd(emitter, position, points.normal[p], to_light);
         if (!(unshadowed > params.cutoff_lx)) continue;
+        const std::size_t stride =
+            unshadowed < 50.0F * params.cutoff_lx ? 16 : (unshadowed < 500.0F * params.cutoff_lx ? 4 : 1);
+        const bool same_surface =
+            std::fabs(points.position[p].z - points.position[traced].z) < 0.03F * points.position[p].z &&
+            dot(points.normal[p], points.normal[traced]) > 0.9F;
+        if (traced_any && p - traced < stride && same_surface) {
+          row[p] = row[traced];
+          continue;
+        }
+        traced = p;
+        traced_any = true;
         const Vec3f origin = pulled_out(position, points.normal[p], params.relative_bias);
         const float distance = length(emitter.centre_m - origin);
         RandomStream random(params.seed, RandomPurpose::direct, 0, static_cast<std::uint32_t>(e),
