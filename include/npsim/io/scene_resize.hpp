@@ -3,9 +3,10 @@
 //
 // The photograph, albedo and roughness: average over the area of each new pixel (box filter; the photograph in linear
 // light). Depth, normals, labels, instances and the light index: the sample nearest to the new pixel's centre, because
-// an average across an edge belongs to neither side. A light that would lose its last pixel keeps one, unless that
-// would take the last pixel of another. Intrinsics are scaled; pixels may become non-square.
-// Cost: the area average is separable, source pixels times twice the overlap. Memory: one float image.
+// an average across an edge belongs to neither side. A light source that would lose its last pixel keeps one, unless
+// that would take the last pixel of another source; a group, which shines no light of its own, may lose all. Intrinsics
+// are scaled; pixels may become non-square. Cost: the area average is separable, source pixels times twice the overlap.
+// Memory: one float image.
 #ifndef NPSIM_IO_SCENE_RESIZE_HPP
 #define NPSIM_IO_SCENE_RESIZE_HPP
 
@@ -114,8 +115,9 @@ namespace detail {
   return out;
 }
 
-// Nearest sample, then one pixel for each mark that lost all. Returns how many marks were kept in that way.
-inline std::size_t resize_light_index(Image<std::uint16_t>& index, std::size_t marks, Shape to) {
+// Nearest sample, then one pixel for each source that lost all. Returns how many were kept in that way.
+inline std::size_t resize_light_index(Image<std::uint16_t>& index, const std::vector<LightMark>& lights, Shape to) {
+  const std::size_t marks = lights.size();
   Image<std::uint16_t> out = resized_nearest(index, to);
   std::vector<std::size_t> left(marks + 1, 0);
   for (const std::uint16_t v : out.view().pixels()) {
@@ -134,11 +136,11 @@ inline std::size_t resize_light_index(Image<std::uint16_t>& index, std::size_t m
   }
   std::size_t kept = 0;
   for (std::size_t v = 1; v <= marks; ++v) {
-    if (sums[v][2] == 0) continue;
+    if (sums[v][2] == 0 || is_group(lights[v - 1].cls)) continue;
     const int x = static_cast<int>((2 * sums[v][0] / sums[v][2] + 1) * to.width / (2 * index.width()));
     const int y = static_cast<int>((2 * sums[v][1] / sums[v][2] + 1) * to.height / (2 * index.height()));
     std::uint16_t& pixel = out(std::min(x, to.width - 1), std::min(y, to.height - 1));
-    if (pixel != 0 && left[pixel] <= 1) continue;
+    if (pixel != 0 && left[pixel] <= 1 && !is_group(lights[pixel - 1U].cls)) continue;
     --left[pixel];
     ++left[v];
     pixel = static_cast<std::uint16_t>(v);
@@ -167,8 +169,8 @@ inline Outcome resize_scene(Scene& scene, Shape to, const ReadLimits& limits = {
     if (!scene.roughness.empty()) out.roughness = resized_area(scene.roughness, to);
     out.notes.push_back("resized from " + size_text(from) + " to " + size_text(to));
     if (!scene.light_index.empty()) {
-      const std::size_t kept = detail::resize_light_index(out.light_index, out.lights.size(), to);
-      if (kept > 0) out.notes.push_back("lights: " + std::to_string(kept) + " small ones held at one pixel");
+      const std::size_t kept = detail::resize_light_index(out.light_index, out.lights, to);
+      if (kept > 0) out.notes.push_back("lights: " + std::to_string(kept) + " small sources held at one pixel");
     }
     out.intrinsics = scaled(scene.intrinsics, from, to);
     bool any = false;
