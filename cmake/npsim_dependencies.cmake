@@ -91,7 +91,7 @@ macro(npsim_import_io)
   npsim_import(json PACKAGE nlohmann_json TARGET nlohmann_json::nlohmann_json HEADER nlohmann/json.hpp
                DEBIAN nlohmann-json3-dev)
   npsim_import(stb HEADER stb/stb_image.h DEBIAN libstb-dev)
-  npsim_import(tinyobjloader HEADER tiny_obj_loader.h DEBIAN libtinyobjloader-dev)
+  npsim_import(tinyobjloader HEADER tiny_obj_loader.h LIBRARY tinyobjloader DEBIAN libtinyobjloader-dev)
   set(THREADS_PREFER_PTHREAD_FLAG ON)
   find_package(Threads QUIET)
   if(NOT TARGET Threads::Threads)

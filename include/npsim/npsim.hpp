@@ -77,6 +77,8 @@
 #include "npsim/material/albedo.hpp"
 #include "npsim/material/bsdf.hpp"
 #include "npsim/material/class_priors.hpp"
+#include "npsim/material/daylight.hpp"
+#include "npsim/material/roughness.hpp"
 #include "npsim/material/specular_albedo.hpp"
 
 #include "npsim/render/denoise.hpp"
