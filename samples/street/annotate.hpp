@@ -107,7 +107,8 @@ inline void annotate(const Stage& stage, const std::vector<std::uint32_t>& seen,
   for (int y = 0; y < street.params.shape.height; ++y) {
     for (int x = 0; x < street.params.shape.width; ++x) {
       const std::uint32_t face =
-          seen[static_cast<std::size_t>(y) * static_cast<std::size_t>(street.params.shape.width) + static_cast<std::size_t>(x)];
+          seen[static_cast<std::size_t>(y) * static_cast<std::size_t>(street.params.shape.width) +
+               static_cast<std::size_t>(x)];
       std::uint16_t mark = 0;
       if (face != kNoFace) {
         if (scene.info[face].light != 0) mark = light_mark[scene.info[face].light - 1U];

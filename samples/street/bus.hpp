@@ -6,9 +6,9 @@
 #include <cmath>
 #include <cstdint>
 
-#include "car.hpp"
 #include "dice.hpp"
 #include "scene.hpp"
+#include "vehicle_parts.hpp"
 
 namespace npsim {
 namespace street {
@@ -47,13 +47,14 @@ inline void build_bus(Scene& scene, const Pose& pose, const Vec3f& colour, Dice&
   };
   const float zs[6] = {zr, zr + 0.06F, zr + 0.2F, zf - 0.3F, zf - 0.1F, zf};
   const float insets[6] = {0.16F, 0.05F, 0, 0, 0.06F, 0.2F};
-  scene.grid(n, 5,
-             [&](int i, int j) {
-               Vec3f p = section(i, insets[j]);
-               p.z = zs[j];
-               return pose.point(p);
-             },
-             false, paint);
+  scene.grid(
+      n, 5,
+      [&](int i, int j) {
+        Vec3f p = section(i, insets[j]);
+        p.z = zs[j];
+        return pose.point(p);
+      },
+      false, paint);
   for (const float dir : {-1.0F, 1.0F}) {
     const float z = dir < 0 ? zr : zf;
     const float inset = dir < 0 ? insets[0] : insets[5];
@@ -81,8 +82,10 @@ inline void build_bus(Scene& scene, const Pose& pose, const Vec3f& colour, Dice&
       if (door) scene.panel_xy(wall, x0 + 0.5F * pitch - 0.03F, x0 + 0.5F * pitch + 0.03F, 0.45F, 2.38F, 0.016F, black);
     }
     for (const float axle : {zf - 2.7F, zr + 3.2F}) {
-      scene.disc({pose.point({side * (half + 0.006F), 0.5F, axle}), pose.z * -side, pose.y, pose.x * side}, 0.58F, 24, 0, black);
-      build_wheel(scene, pose, {side * (half - 0.12F), 0.48F, axle}, 0.48F, 0.28F, side, black.material, {0.3F, 0.3F, 0.3F}, 8, base, 28);
+      scene.disc({pose.point({side * (half + 0.006F), 0.5F, axle}), pose.z * -side, pose.y, pose.x * side}, 0.58F, 24,
+                 0, black);
+      build_wheel(scene, pose, {side * (half - 0.12F), 0.48F, axle}, 0.48F, 0.28F, side, black.material,
+                  {0.3F, 0.3F, 0.3F}, 8, base, 28);
     }
   }
   scene.box(pose, {-half + 0.1F, 0.25F, zr + 0.2F}, {half - 0.1F, 0.6F, zf - 0.2F}, black);
@@ -91,7 +94,8 @@ inline void build_bus(Scene& scene, const Pose& pose, const Vec3f& colour, Dice&
   const Pose rear{pose.point({0, 0, zr - 0.004F}), -pose.x, pose.y, -pose.z};
   const Pose front{pose.point({0, 0, zf + 0.004F}), pose.x, pose.y, pose.z};
   // Rear: window, engine grille, lamps in columns, board with the line number.
-  scene.panel_xy(rear, -0.95F, 0.95F, 1.75F, 2.5F, 0, base.lit(glass, scene.add_light(LightClass::window_transport, group)));
+  scene.panel_xy(rear, -0.95F, 0.95F, 1.75F, 2.5F, 0,
+                 base.lit(glass, scene.add_light(LightClass::window_transport, group)));
   scene.panel_xy(rear, -0.9F, 0.9F, 0.75F, 1.25F, 0, black);
   for (int i = 0; i < 5; ++i) {
     const float y = 0.82F + 0.085F * static_cast<float>(i);
@@ -110,7 +114,8 @@ inline void build_bus(Scene& scene, const Pose& pose, const Vec3f& colour, Dice&
     const std::uint16_t light = scene.add_light(LightClass::moving_front, group);
     scene.disc(front.moved({side * 0.88F, 0.72F, 0.012F}), 0.12F, 20, 0, base.lit(lens, light));
   }
-  scene.panel_xy(front, -1.02F, 1.02F, 1.05F, 2.45F, 0, base.lit(glass, scene.add_light(LightClass::window_transport, group)));
+  scene.panel_xy(front, -1.02F, 1.02F, 1.05F, 2.45F, 0,
+                 base.lit(glass, scene.add_light(LightClass::window_transport, group)));
   scene.panel_xy(front, -0.85F, 0.85F, 2.52F, 2.82F, 0, black);
   Material number;
   number.kind = Kind::lettering;
@@ -128,8 +133,10 @@ inline void build_bus(Scene& scene, const Pose& pose, const Vec3f& colour, Dice&
   scene.panel_xy(rear, -0.26F, 0.26F, 0.49F, 0.61F, 0.01F, base.with(scene.add(plate)));
   // Mirrors.
   for (const float side : {-1.0F, 1.0F}) {
-    scene.bar(pose.point({side * half, 2.5F, zf - 0.1F}), pose.point({side * (half + 0.25F), 2.3F, zf + 0.15F}), 0.02F, 0.02F, 6, black);
-    scene.box(pose, {side * (half + 0.25F) - 0.1F, 1.9F, zf + 0.1F}, {side * (half + 0.25F) + 0.1F, 2.3F, zf + 0.18F}, black);
+    scene.bar(pose.point({side * half, 2.5F, zf - 0.1F}), pose.point({side * (half + 0.25F), 2.3F, zf + 0.15F}), 0.02F,
+              0.02F, 6, black);
+    scene.box(pose, {side * (half + 0.25F) - 0.1F, 1.9F, zf + 0.1F}, {side * (half + 0.25F) + 0.1F, 2.3F, zf + 0.18F},
+              black);
   }
 }
 

@@ -75,7 +75,8 @@ void degrade_depth(Street& street, Executor& executor) {
       if (z > 0) return;
       const float u = static_cast<float>(x) * per_px;
       const float v = static_cast<float>(y) * per_px;
-      const float ramp = clamp01(0.5F + (sky_draw - 0.5F) * 0.6F + 0.5F * (v * 2 - 0.3F) + 0.35F * (noise(u * 4, v * 4, seed + 1) - 0.5F));
+      const float ramp = clamp01(0.5F + (sky_draw - 0.5F) * 0.6F + 0.5F * (v * 2 - 0.3F) +
+                                 0.35F * (noise(u * 4, v * 4, seed + 1) - 0.5F));
       z = 75.0F + g.sky_error * (30.0F * ramp - 15.0F);
     });
   }
@@ -85,7 +86,8 @@ void degrade_depth(Street& street, Executor& executor) {
       weight(x, y) = z > 0 ? 1.0F : 0.0F;
       if (z > 0) z = std::log(z);
     });
-    blur_weighted(street.est_depth, weight, std::fmax(0.6F, g.edge_smear * 0.0025F * static_cast<float>(shape.width)), executor);
+    blur_weighted(street.est_depth, weight, std::fmax(0.6F, g.edge_smear * 0.0025F * static_cast<float>(shape.width)),
+                  executor);
     each([&](int x, int y, float& z) {
       if (weight(x, y) > 0) z = std::exp(z);
     });
@@ -164,16 +166,19 @@ void degrade_normals(Street& street, Executor& executor) {
         for (int x = 0; x < shape.width; ++x) weight(x, y) = street.labels(x, y) == label::sky ? 0.0F : 1.0F;
       }
     }
-    blur_weighted(street.est_normals, weight, std::fmax(0.6F, g.normal_blur * 0.002F * static_cast<float>(shape.width)), executor);
-    each([&](int x, int y, Vec3f& n) { if (weight(x, y) > 0) n = finish(x, y, n); });
+    blur_weighted(street.est_normals, weight, std::fmax(0.6F, g.normal_blur * 0.002F * static_cast<float>(shape.width)),
+                  executor);
+    each([&](int x, int y, Vec3f& n) {
+      if (weight(x, y) > 0) n = finish(x, y, n);
+    });
   }
   if (g.normal_noise > 0) {
     each([&](int x, int y, Vec3f& n) {
       if (street.labels(x, y) == label::sky && !(g.normal_sky > 0)) return;
-      const float px = static_cast<float>(x) / 3.4F;
-      const float py = static_cast<float>(y) / 3.4F;
+      const float px = static_cast<float>(x) / 5.0F;
+      const float py = static_cast<float>(y) / 5.0F;
       const Vec3f e{noise(px, py, seed + 2) - 0.5F, noise(px, py, seed + 3) - 0.5F, noise(px, py, seed + 4) - 0.5F};
-      n = finish(x, y, n + e * (0.32F * g.normal_noise));
+      n = finish(x, y, n + e * (0.28F * g.normal_noise));
     });
   }
 }

@@ -18,7 +18,20 @@ inline constexpr float kPi = 3.14159265F;
 
 // What a stream of draws decides; keeps objects independent, so that one more draw for a tree moves no car.
 enum class Topic : std::uint32_t {
-  layout, road, building_left, building_right, car, bus, tree, person, furniture, sky, degrade, render, sign, leaf
+  layout,
+  road,
+  building_left,
+  building_right,
+  car,
+  bus,
+  tree,
+  person,
+  furniture,
+  sky,
+  degrade,
+  render,
+  sign,
+  leaf
 };
 
 class Dice {

@@ -20,7 +20,7 @@ enum class Detail : std::uint8_t { near, middle, far };
 // What all walls of one building share.
 struct HouseStyle {
   Brush wall, ground, trim, frame, roof, metal;
-  int floors = 4;              // above the ground floor
+  int floors = 4;  // above the ground floor
   float floor_h = 3.2F;
   float ground_h = 3.9F;
   float window_w = 1.15F;
@@ -28,11 +28,11 @@ struct HouseStyle {
   float pitch = 2.4F;
   float sill_h = 0.85F;
   float recess = 0.18F;
-  int glazing = 0;             // 0: cross bar, 1: two casements, 2: plain
+  int glazing = 0;  // 0: cross bar, 1: two casements, 2: plain
   bool surrounds = false;
-  bool hoods = false;          // small cornice above each window
+  bool hoods = false;  // small cornice above each window
   bool shutters = false;
-  bool courses = false;        // string course between the floors
+  bool courses = false;  // string course between the floors
   bool shops = false;
   bool balconies = false;
   bool quoins = false;
@@ -182,7 +182,7 @@ inline void build_shop(Scene& scene, const Pose& p, float x0, float x1, const Ho
   // The board with the name, lit at night.
   Material board;
   board.kind = Kind::lettering;
-  const Vec3f fields[6] = {{0.5F, 0.04F, 0.03F}, {0.03F, 0.12F, 0.25F}, {0.6F, 0.57F, 0.5F},
+  const Vec3f fields[6] = {{0.5F, 0.04F, 0.03F},  {0.03F, 0.12F, 0.25F}, {0.6F, 0.57F, 0.5F},
                            {0.03F, 0.14F, 0.07F}, {0.05F, 0.05F, 0.05F}, {0.6F, 0.38F, 0.04F}};
   const int f = dice.pick(6);
   board.base = fields[f];

@@ -128,7 +128,8 @@ inline SurfaceSample pane_surface(const Material& m, const Vec3f& q, const Vec3f
   // Things on the window sill.
   if (cy < 0.28F && (r & 64U) != 0) {
     const float plant = noise(cx * 9.0F, cy * 4.0F, r + 9);
-    if (plant > 0.45F + cy * 1.5F) seen = mix(Vec3f{0.03F, 0.07F, 0.02F}, Vec3f{0.2F, 0.1F, 0.06F}, cell_value(static_cast<int>(cx * 6), 0, r));
+    if (plant > 0.45F + cy * 1.5F)
+      seen = mix(Vec3f{0.03F, 0.07F, 0.02F}, Vec3f{0.2F, 0.1F, 0.06F}, cell_value(static_cast<int>(cx * 6), 0, r));
   }
   SurfaceSample out;
   out.albedo = seen;
@@ -158,10 +159,22 @@ inline SurfaceSample shop_surface(const Material& m, const Vec3f& q, const Vec3f
     const float depth = 4.0F;
     float t = depth / inward;
     int wall = 0;
-    if (ray.x > 1e-4F && (w + 1 - q.x) / ray.x < t) { t = (w + 1 - q.x) / ray.x; wall = 1; }
-    if (ray.x < -1e-4F && (-1 - q.x) / ray.x < t) { t = (-1 - q.x) / ray.x; wall = 1; }
-    if (ray.y > 1e-4F && (h + 0.2F - q.y) / ray.y < t) { t = (h + 0.2F - q.y) / ray.y; wall = 2; }
-    if (ray.y < -1e-4F && (-0.3F - q.y) / ray.y < t) { t = (-0.3F - q.y) / ray.y; wall = 3; }
+    if (ray.x > 1e-4F && (w + 1 - q.x) / ray.x < t) {
+      t = (w + 1 - q.x) / ray.x;
+      wall = 1;
+    }
+    if (ray.x < -1e-4F && (-1 - q.x) / ray.x < t) {
+      t = (-1 - q.x) / ray.x;
+      wall = 1;
+    }
+    if (ray.y > 1e-4F && (h + 0.2F - q.y) / ray.y < t) {
+      t = (h + 0.2F - q.y) / ray.y;
+      wall = 2;
+    }
+    if (ray.y < -1e-4F && (-0.3F - q.y) / ray.y < t) {
+      t = (-0.3F - q.y) / ray.y;
+      wall = 3;
+    }
     const Vec3f p = q + ray * t;
     const float gloom = 1.0F / (1.0F + 0.55F * -p.z);
     if (wall == 0) {  // shelves

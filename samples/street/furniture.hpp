@@ -73,7 +73,8 @@ inline void build_lantern(Scene& scene, const FurniturePaints& f, const Pose& p,
 }
 
 // One signal head with three discs, its back plate and hoods; `p` is the middle of the head.
-inline void build_signal_head(Scene& scene, const FurniturePaints& f, const Pose& p, SignalState state, std::uint32_t seed) {
+inline void build_signal_head(Scene& scene, const FurniturePaints& f, const Pose& p, SignalState state,
+                              std::uint32_t seed) {
   Brush body = f.dark.labelled(label::traffic_light);
   body.instance = 0;
   const std::uint16_t group = scene.add_group(LightClass::traffic_light_group);
@@ -97,12 +98,13 @@ inline void build_signal_head(Scene& scene, const FurniturePaints& f, const Pose
     const float y = 0.29F - 0.29F * static_cast<float>(i);
     scene.disc(p.moved({0, y, 0.106F}), 0.105F, 20, 0, body.lit(scene.add(m), light));
     const int n = 9;
-    scene.grid(n, 1,
-               [&](int k, int j) {
-                 const float a = kPi * (-0.08F + 1.16F * static_cast<float>(k) / static_cast<float>(n));
-                 return p.point({0.118F * std::cos(a), y + 0.118F * std::sin(a), 0.1F + 0.19F * static_cast<float>(j)});
-               },
-               false, body.smoothed());
+    scene.grid(
+        n, 1,
+        [&](int k, int j) {
+          const float a = kPi * (-0.08F + 1.16F * static_cast<float>(k) / static_cast<float>(n));
+          return p.point({0.118F * std::cos(a), y + 0.118F * std::sin(a), 0.1F + 0.19F * static_cast<float>(j)});
+        },
+        false, body.smoothed());
   }
 }
 
@@ -113,7 +115,8 @@ inline void build_traffic_light(Scene& scene, const FurniturePaints& f, const Po
   scene.bar(p.point({0, 0, 0}), p.point({0, top, 0}), 0.08F, 0.06F, 12, f.steel);
   build_signal_head(scene, f, p.moved({0, 2.75F, 0.22F}), state, seed);
   // The small pedestrian signal on the side of the mast.
-  build_signal_head(scene, f, Pose{p.point({0.24F, 2.55F, 0}), -p.z, p.y, p.x}, state == SignalState::red ? SignalState::green : SignalState::red, seed + 1);
+  build_signal_head(scene, f, Pose{p.point({0.24F, 2.55F, 0}), -p.z, p.y, p.x},
+                    state == SignalState::red ? SignalState::green : SignalState::red, seed + 1);
   scene.box(p, {-0.07F, 1.0F, -0.13F}, {0.07F, 1.22F, -0.06F}, f.dark.with(f.white.material));
   if (arm != 0) {
     scene.bar(p.point({0, 5.25F, 0}), p.point({arm, 5.75F, 0}), 0.06F, 0.04F, 10, f.steel);
@@ -133,11 +136,14 @@ inline void build_sign(Scene& scene, const FurniturePaints& f, const Pose& p, in
   const Brush back = f.steel.labelled(label::traffic_sign);
   const Pose rear{m.frame.o - p.z * 0.012F, -p.x, p.y, -p.z};
   switch (variant) {
-    case 0: case 1: case 6:
+    case 0:
+    case 1:
+    case 6:
       scene.disc(m.frame, 0.31F, 28, 0, b);
       scene.disc(rear, 0.31F, 28, 0, back);
       break;
-    case 2: case 3:
+    case 2:
+    case 3:
       scene.box(m.frame, {-0.31F, -0.31F, -0.012F}, {0.31F, 0.31F, -0.001F}, back);
       scene.panel_xy(m.frame, -0.31F, 0.31F, -0.31F, 0.31F, 0, b);
       break;
@@ -190,7 +196,8 @@ inline void build_poster(Scene& scene, const FurniturePaints& f, const Pose& p, 
 inline void build_clock(Scene& scene, const FurniturePaints& f, const Pose& p, std::uint32_t seed) {
   const Brush dark = f.dark;
   scene.bar(p.point({0, 0, 0}), p.point({0, 3.2F, 0}), 0.06F, 0.05F, 10, dark);
-  scene.bar(p.point({0, 3.58F, -0.13F}), p.point({0, 3.58F, 0.13F}), 0.42F, 0.42F, 28, dark.labelled(label::static_object));
+  scene.bar(p.point({0, 3.58F, -0.13F}), p.point({0, 3.58F, 0.13F}), 0.42F, 0.42F, 28,
+            dark.labelled(label::static_object));
   for (int side = 0; side < 2; ++side) {
     Material m;
     m.kind = Kind::clock_face;

@@ -27,11 +27,12 @@ inline void build_road(Scene& scene, const Layout& l) {
   brush.label = label::road;
   const int nx = 12;
   const int nz = 24;
-  scene.grid(nx, nz,
-             [&](int i, int j) {
-               return Vec3f{-120.0F + 20.0F * static_cast<float>(i), 0, -40.0F + 10.0F * static_cast<float>(j)};
-             },
-             true, brush);
+  scene.grid(
+      nx, nz,
+      [&](int i, int j) {
+        return Vec3f{-120.0F + 20.0F * static_cast<float>(i), 0, -40.0F + 10.0F * static_cast<float>(j)};
+      },
+      true, brush);
 }
 
 // One block of pavement: from s0 to s1, outwards from the kerb on one side, corners rounded where a street turns off.

@@ -16,9 +16,9 @@ namespace npsim {
 namespace street {
 
 struct SurfaceSample {
-  Vec3f albedo{};        // linear
+  Vec3f albedo{};  // linear
   float roughness = 1;
-  float mirror = 0;      // clear reflection at normal incidence
+  float mirror = 0;  // clear reflection at normal incidence
   float glow = 0;
 };
 
@@ -94,8 +94,8 @@ inline SurfaceSample road_surface(const Layout& l, const Vec3f& p, float fp, std
     for (const RoadPatch& q : l.patches) {
       const float wobble = 0.06F * fractal(s * 1.7F, d * 1.7F, 2, seed + 31, fp);
       const float inside = band(d + wobble, q.d0, q.d1, fp) * band(s + wobble, q.s0, q.s1, fp);
-      const float rim = inside - band(d + wobble, q.d0 + 0.04F, q.d1 - 0.04F, fp) *
-                                     band(s + wobble, q.s0 + 0.04F, q.s1 - 0.04F, fp);
+      const float rim =
+          inside - band(d + wobble, q.d0 + 0.04F, q.d1 - 0.04F, fp) * band(s + wobble, q.s0 + 0.04F, q.s1 - 0.04F, fp);
       tone *= mix(1.0F, q.tone, inside);
       tone *= 1 - 0.45F * clamp01(rim);
     }

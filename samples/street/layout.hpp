@@ -29,34 +29,34 @@ struct Layout {
   std::uint64_t seed = 0;
   float curvature = 0;
   float bend_start = 20;
-  float kerb_left = -5.3F;     // d
+  float kerb_left = -5.3F;  // d
   float kerb_right = 5.3F;
-  float bay_left = -3.2F;      // inner edge of the parking strip; equal to the kerb where there is none
+  float bay_left = -3.2F;  // inner edge of the parking strip; equal to the kerb where there is none
   float bay_right = 3.2F;
   float pavement_left = 3.0F;  // width, m
   float pavement_right = 3.0F;
-  float junction0 = 26;        // s of the side street's kerbs
+  float junction0 = 26;  // s of the side street's kerbs
   float junction1 = 34;
   bool side_left = true;
   bool side_right = false;
-  float zebra0 = 18;           // crossing in front of the junction
+  float zebra0 = 18;  // crossing in front of the junction
   float zebra1 = 21.5F;
-  float end = 170;             // a building closes the street here
+  float end = 170;  // a building closes the street here
   float camera_d = 1.55F;
   float camera_height = 1.4F;
-  float camera_yaw = 0;        // towards +x
-  float camera_pitch = 0;      // down
-  Vec3f sun{};                 // unit, towards the sun, world
+  float camera_yaw = 0;    // towards +x
+  float camera_pitch = 0;  // down
+  Vec3f sun{};             // unit, towards the sun, world
   float sun_strength = 1;
   float sun_radius = 0.0047F;  // rad; wider behind cloud
   float cloudiness = 0.5F;
   float haze = 0.5F;
-  float wear = 0.5F;           // of the markings
+  float wear = 0.5F;  // of the markings
   bool trees_left = true;
   bool trees_right = true;
   int dash_variant = 0;
-  int park_side = 0;           // -1, 1: a small park instead of houses behind the junction, for 30 m
-  float bay_phase = 0;         // where the painted parking bays begin
+  int park_side = 0;    // -1, 1: a small park instead of houses behind the junction, for 30 m
+  float bay_phase = 0;  // where the painted parking bays begin
   std::array<RoadPatch, 9> patches{};
   std::array<Vec2f, 10> manholes{};
 
@@ -106,8 +106,8 @@ inline Layout make_layout(std::uint64_t seed) {
   // The sun stands behind the camera or beside it, high enough to reach one side's facades and part of the road.
   const float azimuth = dice.uniform(0.35F, 1.15F) * (dice.chance(0.5F) ? 1.0F : -1.0F);
   const float elevation = dice.uniform(0.62F, 0.95F);
-  l.sun = normalized(Vec3f{std::sin(azimuth) * std::cos(elevation), std::sin(elevation),
-                           -std::cos(azimuth) * std::cos(elevation)});
+  l.sun = normalized(
+      Vec3f{std::sin(azimuth) * std::cos(elevation), std::sin(elevation), -std::cos(azimuth) * std::cos(elevation)});
   l.cloudiness = dice.uniform(0.2F, 0.75F);
   l.sun_strength = mix(1.1F, 0.75F, l.cloudiness);
   if (dice.chance(0.3F)) {  // overcast: hardly a shadow

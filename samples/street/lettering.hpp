@@ -31,9 +31,9 @@ inline constexpr std::array<Glyph, 36> kGlyphs = {{
     {31, 1, 2, 4, 4, 4, 4},       {14, 17, 17, 14, 17, 17, 14}, {14, 17, 17, 15, 1, 2, 12},
 }};
 
-inline constexpr std::array<const char*, 16> kShopNames = {{
-    "CAFE MILO", "BLUMEN", "APOTHEKE", "KIOSK 24", "OPTIK KERN", "HOTEL ADLER", "BROT UND MEHL", "RADHAUS",
-    "TABAC", "BUCH", "PIZZERIA SOLE", "FRISEUR", "MODE NORD", "FOTO LUX", "BISTRO", "MARKT"}};
+inline constexpr std::array<const char*, 16> kShopNames = {
+    {"CAFE MILO", "BLUMEN", "APOTHEKE", "KIOSK 24", "OPTIK KERN", "HOTEL ADLER", "BROT UND MEHL", "RADHAUS", "TABAC",
+     "BUCH", "PIZZERIA SOLE", "FRISEUR", "MODE NORD", "FOTO LUX", "BISTRO", "MARKT"}};
 
 inline std::size_t text_length(const char* text) {
   std::size_t n = 0;

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstdint>
 
-#include "car.hpp"
 #include "dice.hpp"
 #include "scene.hpp"
 
@@ -89,7 +88,8 @@ inline void build_tree(Scene& scene, const Pose& p, float height, float spread, 
   }
 }
 
-inline void build_hedge(Scene& scene, const Pose& p, float length_m, float height, std::uint64_t seed, std::uint32_t index) {
+inline void build_hedge(Scene& scene, const Pose& p, float length_m, float height, std::uint64_t seed,
+                        std::uint32_t index) {
   Dice dice(seed, Topic::tree, index);
   Brush b;
   b.label = label::vegetation;
@@ -126,12 +126,18 @@ struct PersonLook {
 
 inline PersonLook make_look(Scene& scene, Label l, Dice& dice) {
   const Vec3f skins[4] = {{0.42F, 0.26F, 0.18F}, {0.36F, 0.22F, 0.15F}, {0.16F, 0.09F, 0.06F}, {0.26F, 0.15F, 0.1F}};
-  const Vec3f clothes[10] = {{0.03F, 0.035F, 0.05F}, {0.05F, 0.09F, 0.2F}, {0.28F, 0.04F, 0.04F}, {0.4F, 0.38F, 0.33F},
-                             {0.10F, 0.13F, 0.08F}, {0.45F, 0.3F, 0.06F}, {0.12F, 0.12F, 0.125F}, {0.5F, 0.5F, 0.5F},
-                             {0.2F, 0.1F, 0.16F}, {0.16F, 0.11F, 0.07F}};
-  const Vec3f trousers[5] = {{0.04F, 0.055F, 0.11F}, {0.02F, 0.02F, 0.024F}, {0.09F, 0.085F, 0.08F}, {0.22F, 0.18F, 0.13F},
+  const Vec3f clothes[10] = {{0.03F, 0.035F, 0.05F}, {0.05F, 0.09F, 0.2F}, {0.28F, 0.04F, 0.04F},  {0.4F, 0.38F, 0.33F},
+                             {0.10F, 0.13F, 0.08F},  {0.45F, 0.3F, 0.06F}, {0.12F, 0.12F, 0.125F}, {0.5F, 0.5F, 0.5F},
+                             {0.2F, 0.1F, 0.16F},    {0.16F, 0.11F, 0.07F}};
+  const Vec3f trousers[5] = {{0.04F, 0.055F, 0.11F},
+                             {0.02F, 0.02F, 0.024F},
+                             {0.09F, 0.085F, 0.08F},
+                             {0.22F, 0.18F, 0.13F},
                              {0.06F, 0.08F, 0.13F}};
-  const Vec3f hairs[5] = {{0.02F, 0.015F, 0.01F}, {0.07F, 0.04F, 0.02F}, {0.2F, 0.13F, 0.06F}, {0.25F, 0.25F, 0.25F},
+  const Vec3f hairs[5] = {{0.02F, 0.015F, 0.01F},
+                          {0.07F, 0.04F, 0.02F},
+                          {0.2F, 0.13F, 0.06F},
+                          {0.25F, 0.25F, 0.25F},
                           {0.03F, 0.02F, 0.02F}};
   PersonLook look;
   Brush b;
@@ -172,14 +178,18 @@ inline void build_walker(Scene& scene, const Pose& p, float height, float stride
     const float foot_z = 0.42F * swing - 0.03F;
     const float lift = swing < 0 ? 0.07F * -swing : 0.0F;
     limb(scene, at(side * 0.085F, hip, 0), at(side * 0.09F, 0.5F, knee_z), 0.088F * k, 0.062F * k, look.legs, fine);
-    limb(scene, at(side * 0.09F, 0.5F, knee_z), at(side * 0.09F, 0.1F + lift, foot_z), 0.062F * k, 0.048F * k, look.legs, fine);
-    scene.ellipsoid(p.moved({side * 0.09F * k, (0.05F + lift) * k, (foot_z + 0.06F) * k}), {0.048F * k, 0.048F * k, 0.13F * k}, fine ? 10 : 6, fine ? 6 : 4,
-                    look.shoes);
+    limb(scene, at(side * 0.09F, 0.5F, knee_z), at(side * 0.09F, 0.1F + lift, foot_z), 0.062F * k, 0.048F * k,
+         look.legs, fine);
+    scene.ellipsoid(p.moved({side * 0.09F * k, (0.05F + lift) * k, (foot_z + 0.06F) * k}),
+                    {0.048F * k, 0.048F * k, 0.13F * k}, fine ? 10 : 6, fine ? 6 : 4, look.shoes);
     // Arms swing against the legs.
     const float a = -swing * 0.5F;
-    limb(scene, at(side * 0.205F, 1.4F, 0), at(side * 0.25F, 1.13F, 0.16F * a - 0.03F), 0.058F * k, 0.045F * k, look.top, fine);
-    limb(scene, at(side * 0.25F, 1.13F, 0.16F * a - 0.03F), at(side * 0.235F, 0.89F, 0.33F * a + 0.08F), 0.045F * k, 0.036F * k, look.top, fine);
-    scene.ellipsoid(p.moved({side * 0.235F * k, 0.84F * k, (0.35F * a + 0.1F) * k}), {0.032F, 0.055F, 0.035F}, 8, 5, look.skin);
+    limb(scene, at(side * 0.205F, 1.4F, 0), at(side * 0.25F, 1.13F, 0.16F * a - 0.03F), 0.058F * k, 0.045F * k,
+         look.top, fine);
+    limb(scene, at(side * 0.25F, 1.13F, 0.16F * a - 0.03F), at(side * 0.235F, 0.89F, 0.33F * a + 0.08F), 0.045F * k,
+         0.036F * k, look.top, fine);
+    scene.ellipsoid(p.moved({side * 0.235F * k, 0.84F * k, (0.35F * a + 0.1F) * k}), {0.032F, 0.055F, 0.035F}, 8, 5,
+                    look.skin);
   }
   // Trunk: waist, chest, shoulders.
   const bool coat = dice.chance(0.4F);
@@ -188,7 +198,8 @@ inline void build_walker(Scene& scene, const Pose& p, float height, float stride
   scene.ellipsoid(p.moved({0, 1.385F * k, -0.005F}), {0.215F * k, 0.10F * k, 0.10F * k}, nu, nv, look.top);
   if (coat) scene.bar(at(0, 0.66F, 0), at(0, 1.0F, 0), 0.185F * k, 0.155F * k, nu, look.top);
   if (dice.chance(0.35F)) {  // rucksack or bag
-    const Brush bag = look.shoes.with(scene.add_plain({dice.uniform(0.02F, 0.3F), dice.uniform(0.02F, 0.15F), dice.uniform(0.02F, 0.25F)}, 0.85F));
+    const Brush bag = look.shoes.with(
+        scene.add_plain({dice.uniform(0.02F, 0.3F), dice.uniform(0.02F, 0.15F), dice.uniform(0.02F, 0.25F)}, 0.85F));
     scene.ellipsoid(p.moved({0, 1.22F * k, -0.17F * k}), {0.14F * k, 0.21F * k, 0.09F * k}, nu, nv, bag);
   }
   build_head(scene, p.moved({0, 1.645F * k, 0.015F}), look, fine);
@@ -199,19 +210,21 @@ inline void build_bicycle(Scene& scene, const Pose& p, bool ridden, Dice& dice) 
   Brush b;
   b.label = label::bicycle;
   b.instance = scene.next_instance(label::bicycle);
-  const Brush frame = b.with(scene.add_plain({dice.uniform(0.02F, 0.4F), dice.uniform(0.02F, 0.15F), dice.uniform(0.02F, 0.2F)}, 0.4F));
+  const Brush frame =
+      b.with(scene.add_plain({dice.uniform(0.02F, 0.4F), dice.uniform(0.02F, 0.15F), dice.uniform(0.02F, 0.2F)}, 0.4F));
   const Brush black = b.with(scene.add_plain({0.02F, 0.02F, 0.02F}, 0.8F));
   const float r = 0.34F;
   for (const float z : {-0.53F, 0.53F}) {
     const int n = 28;
-    scene.grid(n, 6,
-               [&](int i, int j) {
-                 const float a = 2 * kPi * static_cast<float>(i) / static_cast<float>(n);
-                 const float c = 2 * kPi * static_cast<float>(j) / 6.0F;
-                 const float q = r + 0.02F * std::cos(c);
-                 return p.point({0.02F * std::sin(c), r + q * std::sin(a), z + q * std::cos(a)});
-               },
-               true, black.smoothed());
+    scene.grid(
+        n, 6,
+        [&](int i, int j) {
+          const float a = 2 * kPi * static_cast<float>(i) / static_cast<float>(n);
+          const float c = 2 * kPi * static_cast<float>(j) / 6.0F;
+          const float q = r + 0.02F * std::cos(c);
+          return p.point({0.02F * std::sin(c), r + q * std::sin(a), z + q * std::cos(a)});
+        },
+        true, black.smoothed());
     for (int i = 0; i < 10; ++i) {
       const float a = 2 * kPi * static_cast<float>(i) / 10.0F;
       scene.bar(p.point({0, r, z}), p.point({0, r + r * std::sin(a), z + r * std::cos(a)}), 0.003F, 0.003F, 3, black);
@@ -238,8 +251,9 @@ inline void build_bicycle(Scene& scene, const Pose& p, bool ridden, Dice& dice) 
   scene.box(p, {-0.035F, 0.66F, -0.62F}, {0.035F, 0.72F, -0.59F},
             b.lit(scene.add(lamp), scene.add_light(ridden ? LightClass::moving_rear : LightClass::parked_rear, group)));
   lamp.base = {0.55F, 0.55F, 0.55F};
-  scene.box(p, {-0.035F, 0.9F, 0.4F}, {0.035F, 0.96F, 0.44F},
-            b.lit(scene.add(lamp), scene.add_light(ridden ? LightClass::moving_front : LightClass::parked_front, group)));
+  scene.box(
+      p, {-0.035F, 0.9F, 0.4F}, {0.035F, 0.96F, 0.44F},
+      b.lit(scene.add(lamp), scene.add_light(ridden ? LightClass::moving_front : LightClass::parked_front, group)));
   if (!ridden) return;
   const PersonLook look = make_look(scene, label::rider, dice);
   for (const float side : {-1.0F, 1.0F}) {

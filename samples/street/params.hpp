@@ -24,15 +24,15 @@ namespace street {
 // How far the depth and the normals are from the truth, as a monocular network would err. Each strength is 1 for what
 // such networks show on street scenes and 0 for none; all zero gives the exact planes, bit by bit.
 struct Degradation {
-  float edge_smear = 1.0F;      // 1: depth mixes over about 0.5 % of the image width across every discontinuity
-  float scale_error = 1.0F;     // 1: the whole image up to 6 % too near or too far
-  float field_error = 1.0F;     // 1: a smooth field of about 5 % over tens of pixels
-  float noise = 1.0F;           // 1: noise of about 0.6 % correlated over a few pixels
-  float sky_error = 1.0F;       // 1: the sky stands at 60..90 m, ramping; 0: no surface (depth 0)
-  float normal_blur = 1.0F;     // 1: normals mixed over about 0.4 % of the image width
-  float normal_noise = 1.0F;    // 1: about 4 degrees, correlated
-  float normal_road = 1.0F;     // 1: a part of the road tilted by about 20 degrees
-  float normal_sky = 1.0F;      // 1: sky normals tilted towards the ground; 0: the convention for no surface
+  float edge_smear = 1.0F;    // 1: depth mixes over about 0.5 % of the image width across every discontinuity
+  float scale_error = 1.0F;   // 1: the whole image up to 6 % too near or too far
+  float field_error = 1.0F;   // 1: a smooth field of about 5 % over tens of pixels
+  float noise = 1.0F;         // 1: noise of about 0.6 % correlated over a few pixels
+  float sky_error = 1.0F;     // 1: the sky stands at 60..90 m, ramping; 0: no surface (depth 0)
+  float normal_blur = 1.0F;   // 1: normals mixed over about 0.4 % of the image width
+  float normal_noise = 1.0F;  // 1: about 4 degrees, correlated
+  float normal_road = 1.0F;   // 1: a part of the road tilted by about 20 degrees
+  float normal_sky = 1.0F;    // 1: sky normals tilted towards the ground; 0: the convention for no surface
 };
 
 struct StreetParams {
@@ -52,17 +52,17 @@ struct Emitter {
   LightClass cls = LightClass::none;
   SignalState state = SignalState::unknown;
   LightClass group_cls = LightClass::none;
-  std::uint32_t group = 0;   // emitters with the same number belong together; 0: alone
-  std::uint32_t mark = 0;    // position + 1 in Street::marks; 0: not annotated (out of sight or too small)
-  bool lit_by_day = false;   // the lit disc of a traffic light, burning brake lamps
-  Vec3f centre{};            // m
-  Vec3f normal{};            // unit
-  Vec2f half_extents{};      // m
+  std::uint32_t group = 0;  // emitters with the same number belong together; 0: alone
+  std::uint32_t mark = 0;   // position + 1 in Street::marks; 0: not annotated (out of sight or too small)
+  bool lit_by_day = false;  // the lit disc of a traffic light, burning brake lamps
+  Vec3f centre{};           // m
+  Vec3f normal{};           // unit
+  Vec2f half_extents{};     // m
 };
 
 struct MeshMaterial {
   std::string name;
-  Vec3f albedo{};      // linear, mean
+  Vec3f albedo{};  // linear, mean
   float roughness = 1;
 };
 
@@ -70,19 +70,19 @@ struct Street {
   StreetParams params;
   Intrinsics intrinsics;
   float camera_height_m = 0;
-  float camera_pitch_rad = 0;            // positive: looking down
-  io::Image<Rgb8> image;                 // the daytime photograph, sRGB
-  io::Image<float> depth;                // exact z-depth in metres; 0 for the sky
-  io::Image<Vec3f> normals;              // exact, camera frame, facing the camera; (0, 0, -1) for the sky
-  io::Image<Label> labels;               // Cityscapes label ids
-  io::Image<std::uint16_t> instances;    // label * 1000 + k for countable things, the label id otherwise
-  io::Image<Vec3f> albedo;               // linear
+  float camera_pitch_rad = 0;          // positive: looking down
+  io::Image<Rgb8> image;               // the daytime photograph, sRGB
+  io::Image<float> depth;              // exact z-depth in metres; 0 for the sky
+  io::Image<Vec3f> normals;            // exact, camera frame, facing the camera; (0, 0, -1) for the sky
+  io::Image<Label> labels;             // Cityscapes label ids
+  io::Image<std::uint16_t> instances;  // label * 1000 + k for countable things, the label id otherwise
+  io::Image<Vec3f> albedo;             // linear
   io::Image<float> roughness;
   io::Image<std::uint16_t> light_index;  // position + 1 in marks; 0: no light
   std::vector<LightMark> marks;          // sources and groups; ids are positions + 1
   std::vector<Emitter> emitters;
-  io::Image<float> est_depth;            // degraded
-  io::Image<Vec3f> est_normals;          // degraded
+  io::Image<float> est_depth;    // degraded
+  io::Image<Vec3f> est_normals;  // degraded
 
   // The true mesh, camera frame.
   std::vector<Vec3f> vertices;
@@ -90,7 +90,7 @@ struct Street {
   std::vector<std::uint16_t> face_material;  // into materials
   std::vector<Label> face_label;
   std::vector<std::uint16_t> face_instance;
-  std::vector<std::uint32_t> face_emitter;   // position + 1 in emitters; 0: none
+  std::vector<std::uint32_t> face_emitter;  // position + 1 in emitters; 0: none
   std::vector<MeshMaterial> materials;
 
   [[nodiscard]] TriangleMeshView mesh() const {

@@ -14,6 +14,7 @@
 #include "ground.hpp"
 #include "layout.hpp"
 #include "nature.hpp"
+#include "park.hpp"
 #include "scene.hpp"
 
 namespace npsim {
@@ -25,8 +26,8 @@ inline bool clear_of_junction(const Layout& l, float s0, float s1) {
 }
 
 struct BusStop {
-  bool ahead = true;   // in our direction, at the right kerb; otherwise coming towards us
-  float s = 0;         // middle of the bus
+  bool ahead = true;  // in our direction, at the right kerb; otherwise coming towards us
+  float s = 0;        // middle of the bus
 };
 
 inline BusStop bus_stop(const Layout& l) {
@@ -86,7 +87,11 @@ inline void build_traffic(Scene& scene, const Layout& l) {
   moving(dice.uniform(48, 58), lane, false, types[dice.pick(6)], false);
   moving(dice.uniform(75, 90), lane, false, types[dice.pick(6)], false);
 
-  const Vec3f liveries[5] = {{0.42F, 0.035F, 0.03F}, {0.55F, 0.42F, 0.05F}, {0.05F, 0.12F, 0.30F}, {0.55F, 0.55F, 0.53F}, {0.08F, 0.25F, 0.12F}};
+  const Vec3f liveries[5] = {{0.42F, 0.035F, 0.03F},
+                             {0.55F, 0.42F, 0.05F},
+                             {0.05F, 0.12F, 0.30F},
+                             {0.55F, 0.55F, 0.53F},
+                             {0.08F, 0.25F, 0.12F}};
   Dice bus(l.seed, Topic::bus, 1);
   const float d = stop.ahead ? l.kerb_right - 1.6F : -lane - 0.15F;
   build_bus(scene, l.pose(stop.s, d, 0, stop.ahead ? -0.01F : kPi), liveries[bus.pick(5)], bus);
@@ -105,8 +110,10 @@ inline void build_furniture(Scene& scene, const Layout& l) {
   float s = dice.uniform(6, 13);
   for (; s < l.end - 20; s += dice.uniform(21, 27)) {
     if (s > l.junction0 - 1 && s < l.junction1 + 1) continue;
-    build_tall_lamp(scene, f, l.pose(s, tall_kerb + 0.45F * static_cast<float>(tall_side), h, -0.5F * kPi * static_cast<float>(tall_side)),
-                    tall_height, dice.uniform(1.6F, 2.4F));
+    build_tall_lamp(
+        scene, f,
+        l.pose(s, tall_kerb + 0.45F * static_cast<float>(tall_side), h, -0.5F * kPi * static_cast<float>(tall_side)),
+        tall_height, dice.uniform(1.6F, 2.4F));
   }
   for (s = dice.uniform(9, 15); s < l.end - 30; s += dice.uniform(15, 21)) {
     if (s > l.junction0 - 3 && s < l.junction1 + 3) continue;
@@ -115,7 +122,8 @@ inline void build_furniture(Scene& scene, const Layout& l) {
   // Traffic lights before the junction: ours, theirs, and those of the side street.
   const SignalState mine = dice.chance(0.5F) ? SignalState::red : SignalState::green;
   const float stop_line = l.zebra0 - 0.6F;
-  build_traffic_light(scene, f, l.pose(stop_line, l.kerb_right + 0.45F, h, facing_us), mine, dice.chance(0.6F) ? 3.4F : 0.0F, 11);
+  build_traffic_light(scene, f, l.pose(stop_line, l.kerb_right + 0.45F, h, facing_us), mine,
+                      dice.chance(0.6F) ? 3.4F : 0.0F, 11);
   build_traffic_light(scene, f, l.pose(l.junction1 + 1.0F, l.kerb_left - 0.5F, h, facing_us), mine, 0, 12);
   build_traffic_light(scene, f, l.pose(l.junction1 + 5.2F, l.kerb_left - 0.45F, h, 0), mine, 0, 13);
   const SignalState cross_state = mine == SignalState::red ? SignalState::green : SignalState::red;
@@ -129,7 +137,9 @@ inline void build_furniture(Scene& scene, const Layout& l) {
   build_sign(scene, f, l.pose(l.zebra0 - 0.4F, l.kerb_left - 0.4F, h, facing_us), 2, 2.45F, true);
   const int near_signs[5] = {0, 3, 5, 6, 4};
   const bool sign_right = dice.chance(0.6F);
-  build_sign(scene, f, l.pose(dice.uniform(8.0F, 14.0F), sign_right ? l.kerb_right + 0.4F : l.kerb_left - 0.4F, h, facing_us), near_signs[dice.pick(5)], 2.5F, true);
+  build_sign(scene, f,
+             l.pose(dice.uniform(8.0F, 14.0F), sign_right ? l.kerb_right + 0.4F : l.kerb_left - 0.4F, h, facing_us),
+             near_signs[dice.pick(5)], 2.5F, true);
   const Pose pair = l.pose(l.junction1 + dice.uniform(3, 5), l.kerb_right + 0.4F, h, facing_us);
   build_sign(scene, f, pair, 0, 2.75F, true);
   build_sign(scene, f, pair, 3, 2.08F, false);
@@ -137,7 +147,9 @@ inline void build_furniture(Scene& scene, const Layout& l) {
   const Pose board = l.pose(l.junction0 - 0.9F, l.kerb_right + 1.0F, h, facing_us);
   build_sign(scene, f, board, 7, 2.9F, true);
   for (int i = 0; i < 5; ++i) {
-    build_sign(scene, f, l.pose(dice.uniform(50, 110), (i % 2 == 0 ? l.kerb_right + 0.4F : l.kerb_left - 0.4F), h, facing_us), near_signs[dice.pick(5)], 2.4F, true);
+    build_sign(scene, f,
+               l.pose(dice.uniform(50, 110), (i % 2 == 0 ? l.kerb_right + 0.4F : l.kerb_left - 0.4F), h, facing_us),
+               near_signs[dice.pick(5)], 2.4F, true);
   }
   // Bollards round the corners, bins, posters, clock, boxes.
   for (int side = -1; side <= 1; side += 2) {
@@ -159,9 +171,18 @@ inline void build_furniture(Scene& scene, const Layout& l) {
               dice.chance(0.5F) ? Vec3f{0.5F, 0.2F, 0.02F} : Vec3f{0.12F, 0.14F, 0.13F});
   }
   const bool left_poster = dice.chance(0.5F);
-  build_poster(scene, f, l.pose(dice.uniform(9.5F, 16.5F), left_poster ? l.kerb_left - 0.95F : l.kerb_right + 0.95F, h, facing_us + (left_poster ? -0.12F : 0.12F)), dice);
-  build_poster(scene, f, l.pose(l.junction1 + dice.uniform(9, 14), left_poster ? l.kerb_right + 0.9F : l.kerb_left - 0.9F, h, facing_us), dice);
-  build_clock(scene, f, l.pose(l.junction1 + dice.uniform(2.2F, 4), (left_poster ? l.kerb_right + 1.3F : l.kerb_left - 1.4F), h, facing_us), dice.bits());
+  build_poster(scene, f,
+               l.pose(dice.uniform(9.5F, 16.5F), left_poster ? l.kerb_left - 0.95F : l.kerb_right + 0.95F, h,
+                      facing_us + (left_poster ? -0.12F : 0.12F)),
+               dice);
+  build_poster(
+      scene, f,
+      l.pose(l.junction1 + dice.uniform(9, 14), left_poster ? l.kerb_right + 0.9F : l.kerb_left - 0.9F, h, facing_us),
+      dice);
+  build_clock(scene, f,
+              l.pose(l.junction1 + dice.uniform(2.2F, 4), (left_poster ? l.kerb_right + 1.3F : l.kerb_left - 1.4F), h,
+                     facing_us),
+              dice.bits());
   const BusStop stop = bus_stop(l);
   if (stop.ahead) {
     build_shelter(scene, f, l.pose(stop.s - 1.0F, l.kerb_right + 1.6F, h, -0.5F * kPi), dice);
@@ -171,23 +192,10 @@ inline void build_furniture(Scene& scene, const Layout& l) {
   for (int i = 0; i < 2; ++i) {  // grey service boxes against the wall
     const float at = dice.uniform(7, 18) + 40.0F * static_cast<float>(i);
     const bool left = dice.chance(0.5F);
-    const Pose p = l.pose(at, left ? l.facade_left() + 0.3F : l.facade_right() - 0.3F, h, left ? 0.5F * kPi : -0.5F * kPi);
+    const Pose p =
+        l.pose(at, left ? l.facade_left() + 0.3F : l.facade_right() - 0.3F, h, left ? 0.5F * kPi : -0.5F * kPi);
     scene.box(p, {-0.55F, 0, -0.2F}, {0.55F, 1.25F, 0.22F}, f.box);
     scene.box(p, {-0.58F, 1.25F, -0.23F}, {0.58F, 1.3F, 0.26F}, f.box);
-  }
-  // A wire across the street, with its lamp, here and there.
-  for (int i = 0; i < 3; ++i) {
-    const float at = 17.0F + 33.0F * static_cast<float>(i) + dice.uniform(0, 6);
-    if (at > l.junction0 - 4 && at < l.junction1 + 4) continue;
-    const float y = dice.uniform(7.0F, 8.0F);
-    Vec3f last = l.at(at, l.facade_left(), y);
-    const int n = 14;
-    for (int k = 1; k <= n; ++k) {
-      const float t = static_cast<float>(k) / static_cast<float>(n);
-      const Vec3f next = l.at(at, mix(l.facade_left(), l.facade_right(), t), y - 1.6F * t * (1 - t));
-      scene.bar(last, next, 0.008F, 0.008F, 4, f.dark);
-      last = next;
-    }
   }
 }
 
@@ -217,81 +225,24 @@ inline void build_greenery(Scene& scene, const Layout& l) {
       const Pose p = l.pose(s, d, h, dice.uniform(0, 6));
       build_tree(scene, p, height, spread, s < 24 ? 300 : (s < 50 ? 120 : (s < 90 ? 70 : 40)), l.seed, index);
       const Pose q = l.pose(s, d, h + 0.006F);
-      scene.quad(q.point({-0.6F, 0, -0.7F}), q.point({0.6F, 0, -0.7F}), q.point({0.6F, 0, 0.7F}), q.point({-0.6F, 0, 0.7F}), {0, 1, 0}, pit);
+      scene.quad(q.point({-0.6F, 0, -0.7F}), q.point({0.6F, 0, -0.7F}), q.point({0.6F, 0, 0.7F}),
+                 q.point({-0.6F, 0, 0.7F}), {0, 1, 0}, pit);
     }
   }
   // Trees behind the end of the street and down the side street, so that the view does not end in walls only.
   for (int i = 0; i < 4; ++i) {
-    build_tree(scene, l.pose(l.end - 2, -24.0F + 15.0F * static_cast<float>(i) + dice.uniform(-3, 3), h), dice.uniform(8, 12), 4, 45, l.seed, 200 + static_cast<std::uint32_t>(i));
+    build_tree(scene, l.pose(l.end - 2, -24.0F + 15.0F * static_cast<float>(i) + dice.uniform(-3, 3), h),
+               dice.uniform(8, 12), 4, 45, l.seed, 200 + static_cast<std::uint32_t>(i));
   }
   for (int i = 0; i < 3; ++i) {
     const float sg = l.side_left ? -1.0F : 1.0F;
-    build_tree(scene, Pose{{l.bend(l.junction0) + sg * (22 + 11.0F * static_cast<float>(i)), h, l.junction1 + 1.2F}}, dice.uniform(6, 8), 2.4F, 80, l.seed, 220 + static_cast<std::uint32_t>(i));
+    build_tree(scene, Pose{{l.bend(l.junction0) + sg * (22 + 11.0F * static_cast<float>(i)), h, l.junction1 + 1.2F}},
+               dice.uniform(6, 8), 2.4F, 80, l.seed, 220 + static_cast<std::uint32_t>(i));
   }
   if (dice.chance(0.6F)) {
     const bool left = dice.chance(0.5F);
-    build_hedge(scene, l.pose(l.junction1 + 8, left ? l.facade_left() + 0.35F : l.facade_right() - 0.35F, h), dice.uniform(5, 8), 1.0F, l.seed, 240);
-  }
-}
-
-// Lawn, trees and a railing where a few houses are left out, with the backs of other houses beyond.
-inline void build_park(Scene& scene, const Layout& l) {
-  if (l.park_side == 0) return;
-  const bool left = l.park_side < 0;
-  const float sg = static_cast<float>(l.park_side);
-  const float edge = left ? l.facade_left() : l.facade_right();
-  const bool gap = left ? l.side_left : l.side_right;
-  const float s0 = l.junction1 + (gap ? 2.8F : 0.0F);
-  const float s1 = l.junction1 + 31;
-  Dice dice(l.seed, Topic::tree, 950);
-  Material grass;
-  grass.kind = Kind::grass;
-  grass.base = {0.045F, 0.085F, 0.022F};
-  grass.second = {0.085F, 0.115F, 0.04F};
-  grass.seed = dice.bits();
-  Brush lawn;
-  lawn.label = label::terrain;
-  lawn.material = scene.add(grass);
-  const float h = kKerbHeight_m + 0.05F;
-  for (int i = 0; i < 6; ++i) {
-    const float a = mix(s0, s1, static_cast<float>(i) / 6);
-    const float b = mix(s0, s1, static_cast<float>(i + 1) / 6);
-    scene.quad(l.at(a, edge, h), l.at(b, edge, h), l.at(b, edge + sg * 30, h), l.at(a, edge + sg * 30, h), {0, 1, 0}, lawn);
-    scene.quad(l.at(a, edge, kKerbHeight_m), l.at(b, edge, kKerbHeight_m), l.at(b, edge, h), l.at(a, edge, h), {-sg, 0, 0}, lawn);
-  }
-  Brush rail;
-  rail.label = label::fence;
-  rail.material = scene.add_plain({0.04F, 0.05F, 0.045F}, 0.55F, 0.4F);
-  const bool hedge = dice.chance(0.5F);
-  if (hedge) {
-    for (std::uint32_t i = 0; i < 4; ++i) {
-      const float a = mix(s0 + 0.5F, s1, static_cast<float>(i) / 4);
-      build_hedge(scene, l.pose(a, edge + sg * 0.5F, kKerbHeight_m), (s1 - s0) / 4 - (i == 1 ? 1.6F : 0.0F), dice.uniform(0.9F, 1.2F), l.seed, 260 + i);
-    }
-  } else {
-    for (float s = s0; s < s1; s += 2.0F) {
-      const Vec3f p = l.at(s, edge + sg * 0.2F, kKerbHeight_m);
-      const Vec3f q = l.at(std::fmin(s + 2, s1), edge + sg * 0.2F, kKerbHeight_m);
-      scene.bar(p, p + Vec3f{0, 1.15F, 0}, 0.03F, 0.03F, 6, rail);
-      for (const float y : {0.15F, 1.05F}) scene.bar(p + Vec3f{0, y, 0}, q + Vec3f{0, y, 0}, 0.018F, 0.018F, 5, rail);
-      for (int k = 1; k < 14; ++k) {
-        const Vec3f r = mix(p, q, static_cast<float>(k) / 14);
-        scene.bar(r + Vec3f{0, 0.15F, 0}, r + Vec3f{0, 1.05F, 0}, 0.009F, 0.009F, 3, rail);
-      }
-    }
-  }
-  for (std::uint32_t i = 0; i < 6; ++i) {
-    const float s = dice.uniform(s0 + 3, s1 - 2);
-    build_tree(scene, l.pose(s, edge + sg * dice.uniform(3.5F, 14), h), dice.uniform(7, 12), dice.uniform(2.8F, 4.2F), s < 50 ? 110 : 70, l.seed, 270 + i);
-  }
-  for (std::uint32_t i = 0; i < 3; ++i) {
-    Dice house(l.seed, left ? Topic::building_left : Topic::building_right, 130 + i);
-    const float turn = left ? 0.5F * kPi : -0.5F * kPi;
-    const float width = 15;
-    const float from = l.junction1 + width * static_cast<float>(i);
-    Pose p = upright(l.at(left ? from + width : from, edge + sg * 31, 0), turn);
-    HouseStyle style = make_style(scene, p, house, Detail::middle);
-    build_house(scene, p, width, 10, style, false, false, house);
+    build_hedge(scene, l.pose(l.junction1 + 8, left ? l.facade_left() + 0.35F : l.facade_right() - 0.35F, h),
+                dice.uniform(5, 8), 1.0F, l.seed, 240);
   }
 }
 
@@ -307,24 +258,32 @@ inline void build_people(Scene& scene, const Layout& l) {
     if (s > l.junction0 - 2 && s < l.junction1 + 2) s += 14;
     const float turn = (dice.chance(0.5F) ? 0.0F : kPi) + dice.uniform(-0.3F, 0.3F);
     build_walker(scene, l.pose(s, d, h, turn), dice.uniform(1.6F, 1.9F), dice.uniform(-1, 1), s < 26, dice);
-    if (dice.chance(0.3F)) build_walker(scene, l.pose(s + 0.25F, d + (left ? -0.62F : 0.62F), h, turn), dice.uniform(1.55F, 1.85F), dice.uniform(-1, 1), s < 26, dice);
+    if (dice.chance(0.3F))
+      build_walker(scene, l.pose(s + 0.25F, d + (left ? -0.62F : 0.62F), h, turn), dice.uniform(1.55F, 1.85F),
+                   dice.uniform(-1, 1), s < 26, dice);
   }
   // Somebody waits at the crossing, somebody crosses behind it.
   Dice dice(l.seed, Topic::person, 100);
   const float side = dice.chance(0.5F) ? 1.0F : -1.0F;
-  build_walker(scene, l.pose(l.zebra0 + 1.2F, side > 0 ? l.kerb_right + 0.5F : l.kerb_left - 0.5F, h, -side * 0.5F * kPi), 1.74F, 0.1F, true, dice);
+  build_walker(scene,
+               l.pose(l.zebra0 + 1.2F, side > 0 ? l.kerb_right + 0.5F : l.kerb_left - 0.5F, h, -side * 0.5F * kPi),
+               1.74F, 0.1F, true, dice);
   build_walker(scene, l.pose(l.junction1 + 2.8F, dice.uniform(-4.4F, -2.8F), 0, 0.5F * kPi), 1.7F, 0.9F, true, dice);
   Dice cyclist(l.seed, Topic::person, 200);
   if (cyclist.chance(0.65F)) {
     const bool towards = cyclist.chance(0.35F);
     const float d = towards ? l.bay_left + cyclist.uniform(0.1F, 0.4F) : l.bay_right - cyclist.uniform(0.1F, 0.4F);
-    build_bicycle(scene, l.pose(cyclist.uniform(8.5F, 24.0F), d, 0, (towards ? kPi : 0.0F) + cyclist.uniform(-0.05F, 0.05F)), true, cyclist);
+    build_bicycle(scene,
+                  l.pose(cyclist.uniform(8.5F, 24.0F), d, 0, (towards ? kPi : 0.0F) + cyclist.uniform(-0.05F, 0.05F)),
+                  true, cyclist);
   }
   for (int i = 0; i < 4; ++i) {
     const bool left = cyclist.chance(0.5F);
     float s = 7 + 12.0F * static_cast<float>(i) + cyclist.uniform(0, 5);
     if (s > l.junction0 - 3 && s < l.junction1 + 3) s = l.junction1 + 9;
-    build_bicycle(scene, l.pose(s, left ? l.facade_left() + 0.5F : l.facade_right() - 0.5F, h, cyclist.uniform(-0.2F, 0.2F)), false, cyclist);
+    build_bicycle(scene,
+                  l.pose(s, left ? l.facade_left() + 0.5F : l.facade_right() - 0.5F, h, cyclist.uniform(-0.2F, 0.2F)),
+                  false, cyclist);
   }
 }
 

@@ -22,8 +22,35 @@ namespace npsim {
 namespace street {
 
 enum class Kind : std::uint8_t {
-  plain, road, pavement, kerb, plaster, brick, stone, roof_tiles, metal, pane, shop_pane, door, lettering, car_paint,
-  car_glass, tyre, rim, lamp, plate, bark, leaf, cloth, sign, poster, clock_face, grass, hedge, awning, interior
+  plain,
+  road,
+  pavement,
+  kerb,
+  plaster,
+  brick,
+  stone,
+  roof_tiles,
+  metal,
+  pane,
+  shop_pane,
+  door,
+  lettering,
+  car_paint,
+  car_glass,
+  tyre,
+  rim,
+  lamp,
+  plate,
+  bark,
+  leaf,
+  cloth,
+  sign,
+  poster,
+  clock_face,
+  grass,
+  hedge,
+  awning,
+  interior
 };
 
 // Where a local frame stands in the world: orthonormal axes and an origin.
@@ -51,7 +78,7 @@ inline Pose upright(const Vec3f& o, float heading) {
 // Textures are functions of the hit point in the material's own frame; see surface.hpp.
 struct Material {
   Kind kind = Kind::plain;
-  Vec3f base{0.5F, 0.5F, 0.5F};   // linear
+  Vec3f base{0.5F, 0.5F, 0.5F};  // linear
   Vec3f second{0.2F, 0.2F, 0.2F};
   float roughness = 0.8F;
   float mirror = 0;     // strength of the clear reflection at normal incidence (0.04: glass, varnish)
@@ -59,7 +86,7 @@ struct Material {
   float variation = 1;  // strength of stains and grain
   std::uint32_t seed = 0;
   int variant = 0;
-  Vec2f size{1, 1};     // extent of the textured patch in the frame, m
+  Vec2f size{1, 1};  // extent of the textured patch in the frame, m
   Pose frame{};
 };
 
@@ -68,7 +95,7 @@ struct FaceInfo {
   std::uint16_t instance = 0;
   std::uint16_t light = 0;  // position + 1 in Scene::lights
   Label label = label::unlabeled;
-  bool smooth = false;      // shaded with interpolated normals in the photograph
+  bool smooth = false;  // shaded with interpolated normals in the photograph
 };
 
 // A light of the scene; its patch is collected from the faces that carry it.
@@ -79,7 +106,8 @@ struct SceneLight {
   bool lit_by_day = false;
 };
 
-// `instance` != 0: the annotation marks the faces of this instance (car body, bus), apart from its lights, as the group.
+// `instance` != 0: the annotation marks the faces of this instance (car body, bus), apart from its lights, as the
+// group.
 struct SceneGroup {
   LightClass cls = LightClass::none;
 };
@@ -160,8 +188,7 @@ class Scene {
     const Vec3f n = cross(vertices[b] - vertices[a], vertices[c] - vertices[a]);
     if (!(dot(n, n) > 1e-14F)) return;
     faces.push_back({a, b, c});
-    const std::uint16_t instance =
-        brush.instance != 0 ? brush.instance : static_cast<std::uint16_t>(brush.label);
+    const std::uint16_t instance = brush.instance != 0 ? brush.instance : static_cast<std::uint16_t>(brush.label);
     info.push_back({brush.material, instance, brush.light, brush.label, brush.smooth});
     panel.push_back(brush.panel);
   }

@@ -44,7 +44,8 @@ inline Vec3f sky_radiance(const Layout& l, const Vec3f& d) {
     c = mix(c, cloud, 0.85F * cover * smoothstep(0.015F, 0.16F, d.y));
     // A closed cover is a grey ceiling with darker rolls.
     const float closed = smoothstep(0.8F, 0.95F, l.cloudiness);
-    c = mix(c, c * (0.80F + 0.55F * fractal(u * 0.8F + 3 * warp, v * 0.55F, 5, seed + 20, 0.01F)), closed * smoothstep(0.0F, 0.2F, d.y));
+    c = mix(c, c * (0.80F + 0.55F * fractal(u * 0.8F + 3 * warp, v * 0.55F, 5, seed + 20, 0.01F)),
+            closed * smoothstep(0.0F, 0.2F, d.y));
   }
   return c;
 }

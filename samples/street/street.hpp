@@ -30,7 +30,8 @@ namespace street {
   if (p.shape.width < 1 || p.shape.height < 1 || p.shape.width > 16384 || p.shape.height > 16384) {
     return bad("street: width and height must lie in 1..16384");
   }
-  if (!(p.horizontal_fov_rad > 0.1F && p.horizontal_fov_rad < 2.8F)) return bad("street: field of view must lie in 0.1..2.8 rad");
+  if (!(p.horizontal_fov_rad > 0.1F && p.horizontal_fov_rad < 2.8F))
+    return bad("street: field of view must lie in 0.1..2.8 rad");
   if (p.samples < 1 || p.samples > 64) return bad("street: samples must lie in 1..64");
   if (p.sky_rays < 0 || p.sky_rays > 16) return bad("street: sky rays must lie in 0..16");
   if (p.light_min_px < 1) return bad("street: light_min_px must be at least 1");

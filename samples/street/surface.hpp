@@ -93,7 +93,8 @@ inline SurfaceSample poster_surface(const Material& m, const Vec3f& q) {
   Vec3f c = sky;
   const float hill = 0.12F * std::sin(x * 5 + to_unit(m.seed) * 6) - 0.1F;
   if (y < hill) c = m.second;
-  const float r = std::sqrt((x - 0.12F) * (x - 0.12F) + (y - 0.05F) * (y - 0.05F) * m.size.y * m.size.y / (m.size.x * m.size.x));
+  const float r =
+      std::sqrt((x - 0.12F) * (x - 0.12F) + (y - 0.05F) * (y - 0.05F) * m.size.y * m.size.y / (m.size.x * m.size.x));
   if (r < 0.21F) c = mix(Vec3f{0.7F, 0.3F, 0.05F}, Vec3f{0.7F, 0.6F, 0.1F}, y * 2 + 0.5F);
   if (ink_centred(m.variant % 2 == 0 ? "SOMMER" : "KONZERT", x, y - 0.38F, 0.14F)) c = {0.72F, 0.72F, 0.7F};
   if (ink_centred("JETZT", x, y + 0.36F, 0.09F)) c = {0.72F, 0.72F, 0.7F};
@@ -153,9 +154,7 @@ inline SurfaceSample vehicle_surface(const Material& m, const Vec3f& q, float fp
       out.mirror = solid ? m.mirror : 0.0F;
       break;
     }
-    case Kind::tyre:
-      out.albedo = m.base * (1 + 0.4F * noise(q.y * 14, q.z * 14, 7));
-      break;
+    case Kind::tyre: out.albedo = m.base * (1 + 0.4F * noise(q.y * 14, q.z * 14, 7)); break;
     case Kind::lamp: {
       // Reflector cells behind a clear lens.
       const float cells = 0.75F + 0.5F * noise(q.x * 40, q.y * 40 + q.z * 20, m.seed) * clamp01(1.3F - fp * 25);
@@ -168,7 +167,7 @@ inline SurfaceSample vehicle_surface(const Material& m, const Vec3f& q, float fp
       const float y = q.y;
       out.albedo = {0.66F, 0.66F, 0.63F};
       if (x < -0.215F) out.albedo = {0.02F, 0.06F, 0.3F};
-      if (ink_centred(text.data(), x - 0.02F, y, 0.075F)) out.albedo = {0.02F, 0.02F, 0.02F};
+      if (ink_centred(text.data(), x - 0.024F, y, 0.064F)) out.albedo = {0.02F, 0.02F, 0.02F};
       break;
     }
     default: break;
@@ -226,7 +225,9 @@ inline SurfaceSample surface_at(const Layout& layout, const Material& m, const V
     case Kind::tyre:
     case Kind::rim:
     case Kind::lamp:
-    case Kind::plate: out = vehicle_surface(m, m.kind == Kind::plate ? reader_coordinates(m.frame, p) : m.frame.to_local(p), fp); break;
+    case Kind::plate:
+      out = vehicle_surface(m, m.kind == Kind::plate ? reader_coordinates(m.frame, p) : m.frame.to_local(p), fp);
+      break;
     case Kind::leaf: out = leaf_surface(m, p); break;
     case Kind::bark: {
       const float rings = fractal((p.x + p.z) * 9, p.y * 1.6F, 4, m.seed, fp * 9);

@@ -47,8 +47,9 @@ inline const char* state_name(SignalState s) {
 inline std::string scene_json(const Street& s) {
   const Intrinsics& k = s.intrinsics;
   char camera[200];
-  std::snprintf(camera, sizeof camera, "{\"fx\": %.9g, \"fy\": %.9g, \"cx\": %.9g, \"cy\": %.9g, \"pixel_centre\": 0.5}",
-                static_cast<double>(k.fx), static_cast<double>(k.fy), static_cast<double>(k.cx), static_cast<double>(k.cy));
+  std::snprintf(
+      camera, sizeof camera, "{\"fx\": %.9g, \"fy\": %.9g, \"cx\": %.9g, \"cy\": %.9g, \"pixel_centre\": 0.5}",
+      static_cast<double>(k.fx), static_cast<double>(k.fy), static_cast<double>(k.cx), static_cast<double>(k.cy));
   return std::string("{\n  \"npsim_scene\": 1,\n  \"name\": \"street\",\n  \"image\": \"image.png\",\n") +
          "  \"depth\": {\"file\": \"depth.pfm\", \"encoding\": \"metres\"},\n  \"camera\": " + camera + ",\n" +
          "  \"labels\": {\"file\": \"labels.png\", \"encoding\": \"cityscapes_label_ids\"},\n" +
@@ -56,23 +57,26 @@ inline std::string scene_json(const Street& s) {
          "  \"normals\": {\"file\": \"normals.pfm\", \"convention\": \"auto\"},\n" +
          "  \"albedo\": {\"file\": \"albedo.pfm\"},\n  \"roughness\": {\"file\": \"roughness.pfm\"},\n" +
          "  \"lights\": {\"format\": \"segments_ai\", \"json\": \"lights.json\", \"bitmap\": \"lights.png\"},\n" +
-         "  \"truth\": {\"depth\": \"truth/depth.pfm\", \"normals\": \"truth/normals.pfm\", \"mesh\": \"truth/street.obj\", " +
+         "  \"truth\": {\"depth\": \"truth/depth.pfm\", \"normals\": \"truth/normals.pfm\", \"mesh\": "
+         "\"truth/street.obj\", " +
          "\"emitters\": \"truth/emitters.json\"}\n}\n";
 }
 
 inline std::string lights_json(const Street& s) {
-  std::string t = "{\n \"name\": \"v1\",\n \"description\": \"lights of a generated street\",\n \"dataset\": {\n"
-                  "  \"name\": \"npsim_street\",\n  \"owner\": \"npsim\",\n  \"task_type\": \"segmentation-bitmap\",\n"
-                  "  \"task_attributes\": {\n   \"format_version\": \"0.1\",\n   \"categories\": [\n";
+  std::string t =
+      "{\n \"name\": \"v1\",\n \"description\": \"lights of a generated street\",\n \"dataset\": {\n"
+      "  \"name\": \"npsim_street\",\n  \"owner\": \"npsim\",\n  \"task_type\": \"segmentation-bitmap\",\n"
+      "  \"task_attributes\": {\n   \"format_version\": \"0.1\",\n   \"categories\": [\n";
   for (int i = 1; i < kLightClassCount; ++i) {
     t += std::string("    {\"name\": \"") + info(static_cast<LightClass>(i)).name + "\", \"id\": " + std::to_string(i) +
          ", \"has_instances\": true}" + (i + 1 < kLightClassCount ? ",\n" : "\n");
   }
-  t += "   ]\n  },\n  \"labelsets\": [{\"name\": \"ground-truth\", \"is_groundtruth\": true}],\n  \"samples\": [\n   {\n"
-       "    \"uuid\": \"00000000-0000-0000-0000-000000000001\",\n    \"name\": \"image.png\",\n"
-       "    \"attributes\": {\"image\": {\"url\": \"image.png\"}},\n    \"metadata\": {},\n    \"labels\": {\n"
-       "     \"ground-truth\": {\n      \"label_status\": \"LABELED\",\n      \"attributes\": {\n"
-       "       \"format_version\": \"0.1\",\n       \"annotations\": [\n";
+  t +=
+      "   ]\n  },\n  \"labelsets\": [{\"name\": \"ground-truth\", \"is_groundtruth\": true}],\n  \"samples\": [\n   {\n"
+      "    \"uuid\": \"00000000-0000-0000-0000-000000000001\",\n    \"name\": \"image.png\",\n"
+      "    \"attributes\": {\"image\": {\"url\": \"image.png\"}},\n    \"metadata\": {},\n    \"labels\": {\n"
+      "     \"ground-truth\": {\n      \"label_status\": \"LABELED\",\n      \"attributes\": {\n"
+      "       \"format_version\": \"0.1\",\n       \"annotations\": [\n";
   for (std::size_t i = 0; i < s.marks.size(); ++i) {
     const LightMark& m = s.marks[i];
     t += "        {\"id\": " + std::to_string(m.id) + ", \"category_id\": " + std::to_string(static_cast<int>(m.cls));
@@ -85,7 +89,8 @@ inline std::string lights_json(const Street& s) {
     }
     t += i + 1 < s.marks.size() ? "},\n" : "}\n";
   }
-  t += "       ],\n       \"segmentation_bitmap\": {\"url\": \"lights.png\"}\n      }\n     }\n    }\n   }\n  ]\n }\n}\n";
+  t += "       ],\n       \"segmentation_bitmap\": {\"url\": \"lights.png\"}\n      }\n     }\n    }\n   }\n  ]\n "
+       "}\n}\n";
   return t;
 }
 
@@ -93,9 +98,9 @@ inline std::string emitters_json(const Street& s) {
   std::string t = "{\n \"frame\": \"camera: x right, y down, z forward, metres\",\n \"emitters\": [\n";
   for (std::size_t i = 0; i < s.emitters.size(); ++i) {
     const Emitter& e = s.emitters[i];
-    t += "  {\"id\": " + std::to_string(i + 1) + ", \"class\": \"" + info(e.cls).name + "\", \"group\": " +
-         std::to_string(e.group) + ", \"group_class\": \"" + info(e.group_cls).name + "\", \"mark\": " +
-         std::to_string(e.mark) + ", \"lit_by_day\": " + (e.lit_by_day ? "true" : "false");
+    t += "  {\"id\": " + std::to_string(i + 1) + ", \"class\": \"" + info(e.cls).name +
+         "\", \"group\": " + std::to_string(e.group) + ", \"group_class\": \"" + info(e.group_cls).name +
+         "\", \"mark\": " + std::to_string(e.mark) + ", \"lit_by_day\": " + (e.lit_by_day ? "true" : "false");
     if (e.state != SignalState::unknown) t += std::string(", \"state\": \"") + state_name(e.state) + "\"";
     t += ", \"centre\": " + vector_json(e.centre) + ", \"half_extents\": [" + number(e.half_extents.x) + ", " +
          number(e.half_extents.y) + "], \"normal\": " + vector_json(e.normal) + "}" +
@@ -119,7 +124,8 @@ inline std::string mesh_obj(const Street& s) {
   t.reserve(s.vertices.size() * 30U + s.faces.size() * 26U);
   char line[120];
   for (const Vec3f& v : s.vertices) {
-    std::snprintf(line, sizeof line, "v %.7g %.7g %.7g\n", static_cast<double>(v.x), static_cast<double>(v.y), static_cast<double>(v.z));
+    std::snprintf(line, sizeof line, "v %.7g %.7g %.7g\n", static_cast<double>(v.x), static_cast<double>(v.y),
+                  static_cast<double>(v.z));
     t += line;
   }
   std::uint32_t material = 0xFFFFFFFFU;
@@ -168,7 +174,8 @@ inline io::Outcome write_street(const Street& s, const std::string& dir) {
     if (done) done = io::write_pfm(at("albedo.pfm"), s.albedo.view());
     if (done) done = io::write_pfm(at("roughness.pfm"), s.roughness.view());
     if (done) done = io::write_file(at("lights.json"), lights_json(s));
-    if (done) done = io::write_png_rgba(at("lights.png"), static_cast<const io::Image<io::Rgba8>&>(light_bitmap(s)).view());
+    if (done)
+      done = io::write_png_rgba(at("lights.png"), static_cast<const io::Image<io::Rgba8>&>(light_bitmap(s)).view());
     if (done) done = io::write_pfm(at("truth/depth.pfm"), s.depth.view());
     if (done) done = io::write_pfm(at("truth/normals.pfm"), s.normals.view());
     if (done) done = io::write_file(at("truth/street.mtl"), mesh_mtl(s));

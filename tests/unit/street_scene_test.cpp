@@ -82,7 +82,8 @@ TEST_CASE("street: another seed is another street") {
   const street::Street& one = common_street();
   CHECK(one.faces.size() != other->faces.size());
   std::size_t differing = 0;
-  for (std::size_t i = 0; i < one.params.shape.pixels(); ++i) differing += one.labels.data()[i] != other->labels.data()[i] ? 1U : 0U;
+  for (std::size_t i = 0; i < one.params.shape.pixels(); ++i)
+    differing += one.labels.data()[i] != other->labels.data()[i] ? 1U : 0U;
   CHECK(differing > one.params.shape.pixels() / 10);
 }
 
@@ -104,7 +105,10 @@ TEST_CASE("street: every face has valid indices, an area, a label and a material
     const auto a = npsim::vec_cast<double>(s.vertices[f.a]);
     const auto n = cross(npsim::vec_cast<double>(s.vertices[f.b]) - a, npsim::vec_cast<double>(s.vertices[f.c]) - a);
     flat += length(n) > 0 ? 0U : 1U;
-    infinite += npsim::is_finite(s.vertices[f.a]) && npsim::is_finite(s.vertices[f.b]) && npsim::is_finite(s.vertices[f.c]) ? 0U : 1U;
+    infinite +=
+        npsim::is_finite(s.vertices[f.a]) && npsim::is_finite(s.vertices[f.b]) && npsim::is_finite(s.vertices[f.c])
+            ? 0U
+            : 1U;
     const bool tagged = s.face_label[i] > 0 && s.face_label[i] < npsim::kLabelCount &&
                         s.face_material[i] < s.materials.size() && s.face_emitter[i] <= s.emitters.size() &&
                         (s.face_instance[i] == s.face_label[i] || s.face_instance[i] / 1000 == s.face_label[i]);
@@ -125,7 +129,8 @@ TEST_CASE("street: depth of the road is that of the plane, in closed form") {
   for (int y = 0; y < s.depth.height(); ++y) {
     for (int x = 0; x < s.depth.width(); ++x) {
       if (s.labels(x, y) != label::road) continue;
-      const double v = (static_cast<double>(y) + 0.5 - static_cast<double>(s.intrinsics.cy)) / static_cast<double>(s.intrinsics.fy);
+      const double v =
+          (static_cast<double>(y) + 0.5 - static_cast<double>(s.intrinsics.cy)) / static_cast<double>(s.intrinsics.fy);
       const double z = static_cast<double>(s.camera_height_m) / (v * cp + sp);
       // One pixel row of rounding matters near the horizon: the error is relative to z^2 / height.
       const double error = std::fabs(static_cast<double>(s.depth(x, y)) - z) / (z * std::fmax(1.0, z / 10));
@@ -168,8 +173,8 @@ TEST_CASE("street: each seed shows road, pavement, houses, sky, plants, poles, p
     const auto s = made(small_params(seed));
     std::array<int, 256> seen{};
     for (std::size_t i = 0; i < s->params.shape.pixels(); ++i) ++seen[s->labels.data()[i]];
-    for (const Label l : {label::road, label::sidewalk, label::building, label::sky, label::vegetation, label::pole, label::car,
-                          label::person, label::traffic_light, label::traffic_sign}) {
+    for (const Label l : {label::road, label::sidewalk, label::building, label::sky, label::vegetation, label::pole,
+                          label::car, label::person, label::traffic_light, label::traffic_sign}) {
       CAPTURE(static_cast<int>(l));
       CHECK(seen[l] > 0);
     }
@@ -230,9 +235,9 @@ TEST_CASE("street: annotation and index plane agree") {
   for (std::size_t i = 0; i < s->marks.size(); ++i) {
     if (is_group(s->marks[i].cls)) CHECK(members[i + 1] > 0);
   }
-  for (const LightClass c : {LightClass::window_building, LightClass::windows_group, LightClass::car_group, LightClass::window_parked,
-                             LightClass::moving_rear, LightClass::moving_front, LightClass::advertisement,
-                             LightClass::inferred_object, LightClass::traffic_light_group}) {
+  for (const LightClass c : {LightClass::window_building, LightClass::windows_group, LightClass::car_group,
+                             LightClass::window_parked, LightClass::moving_rear, LightClass::moving_front,
+                             LightClass::advertisement, LightClass::inferred_object, LightClass::traffic_light_group}) {
     CAPTURE(npsim::info(c).name);
     CHECK(classes[static_cast<std::size_t>(c)] > 0);
   }
