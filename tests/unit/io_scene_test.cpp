@@ -37,8 +37,8 @@ Vec3f sample_normal(int, int y) { return y >= 14 ? Vec3f{0, -1, 0} : normalized(
 // One source of 2 x 2 pixels in a group, and one of a single pixel.
 const char* const kLights =
     R"({"dataset": {"task_attributes": {"categories": [{"id": 1, "name": "traffic_light_group"},
-    {"id": 2, "name": "inferred object"}, {"id": 3, "name": "street_light_LT"}]}, "samples": [{"labels": {"ground-truth":
-    {"attributes": {"annotations": [{"id": 10, "category_id": 1}, {"id": 11, "category_id": 2,
+    {"id": 2, "name": "inferred object"}, {"id": 3, "name": "street_light_LT"}]}, "samples": [{"labels":
+    {"ground-truth": {"attributes": {"annotations": [{"id": 10, "category_id": 1}, {"id": 11, "category_id": 2,
     "attributes": {"group": 10, "state": "green"}}, {"id": 12, "category_id": 3}]}}}}]}})";
 
 const char* const kMinimal =

@@ -196,11 +196,13 @@ inline Expected<LightAnnotation> read_light_annotation(LightAnnotationFormat for
       }
     }
     std::size_t groups = 0;
-    std::string without_pixels;
+    constexpr std::size_t kNamed = 8;
+    std::size_t without_pixels = 0;
+    std::string named;
     for (std::size_t i = 0; i < out.marks.size(); ++i) {
       groups += is_group(out.marks[i].cls) ? 1U : 0U;
       if (boxes[i].right < boxes[i].left) {
-        without_pixels += (without_pixels.empty() ? "" : ", ") + std::to_string(out.marks[i].id);
+        if (++without_pixels <= kNamed) named += (named.empty() ? "" : ", ") + std::to_string(out.marks[i].id);
       }
     }
     const std::size_t joined = detail::join_groups(boxes, out.marks);
@@ -209,8 +211,9 @@ inline Expected<LightAnnotation> read_light_annotation(LightAnnotationFormat for
     if (joined > 0) {
       out.notes.push_back("lights: " + std::to_string(joined) + " sources joined to the group that overlaps them");
     }
-    if (!without_pixels.empty()) {
-      out.notes.push_back("lights: annotations without pixels in the bitmap: " + without_pixels);
+    if (without_pixels > 0) {
+      out.notes.push_back("lights: " + std::to_string(without_pixels) + " annotations without pixels in the bitmap: " +
+                          named + (without_pixels > kNamed ? ", ..." : ""));
     }
     return out;
   });
