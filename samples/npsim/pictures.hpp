@@ -84,9 +84,9 @@ namespace npsim::tool {
 // The mesh seen from a camera that was turned about the vertical by `yaw_rad` around a point ahead of it.
 struct MeshView {
   float yaw_rad = 0.7853982F;
-  float pivot_m = 14.0F;     // distance of the point that the camera turns about
-  float closer_m = 0.0F;     // moved forward before turning
-  float raise_m = 2.5F;      // moved up, looking down at the pivot
+  float pivot_m = 16.0F;     // distance of the point that the camera turns about
+  float closer_m = -6.0F;    // moved forward before turning
+  float raise_m = 5.0F;      // moved up, looking down at the pivot
 };
 
 [[nodiscard]] inline io::Image<Rgb8> mesh_picture(const Bvh& bvh, const TriangleMeshView& mesh, Span<const Vec3f> albedo,

@@ -149,22 +149,6 @@ TEST_CASE("visibility: pairs below the cut-off and emitters that no variant ligh
   CHECK(visibility_of(world, lamp_above(0.1F), 0.0F, no_marks)[0] == 0);
 }
 
-TEST_CASE("cosine directions are unit vectors above the surface with mean cosine 2/3, for every normal") {
-  for (const Vec3f& n : {Vec3f{0, 0, 1}, Vec3f{0, 0, -1}, Vec3f{1, 0, 0}, Vec3f{0, -1, 0},
-                         normalized(Vec3f{0.3F, -0.2F, -0.9999F}), normalized(Vec3f{1e-4F, 1e-4F, -1})}) {
-    double mean = 0;
-    constexpr int kCount = 4096;
-    for (int i = 0; i < kCount; ++i) {
-      const Vec3f d = cosine_direction(n, (static_cast<float>(i) + 0.5F) / kCount,
-                                       static_cast<float>(i % 64) / 64.0F);
-      CHECK(length(d) == doctest::Approx(1.0).epsilon(1e-5));
-      CHECK(dot(d, n) >= -1e-6F);
-      mean += static_cast<double>(dot(d, n)) / kCount;
-    }
-    CHECK(mean == doctest::Approx(2.0 / 3.0).epsilon(2e-3));
-  }
-}
-
 TEST_CASE("gather: inside a closed white-lit box every ray lands and the furnace gives albedo times irradiance") {
   World world;
   const float s = 2.0F;

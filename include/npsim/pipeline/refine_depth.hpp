@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Section 3.4: the depth refinement kernel, from the depth as given to one that a mesh can be built on.
 //
-//   fill -> cross-bilateral filter (3.2) -> uncertain map (3.3) -> normal-guided refinement (3.6 - 3.9)
+//   drop outliers, fill -> cross-bilateral filter (3.2) -> uncertain map (3.3) -> normal-guided refinement (3.6 - 3.9)
 // The uncertain map is of the filtered depth: refinement moves surfaces, not the edges between them.
-// Without labels everything is one class and nothing is uncertain. Without normals there is nothing to be guided by, so
-// the last step is skipped and normals are those of the depth.
+// Without labels everything is one class and nothing is uncertain. Without given normals those of the filtered depth,
+// smoothed within each class, guide the refinement: it then flattens noise rather than correcting shape.
 // Memory: see refine_depth_workspace_bytes(); the planes of RefinedDepth stay in the workspace.
 #ifndef NPSIM_PIPELINE_REFINE_DEPTH_HPP
 #define NPSIM_PIPELINE_REFINE_DEPTH_HPP
@@ -22,6 +22,7 @@
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/fill.hpp"
 #include "npsim/depth/normals.hpp"
+#include "npsim/depth/outliers.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/smooth_normals.hpp"
 #include "npsim/depth/uncertainty.hpp"
@@ -38,26 +39,29 @@ struct GroundNormalsParams {
   bool enabled = true;
   LabelSet labels = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground, label::rail_track);
   SmoothNormalsParams smoothing{5};
-  float min_rad = 0.04F;
+  float min_rad = 0.02F;
   float max_rad = 0.90F;
   GroundParams ground;
 };
 
 struct RefineDepthParams {
+  bool drop_outliers = true;
+  OutlierParams outliers;
   FillParams fill;
   CrossBilateralParams filter;
   UncertaintyParams uncertainty;
   NormalsParams normals;
   RefineParams refine;
-  SmoothNormalsParams smoothing;            // of normals that come from depth
-  SmoothNormalsParams given_smoothing{2};   // of given normals, before anything is guided by them
-  GroundNormalsParams ground_normals;       // of given normals
+  SmoothNormalsParams derived_smoothing{3};  // of normals that come from depth
+  SmoothNormalsParams given_smoothing{2};    // of given ones
+  GroundNormalsParams ground_normals;        // of both, after smoothing
 
   [[nodiscard]] static RefineDepthParams thesis() noexcept {
     RefineDepthParams params;
     params.normals.tangents = TangentForm::thesis;
     params.refine = thesis_refine_params();
-    params.smoothing.iterations = 0;
+    params.drop_outliers = false;
+    params.derived_smoothing.iterations = 0;
     params.given_smoothing.iterations = 0;
     params.ground_normals.enabled = false;
     return params;
@@ -69,9 +73,9 @@ struct RefinedDepth {
   ImageView<const Label> labels;      // the scene's, or all one class
   ImageView<std::uint8_t> surface;    // 1 where the pixel shows a surface of the scene
   ImageView<std::uint8_t> uncertain;  // U of (3.3)
-  ImageView<Vec3f> normals;           // the scene's where it has one, else of the refined depth
+  ImageView<Vec3f> normals;           // that guided the refinement: given or derived, smoothed, the ground's made plain
   Span<float> loss_curve;             // of the refinement: before each of refinement.steps steps and at the end
-  RefineResult refinement;            // all zero if it was skipped
+  RefineResult refinement;
 };
 
 [[nodiscard]] constexpr std::size_t refine_loss_count(const RefineParams& params) noexcept {
@@ -81,10 +85,11 @@ struct RefinedDepth {
 [[nodiscard]] inline std::size_t refine_depth_workspace_bytes(const RefineDepthParams& params, Shape shape) noexcept {
   const std::size_t pixels = shape.pixels();
   const std::size_t steps =
-      std::max({fill_workspace_bytes(params.fill, shape),
+      std::max({fill_workspace_bytes(params.fill, shape) + allocation_bytes<float>(pixels) +
+                    ground_workspace_bytes(params.ground_normals.ground, shape),
                 allocation_bytes<Vec3f>(pixels) + cross_bilateral_workspace_bytes(params.filter, shape),
                 uncertainty_workspace_bytes(params.uncertainty, shape),
-                smooth_normals_workspace_bytes(params.smoothing, shape) + allocation_bytes<Vec3f>(pixels),
+                smooth_normals_workspace_bytes(params.derived_smoothing, shape) + allocation_bytes<Vec3f>(pixels),
                 ground_workspace_bytes(params.ground_normals.ground, shape), refine_workspace_bytes(params.refine, shape)});
   return 2 * allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
          allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(refine_loss_count(params.refine)) + steps +
@@ -130,6 +135,38 @@ inline void straighten_ground(const GroundNormalsParams& params, const GroundPla
   }
 }
 
+// The normals that guide the refinement and shade the surface: given ones, else those of the filtered depth.
+template <class Executor>
+Status guiding_normals(const RefineDepthParams& params, const SceneView& scene, const RefinedDepth& out,
+                       Workspace& workspace, Executor& executor) {
+  const Shape shape = scene.shape();
+  const ImageView<const float> depth = out.depth;
+  const bool given = !scene.normals.empty();
+  NPSIM_RETURN_IF_ERROR(normals_from_depth(params.normals, depth, scene.camera, out.normals, workspace, executor));
+  for (int y = 0; y < (given ? shape.height : 0); ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const Vec3f n = scene.normals(x, y);
+      if (is_finite(n) && dot(n, n) > 0.25F) out.normals(x, y) = normalized(n);
+    }
+  }
+  NPSIM_RETURN_IF_ERROR(smooth_normals(given ? params.given_smoothing : params.derived_smoothing, depth, out.labels,
+                                       out.normals, workspace, executor));
+  if (!params.ground_normals.enabled) return {};
+  GroundPlane ground;
+  NPSIM_RETURN_IF_ERROR(
+      estimate_ground(params.ground_normals.ground, depth, out.labels, scene.camera, workspace, ground));
+  WorkspaceScope scope(workspace);
+  ImageView<Vec3f> smooth;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, smooth));
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) smooth(x, y) = out.normals(x, y);
+  }
+  NPSIM_RETURN_IF_ERROR(
+      smooth_normals(params.ground_normals.smoothing, depth, out.labels, smooth, workspace, executor));
+  straighten_ground(params.ground_normals, ground, out.labels, smooth, out.normals);
+  return {};
+}
+
 }  // namespace refine_detail
 
 template <class Executor, class Observer>
@@ -152,8 +189,24 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
   out.labels = labelled ? scene.labels : ImageView<const Label>(one_class);
 
   observer.begin(Stage::fill);
-  NPSIM_RETURN_IF_ERROR(fill_depth(params.fill, scene.depth, scene.labels, out.depth, ImageView<std::uint8_t>(),
-                                   workspace, executor));
+  {
+    WorkspaceScope scope(workspace);
+    ImageView<float> measured;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) measured(x, y) = scene.depth(x, y);
+    }
+    if (params.drop_outliers) {
+      GroundPlane ground;
+      NPSIM_RETURN_IF_ERROR(
+          estimate_ground(params.ground_normals.ground, scene.depth, out.labels, scene.camera, workspace, ground));
+      NPSIM_RETURN_IF_ERROR(drop_outliers(params.outliers, scene.depth, scene.labels, ground.up,
+                                          ground.inlier_share > 0.0F ? ground.camera_height_m : 0.0F, scene.camera,
+                                          measured, executor));
+    }
+    NPSIM_RETURN_IF_ERROR(fill_depth(params.fill, ImageView<const float>(measured), scene.labels, out.depth,
+                                     ImageView<std::uint8_t>(), workspace, executor));
+  }
   refine_detail::mark_surface(scene.depth, out.labels, out.depth, labelled, out.surface);
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
@@ -190,57 +243,18 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
   observer.end(Stage::uncertainty);
   NPSIM_RETURN_IF_ERROR(cancelled());
 
-  const bool guided = !scene.normals.empty();
-  if (guided) {
-    observer.begin(Stage::refine);
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        const Vec3f n = scene.normals(x, y);
-        out.normals(x, y) = is_finite(n) && dot(n, n) > 0.25F ? normalized(n) : Vec3f{};
-      }
-    }
-    NPSIM_RETURN_IF_ERROR(smooth_normals(params.given_smoothing, ImageView<const float>(out.depth), out.labels,
-                                         out.normals, workspace, executor));
-    if (params.ground_normals.enabled) {
-      GroundPlane ground;
-      NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground_normals.ground, ImageView<const float>(out.depth), out.labels,
-                                            scene.camera, workspace, ground));
-      WorkspaceScope scope(workspace);
-      ImageView<Vec3f> smooth;
-      NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, smooth));
-      for (int y = 0; y < shape.height; ++y) {
-        for (int x = 0; x < shape.width; ++x) smooth(x, y) = out.normals(x, y);
-      }
-      NPSIM_RETURN_IF_ERROR(smooth_normals(params.ground_normals.smoothing, ImageView<const float>(out.depth),
-                                           out.labels, smooth, workspace, executor));
-      refine_detail::straighten_ground(params.ground_normals, ground, out.labels, smooth, out.normals);
-    }
-    LossInput<float> input;
-    input.depth_est = out.depth;
-    input.normals = out.normals;
-    input.uncertain = out.uncertain;
-    input.labels = out.labels;
-    input.intrinsics = scene.camera;
-    NPSIM_RETURN_IF_ERROR(workspace.allocate(refine_loss_count(params.refine), out.loss_curve));
-    NPSIM_RETURN_IF_ERROR(refine_with_normals(params.refine, input, out.depth, out.loss_curve, out.refinement, workspace,
-                                              executor));
-    observer.end(Stage::refine);
-  }
-  // What has no given normal takes that of the refined depth.
-  {
-    WorkspaceScope scope(workspace);
-    ImageView<Vec3f> derived;
-    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, derived));
-    NPSIM_RETURN_IF_ERROR(normals_from_depth(params.normals, ImageView<const float>(out.depth), scene.camera, derived,
-                                             workspace, executor));
-    NPSIM_RETURN_IF_ERROR(smooth_normals(params.smoothing, ImageView<const float>(out.depth), out.labels, derived,
-                                         workspace, executor));
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        if (!guided || out.normals(x, y) == Vec3f{}) out.normals(x, y) = derived(x, y);
-      }
-    }
-  }
+  observer.begin(Stage::refine);
+  NPSIM_RETURN_IF_ERROR(refine_detail::guiding_normals(params, scene, out, workspace, executor));
+  LossInput<float> input;
+  input.depth_est = out.depth;
+  input.normals = out.normals;
+  input.uncertain = out.uncertain;
+  input.labels = out.labels;
+  input.intrinsics = scene.camera;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(refine_loss_count(params.refine), out.loss_curve));
+  NPSIM_RETURN_IF_ERROR(refine_with_normals(params.refine, input, out.depth, out.loss_curve, out.refinement, workspace,
+                                            executor));
+  observer.end(Stage::refine);
   return cancelled();
 }
 

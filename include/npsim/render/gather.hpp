@@ -21,6 +21,7 @@
 #include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/light/sky.hpp"
+#include "npsim/material/bsdf.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/simd/isa.hpp"
 #include "npsim/trace/bvh.hpp"
@@ -35,21 +36,6 @@ struct GatherParams {
 };
 
 inline namespace NPSIM_ISA_NAMESPACE {
-
-// A direction about the unit vector n with density cosine / pi (Malley's method; the frame is that of Duff et al. 2017).
-[[nodiscard]] inline Vec3f cosine_direction(const Vec3f& n, float u, float v) noexcept {
-  constexpr float kTwoPi = 6.2831853F;
-  const float radius = std::sqrt(u);
-  const float x = radius * std::cos(kTwoPi * v);
-  const float y = radius * std::sin(kTwoPi * v);
-  const float z = std::sqrt(1.0F - u > 0.0F ? 1.0F - u : 0.0F);
-  const float sign = std::copysign(1.0F, n.z);
-  const float a = -1.0F / (sign + n.z);
-  const float b = n.x * n.y * a;
-  const Vec3f tangent{1.0F + sign * n.x * n.x * a, sign * b, -sign * n.x};
-  const Vec3f bitangent{b, sign + n.y * n.y * a, -n.y};
-  return tangent * x + bitangent * y + n * z;
-}
 
 // Traces the rays of `receivers` (indices into points, which are the vertices of `faces`). hits[r * rays + s] becomes the point that ray s of receiver r
 // reaches, or kNoPoint; sky_irradiance[r] (lx, linear RGB) what the escaping rays bring.
@@ -82,7 +68,7 @@ Status trace_gather_rays(const GatherParams& params, const Bvh& bvh, Span<const 
         const float v0 = static_cast<float>(s) * 0.61803399F + shift_v;
         Ray ray;
         ray.origin = origin;
-        ray.direction = cosine_direction(points.normal[point], u0 - std::floor(u0), v0 - std::floor(v0));
+        ray.direction = sample_cosine(points.normal[point], u0 - std::floor(u0), v0 - std::floor(v0)).direction;
         std::uint32_t& reached = hits[r * rays + s];
         reached = kNoPoint;
         Hit hit;

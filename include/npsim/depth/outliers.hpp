@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+// Drops measurements that cannot be: stereo mismatches on the ground, and specks in an otherwise dense depth map.
+//
+// Off the ground: a pixel with a ground label whose inverse depth differs from that of the ground plane by more than
+// `ground_tolerance` of the latter. Reflections on the bonnet and on wet roads make such depths.
+// Speck: a sample with fewer than `speck_share` of the samples of its (2 r + 1)^2 window within `speck_tolerance` of its
+// inverse depth. Looked for only where at least half of the image is measured: a sparse range sensor has specks only.
+// Ground is exempt: seen at a grazing angle its depth does change within a window. Without labels nothing is dropped.
+// Dropped samples become 0 (missing), to be filled like any other hole. Nothing is moved, nothing is added.
+// Cost: (2 r + 1)^2 comparisons per sample. Memory: none.
+#ifndef NPSIM_DEPTH_OUTLIERS_HPP
+#define NPSIM_DEPTH_OUTLIERS_HPP
+
+#include <cmath>
+#include <cstddef>
+
+#include "npsim/core/camera.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/labels/cityscapes.hpp"
+#include "npsim/simd/isa.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+struct OutlierParams {
+  LabelSet ground = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground, label::rail_track);
+  float ground_tolerance = 0.3F;  // relative; 0 switches the test off
+  int speck_radius_px = 5;        // 0 switches the test off; at most 32
+  float speck_share = 0.25F;
+  float speck_tolerance = 0.1F;   // relative
+};
+
+inline namespace NPSIM_ISA_NAMESPACE {
+namespace depth_detail {
+
+[[nodiscard]] inline bool is_speck(const OutlierParams& p, ImageView<const float> depth, int x, int y) noexcept {
+  const float z = depth(x, y);
+  const float low = z / (1.0F + p.speck_tolerance);
+  const float high = z * (1.0F + p.speck_tolerance);
+  int like = 0;
+  int all = 0;
+  for (int j = y - p.speck_radius_px; j <= y + p.speck_radius_px; ++j) {
+    for (int i = x - p.speck_radius_px; i <= x + p.speck_radius_px; ++i) {
+      if (!depth.contains(i, j)) continue;
+      ++all;
+      const float q = depth(i, j);
+      like += q > low && q < high ? 1 : 0;
+    }
+  }
+  return static_cast<float>(like) < p.speck_share * static_cast<float>(all);
+}
+
+}  // namespace depth_detail
+
+// up (unit) and height_m describe the ground plane dot(up, X) = -height_m; height_m <= 0: not known, test skipped.
+// output may not be the same memory as depth.
+template <class Executor>
+[[nodiscard]] Status drop_outliers(const OutlierParams& params, ImageView<const float> depth,
+                                   ImageView<const Label> labels, const Vec3f& up, float height_m,
+                                   const Intrinsics& camera, ImageView<float> output, Executor& executor) noexcept {
+  const Shape shape = depth.shape();
+  if (output.shape() != shape || (!labels.empty() && labels.shape() != shape)) {
+    return {StatusCode::shape_mismatch, "drop_outliers: depth, labels and output must have one shape"};
+  }
+  if (!(params.ground_tolerance >= 0.0F) || params.speck_radius_px < 0 || params.speck_radius_px > 32 ||
+      !(params.speck_share >= 0.0F && params.speck_share <= 1.0F) || !(params.speck_tolerance > 0.0F)) {
+    return {StatusCode::invalid_argument, "drop_outliers: tolerances positive, radius in 0..32, share in 0..1"};
+  }
+  if (labels.empty()) {
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) output(x, y) = depth(x, y);
+    }
+    return {};
+  }
+  std::size_t measured = 0;
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) measured += is_valid_depth(depth(x, y)) ? 1U : 0U;
+  }
+  const bool specks = params.speck_radius_px > 0 && 2 * measured >= shape.pixels();
+  const bool ground = params.ground_tolerance > 0.0F && height_m > 0.0F;
+  executor.for_chunks(static_cast<std::size_t>(shape.height), 16, [&](std::size_t begin, std::size_t end) {
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        const float z = depth(x, y);
+        output(x, y) = z;
+        if (!is_valid_depth(z)) continue;
+        if (params.ground.contains(labels(x, y))) {
+          if (!ground) continue;
+          const float expected = -dot(up, unproject_pixel(camera, x, y, 1.0F)) / height_m;  // 1 / depth of the plane
+          if (!(std::fabs(1.0F / z - expected) <= params.ground_tolerance * expected)) output(x, y) = 0.0F;
+        } else if (specks && depth_detail::is_speck(params, depth, x, y)) {
+          output(x, y) = 0.0F;
+        }
+      }
+    }
+  });
+  return {};
+}
+
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_DEPTH_OUTLIERS_HPP
