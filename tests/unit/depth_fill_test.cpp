@@ -131,6 +131,30 @@ TEST_CASE("the road goes on as a plane beyond the last measurement: left strip, 
   CHECK(s.worst_relative_error(label::building) < 1e-5);
 }
 
+TEST_CASE("stereo mismatches far beneath the near road neither stay nor spread; a slope far ahead is kept") {
+  Scene s({200, 100});
+  s.plane(0.02, 0, 0, 0, 0, 200, 40, label::building);
+  s.plane(-0.38, 0.0001, 0.01, 0, 40, 200, 100, label::road);
+  for (int y = 40; y < 100; ++y) {
+    for (int x = 0; x < 50; ++x) s.depth[s.at(x, y)] = kNaN;
+    if (y > 60 && y % 4 == 0) s.depth[s.at(10, y)] = s.depth[s.at(11, y)] = 45.0F;  // specks in the blind strip
+  }
+  for (int x = 100; x < 120; ++x) s.depth[s.at(x, 42)] = 2.5F * s.truth[s.at(x, 42)];
+  REQUIRE(s.run().ok());
+  for (int y = 55; y < 100; ++y) {
+    for (int x = 0; x < 200; ++x) {
+      CHECK(std::abs(s.out[s.at(x, y)] / s.truth[s.at(x, y)] - 1) < 0.01F);
+    }
+  }
+  CHECK(s.filled[s.at(10, 64)] == 1);
+  CHECK(s.out[s.at(110, 42)] == s.depth[s.at(110, 42)]);
+  FillParams p;
+  p.ground_outlier = 0;
+  const SerialExecutor serial;
+  REQUIRE(s.run(serial, true, p).ok());
+  CHECK(s.out[s.at(10, 64)] == 45.0F);
+}
+
 TEST_CASE("a hole across a label edge keeps the depth edge where the labels are") {
   Scene s({60, 40});
   s.plane(0.1, 0, 0, 0, 0, 30, 40, label::car);
@@ -267,6 +291,9 @@ TEST_CASE("images one pixel wide or high are filled, and bad arguments refused")
   const SerialExecutor serial;
   FillParams p;
   p.relaxation = 2.0F;
+  CHECK(s.run(serial, true, p).code() == StatusCode::invalid_argument);
+  p = {};
+  p.ground_outlier = 0.5F;
   CHECK(s.run(serial, true, p).code() == StatusCode::invalid_argument);
   p = {};
   p.max_sweeps = -1;

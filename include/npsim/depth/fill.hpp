@@ -6,13 +6,16 @@
 // pixels fixed, so a hole in a plane is filled with that plane. For the ground classes the membrane is stretched over
 // the plane that fits all valid pixels of the class, so that the ground also goes on as a plane beyond the last
 // measurement; elsewhere a hole that reaches the border of its region loses the slope across that border. A region
-// without any valid pixel takes the plane of its class, else the membrane over whatever surrounds it. Labels without
-// a surface (the sky) get 0 and are never a source. Without labels the image is one region.
+// without any valid pixel takes the plane of its class (ground that determines none: of the largest ground class), else
+// the membrane over whatever surrounds it. Labels without a surface (the sky) get 0 and are never a source. Without
+// labels the image is one region.
 //
-// Invariant: valid depths on surfaces come out unchanged, and every other surface pixel gets a positive depth within a
-// factor 4 of the range of valid depths of its label. Depths outside 1e-4..1e6 m are kept but not used.
-// Method: nearest valid pixel of the region along 4-connected paths, then red-black over-relaxation, at most
-// max_sweeps. Cost: O(pixels) + O(filled pixels x sweeps). Memory: 9 bytes per pixel. Deterministic for any executor.
+// Invariant: valid depths on surfaces come out unchanged, except near ground that lies far beneath the plane of its
+// class (stereo mismatches, which would otherwise spread over the hole they stand in), and every other surface pixel
+// gets a positive depth within a factor 4 of the range of valid depths of its label. Depths outside 1e-4..1e6 m are
+// kept but not used. Method: nearest valid pixel of the region along 4-connected paths, then red-black over-relaxation,
+// at most max_sweeps. Cost: O(pixels) + O(filled pixels x sweeps). Memory: 9 bytes per pixel. Deterministic for any
+// executor.
 #ifndef NPSIM_DEPTH_FILL_HPP
 #define NPSIM_DEPTH_FILL_HPP
 
@@ -36,9 +39,10 @@ inline namespace v1 {
 struct FillParams {
   LabelSet no_surface = kNoSurfaceLabels;
   LabelSet planar = LabelSet::of(label::ground, label::road, label::sidewalk, label::parking, label::rail_track);
-  int max_sweeps = 400;     // holes up to about this many pixels wide converge
-  float tolerance = 1e-5F;  // stop when no inverse depth changes by more than this share of itself in one sweep
-  float relaxation = 1.9F;  // of the over-relaxation, in (0, 2)
+  float ground_outlier = 2;  // near ground measured farther than this many times its plane is filled anew; 0: kept
+  int max_sweeps = 400;      // holes up to about this many pixels wide converge
+  float tolerance = 1e-5F;   // stop when no inverse depth changes by more than this share of itself in one sweep
+  float relaxation = 1.9F;   // of the over-relaxation, in (0, 2)
 };
 
 inline constexpr std::size_t kFillChunkRows = 16;
@@ -46,7 +50,7 @@ inline constexpr std::size_t kFillChunkRows = 16;
 [[nodiscard]] constexpr std::size_t fill_workspace_bytes(const FillParams&, Shape shape) noexcept {
   return kWorkspaceAlignment + allocation_bytes<float>(shape.pixels()) +
          allocation_bytes<std::int32_t>(shape.pixels()) + allocation_bytes<std::uint8_t>(shape.pixels()) +
-         allocation_bytes<float>(chunk_count(static_cast<std::size_t>(shape.height), kFillChunkRows));
+         allocation_bytes<std::uint8_t>(chunk_count(static_cast<std::size_t>(shape.height), kFillChunkRows));
 }
 
 inline namespace NPSIM_ISA_NAMESPACE {
@@ -105,8 +109,7 @@ inline void initialise(FillState& state) noexcept {
       if (state.steps(x, y) != kUnreached) continue;
       const FillClass& c = state.class_at(x, y);
       if (c.plane) {
-        state.w(x, y) =
-            static_cast<float>(c.w0 + static_cast<double>(c.slope_u) * x + static_cast<double>(c.slope_v) * y);
+        state.w(x, y) = static_cast<float>(plane_at(c, x, y));
         state.steps(x, y) = 1;
       } else {
         state.flags(x, y) = kOrphan;
@@ -130,37 +133,33 @@ inline void initialise(FillState& state) noexcept {
                                    (coupled(x, y + 1) ? kDown : 0));
 }
 
-// One over-relaxed update; the relative change.
-[[nodiscard]] inline float relax_membrane(FillState& state, float relaxation, int x, int y) noexcept {
+// One over-relaxed update; whether it changed the value by more than the tolerance.
+[[nodiscard]] inline bool relax_membrane(const FillState& state, const FillParams& params, int x, int y) noexcept {
+  constexpr float kShare[5] = {0.0F, 1.0F, 0.5F, 1.0F / 3.0F, 0.25F};
   const std::uint8_t flags = state.flags(x, y);
   const FillClass& c = state.class_at(x, y);
   const bool orphan = (flags & kOrphan) != 0;
   const float du = orphan ? 0.0F : c.slope_u;
   const float dv = orphan ? 0.0F : c.slope_v;
+  float* const w = state.w.row(y) + x;
+  const std::ptrdiff_t stride = state.w.stride();
   float sum = 0;
-  float count = 0;
-  if ((flags & kLeft) != 0) {
-    sum += state.w(x - 1, y) + du;
-    count += 1;
-  }
-  if ((flags & kRight) != 0) {
-    sum += state.w(x + 1, y) - du;
-    count += 1;
-  }
-  if ((flags & kUp) != 0) {
-    sum += state.w(x, y - 1) + dv;
-    count += 1;
-  }
-  if ((flags & kDown) != 0) {
-    sum += state.w(x, y + 1) - dv;
-    count += 1;
-  }
-  float& w = state.w(x, y);
-  const float before = w;
-  float after = before + relaxation * (sum / count - before);
+  int count = 0;
+  const auto add = [&](FillFlag flag, std::ptrdiff_t neighbour, float step) {
+    if ((flags & flag) == 0) return;
+    sum += w[neighbour] + step;
+    ++count;
+  };
+  add(kLeft, -1, du);
+  add(kRight, 1, -du);
+  add(kUp, -stride, dv);
+  add(kDown, stride, -dv);
+  const float before = *w;
+  float after = before + params.relaxation * (sum * kShare[count] - before);
   after = after > c.low ? after : c.low;
-  w = after < c.high ? after : c.high;
-  return std::abs(w - before) / w;
+  after = after < c.high ? after : c.high;
+  *w = after;
+  return std::abs(after - before) > params.tolerance * after;
 }
 
 }  // namespace depth_detail
@@ -179,6 +178,9 @@ template <class Executor>
   if (!(params.tolerance >= 0) || !(params.relaxation > 0 && params.relaxation < 2)) {
     return {StatusCode::invalid_argument, "fill_depth: tolerance must not be negative, relaxation must lie in (0, 2)"};
   }
+  if (!(params.ground_outlier == 0 || (params.ground_outlier >= 1 && params.ground_outlier <= 1e6F))) {
+    return {StatusCode::invalid_argument, "fill_depth: ground_outlier must be 0 or lie in 1..1e6"};
+  }
   if (depth.empty()) return {StatusCode::no_valid_input, "fill_depth: the depth image is empty"};
   const Shape shape = depth.shape();
   if (output.empty() || output.shape() != shape || (!labels.empty() && labels.shape() != shape) ||
@@ -189,14 +191,14 @@ template <class Executor>
   const WorkspaceScope scope(workspace);
   FillState state;
   state.labels = labels;
-  Span<float> change;
+  Span<std::uint8_t> changed;
   const auto rows = static_cast<std::size_t>(shape.height);
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, state.w));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, state.steps));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, state.flags));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(chunk_count(rows, kFillChunkRows), change));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(chunk_count(rows, kFillChunkRows), changed));
 
-  if (describe_classes(params.no_surface, params.planar, depth, state) == 0) {
+  if (describe_classes(params.no_surface, params.planar, params.ground_outlier, depth, state) == 0) {
     return {StatusCode::no_valid_input, "fill_depth: no pixel of a surface has a usable depth"};
   }
   initialise(state);
@@ -208,30 +210,30 @@ template <class Executor>
 
   // Red pixels read black ones only and the reverse, so the order within a half-sweep does not matter.
   for (int sweep = 0; sweep < params.max_sweeps; ++sweep) {
-    for (std::size_t i = 0; i < change.size(); ++i) change[i] = 0;
+    for (std::uint8_t& c : changed) c = 0;
     for (int colour = 0; colour < 2; ++colour) {
       executor.for_chunks(rows, kFillChunkRows, [&](std::size_t begin, std::size_t end) {
-        float largest = change[begin / kFillChunkRows];
+        bool moved = false;
         for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
           for (int x = (y + colour) & 1; x < shape.width; x += 2) {
             if ((state.flags(x, y) & (kLeft | kRight | kUp | kDown)) == 0) continue;
-            const float moved = relax_membrane(state, params.relaxation, x, y);
-            largest = moved > largest ? moved : largest;
+            if (relax_membrane(state, params, x, y)) moved = true;
           }
         }
-        change[begin / kFillChunkRows] = largest;
+        if (moved) changed[begin / kFillChunkRows] = 1;
       });
     }
-    float largest = 0;
-    for (const float c : change) largest = c > largest ? c : largest;
-    if (largest <= params.tolerance) break;
+    bool any = false;
+    for (const std::uint8_t c : changed) any = any || c != 0;
+    if (!any) break;
   }
 
   executor.for_chunks(rows, kFillChunkRows, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
       for (int x = 0; x < shape.width; ++x) {
         const FillClass& c = state.class_at(x, y);
-        const bool keep = c.surface && is_valid_depth(depth(x, y));
+        const bool dropped = state.steps(x, y) != 0 && is_fill_source(depth(x, y));
+        const bool keep = c.surface && is_valid_depth(depth(x, y)) && !dropped;
         const float w = state.w(x, y) < c.low ? c.low : (state.w(x, y) > c.high ? c.high : state.w(x, y));
         output(x, y) = keep ? depth(x, y) : (c.surface ? 1.0F / w : 0.0F);
         if (!filled.empty()) filled(x, y) = c.surface && !keep ? 1 : 0;

@@ -3,13 +3,14 @@
 // for the ground classes the plane through its valid pixels, by least squares in inverse depth (linear in the image,
 // and where stereo noise is uniform).
 //
-// Cost: two passes over the image per planar label. Memory: a table of 256 entries inside the state.
+// Cost: up to three passes over the image per planar label. Memory: a table of 256 entries inside the state.
 #ifndef NPSIM_DEPTH_FILL_CLASS_HPP
 #define NPSIM_DEPTH_FILL_CLASS_HPP
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 #include <limits>
 
 #include "npsim/core/config.hpp"
@@ -77,54 +78,17 @@ inline void fit_plane(const PlaneSums& s, double u0, double v0, FillClass& c) no
   c.w0 = (s.w - slope_u * s.u - slope_v * s.v) / s.n - slope_u * u0 - slope_v * v0;
 }
 
-// Copies valid depths as inverse depth and describes each label. Returns the number of usable pixels.
-[[nodiscard]] inline std::size_t describe_classes(LabelSet no_surface, LabelSet planar, ImageView<const float> depth,
-                                                  FillState& state) noexcept {
-  const double u0 = 0.5 * depth.width();
-  const double v0 = 0.5 * depth.height();
-  const auto each_pixel = [&](const auto& f) {
-    for (int y = 0; y < depth.height(); ++y) {
-      for (int x = 0; x < depth.width(); ++x) f(x, y);
-    }
-  };
-  float low = std::numeric_limits<float>::max();
-  float high = 0;
-  for (std::size_t l = 0; l < state.classes.size(); ++l) {
-    state.classes[l] = {};
-    state.classes[l].surface = state.labels.empty() || !no_surface.contains(static_cast<Label>(l));
-    state.classes[l].low = low;
-  }
-  std::size_t usable = 0;
-  each_pixel([&](int x, int y) {
-    FillClass& c = state.classes[state.label_at(x, y)];
-    const bool source = c.surface && is_fill_source(depth(x, y));
-    state.steps(x, y) = source ? 0 : kUnreached;
-    state.w(x, y) = source ? 1.0F / depth(x, y) : 0.0F;
-    if (!source) return;
-    ++usable;
-    const float w = state.w(x, y);
-    c.low = w < c.low ? w : c.low;
-    c.high = w > c.high ? w : c.high;
-    low = w < low ? w : low;
-    high = w > high ? w : high;
-  });
-  for (std::size_t l = 0; l < state.classes.size(); ++l) {
-    FillClass& c = state.classes[l];
-    if (c.high == 0) {
-      c.low = low;
-      c.high = high;
-    }
-    c.low *= 0.25F;
-    c.high *= 4.0F;
-    if (state.labels.empty() || !c.surface || !planar.contains(static_cast<Label>(l))) continue;
-    PlaneSums s;
-    each_pixel([&](int x, int y) {
-      if (state.label_at(x, y) != l) return;
+// The sums of one label, over its sources.
+[[nodiscard]] inline PlaneSums sum_plane(const FillState& state, std::size_t l, double u0, double v0) noexcept {
+  PlaneSums s;
+  for (int y = 0; y < state.w.height(); ++y) {
+    for (int x = 0; x < state.w.width(); ++x) {
+      if (state.label_at(x, y) != l) continue;
       s.label_left = x < s.label_left ? x : s.label_left;
       s.label_right = x > s.label_right ? x : s.label_right;
       s.label_top = y < s.label_top ? y : s.label_top;
       s.label_bottom = y > s.label_bottom ? y : s.label_bottom;
-      if (state.steps(x, y) != 0) return;
+      if (state.steps(x, y) != 0) continue;
       s.left = x < s.left ? x : s.left;
       s.right = x > s.right ? x : s.right;
       s.top = y < s.top ? y : s.top;
@@ -141,10 +105,118 @@ inline void fit_plane(const PlaneSums& s, double u0, double v0, FillClass& c) no
       s.vv += v * v;
       s.uw += u * w;
       s.vw += v * w;
-    });
-    fit_plane(s, u0, v0, c);
+    }
   }
-  return usable;
+  return s;
+}
+
+[[nodiscard]] inline double plane_at(const FillClass& c, int x, int y) noexcept {
+  return c.w0 + static_cast<double>(c.slope_u) * x + static_cast<double>(c.slope_v) * y;
+}
+
+// Ground seen at more than `factor` times the distance of the plane lies far beneath the ground. That is a stereo
+// mismatch where the plane is near, within four times its nearest distance; farther off it may be a slope. Such pixels
+// of label l stop being sources. Returns how many.
+inline std::size_t drop_below_ground(FillState& state, std::size_t l, const FillClass& plane, double nearest,
+                                     double factor) noexcept {
+  std::size_t dropped = 0;
+  for (int y = 0; y < state.w.height(); ++y) {
+    for (int x = 0; x < state.w.width(); ++x) {
+      if (state.label_at(x, y) != l || state.steps(x, y) != 0) continue;
+      const double w = plane_at(plane, x, y);
+      if (!(w > 0.25 * nearest) || !(factor * static_cast<double>(state.w(x, y)) < w)) continue;
+      state.steps(x, y) = kUnreached;
+      ++dropped;
+    }
+  }
+  return dropped;
+}
+
+// Fits a plane to every planar label. The one with the most sources is the ground: it tells which measurements of the
+// others lie beneath it, and stands in for labels that determine no plane themselves. Returns the sources dropped.
+inline std::size_t describe_ground(LabelSet planar, float ground_outlier, FillState& state) noexcept {
+  const double u0 = 0.5 * state.w.width();
+  const double v0 = 0.5 * state.w.height();
+  const auto is_planar = [&](std::size_t l) {
+    return state.classes[l].surface && planar.contains(static_cast<Label>(l));
+  };
+  FillClass ground;
+  double most = 0;
+  double nearest = 0;
+  for (std::size_t l = 0; l < state.classes.size(); ++l) {
+    if (!is_planar(l)) continue;
+    FillClass& c = state.classes[l];
+    const PlaneSums s = sum_plane(state, l, u0, v0);
+    fit_plane(s, u0, v0, c);
+    if (!c.plane || s.n <= most) continue;
+    most = s.n;
+    ground = c;
+    // The plane is linear, so it is nearest at a corner of the label's extent.
+    for (const int x : {s.label_left, s.label_right}) {
+      for (const int y : {s.label_top, s.label_bottom}) {
+        nearest = plane_at(c, x, y) > nearest ? plane_at(c, x, y) : nearest;
+      }
+    }
+  }
+  if (!ground.plane) return 0;
+  std::size_t dropped = 0;
+  for (std::size_t l = 0; l < state.classes.size(); ++l) {
+    if (!is_planar(l)) continue;
+    FillClass& c = state.classes[l];
+    const std::size_t beneath =
+        ground_outlier > 0 ? drop_below_ground(state, l, ground, nearest, static_cast<double>(ground_outlier)) : 0;
+    if (beneath > 0) {
+      dropped += beneath;
+      c.plane = false;
+      fit_plane(sum_plane(state, l, u0, v0), u0, v0, c);
+    }
+    if (c.plane) continue;
+    c.plane = true;
+    c.w0 = ground.w0;
+    c.slope_u = ground.slope_u;
+    c.slope_v = ground.slope_v;
+    c.low = ground.low < c.low ? ground.low : c.low;
+    c.high = ground.high > c.high ? ground.high : c.high;
+  }
+  return dropped;
+}
+
+// Copies valid depths as inverse depth and describes each label. Returns the number of sources.
+[[nodiscard]] inline std::size_t describe_classes(LabelSet no_surface, LabelSet planar, float ground_outlier,
+                                                  ImageView<const float> depth, FillState& state) noexcept {
+  float low = std::numeric_limits<float>::max();
+  float high = 0;
+  for (std::size_t l = 0; l < state.classes.size(); ++l) {
+    state.classes[l] = {};
+    state.classes[l].surface = state.labels.empty() || !no_surface.contains(static_cast<Label>(l));
+    state.classes[l].low = low;
+  }
+  std::size_t sources = 0;
+  for (int y = 0; y < depth.height(); ++y) {
+    for (int x = 0; x < depth.width(); ++x) {
+      FillClass& c = state.classes[state.label_at(x, y)];
+      const bool source = c.surface && is_fill_source(depth(x, y));
+      const float w = source ? 1.0F / depth(x, y) : 0.0F;
+      state.steps(x, y) = source ? 0 : kUnreached;
+      state.w(x, y) = w;
+      if (!source) continue;
+      ++sources;
+      c.low = w < c.low ? w : c.low;
+      c.high = w > c.high ? w : c.high;
+      low = w < low ? w : low;
+      high = w > high ? w : high;
+    }
+  }
+  for (FillClass& c : state.classes) {
+    if (c.high == 0) {
+      c.low = low;
+      c.high = high;
+    }
+    c.low *= 0.25F;
+    c.high *= 4.0F;
+  }
+  if (!state.labels.empty()) sources -= describe_ground(planar, ground_outlier, state);
+  return sources;
 }
 
 }  // namespace depth_detail
