@@ -10,12 +10,11 @@
 // the membrane over whatever surrounds it. Labels without a surface (the sky) get 0 and are never a source. Without
 // labels the image is one region.
 //
-// Invariant: valid depths on surfaces come out unchanged, except near ground that lies far beneath the plane of its
-// class (stereo mismatches, which would otherwise spread over the hole they stand in), and every other surface pixel
-// gets a positive depth within a factor 4 of the range of valid depths of its label. Depths outside 1e-4..1e6 m are
-// kept but not used. Method: nearest valid pixel of the region along 4-connected paths, then red-black over-relaxation,
-// at most max_sweeps. Cost: O(pixels) + O(filled pixels x sweeps). Memory: 9 bytes per pixel. Deterministic for any
-// executor.
+// Invariant: valid depths on surfaces come out unchanged, except those far beneath the near ground (stereo mismatches,
+// which would otherwise spread over the hole they stand in), and every other surface pixel gets a positive depth within
+// a factor 4 of the range of valid depths of its label. Depths outside 1e-4..1e6 m are kept but not used.
+// Method: nearest valid pixel of the region along 4-connected paths, then red-black over-relaxation.
+// Cost: O(pixels) + O(filled pixels x sweeps). Memory: 9 bytes per pixel. Deterministic for any executor.
 #ifndef NPSIM_DEPTH_FILL_HPP
 #define NPSIM_DEPTH_FILL_HPP
 
@@ -39,7 +38,7 @@ inline namespace v1 {
 struct FillParams {
   LabelSet no_surface = kNoSurfaceLabels;
   LabelSet planar = LabelSet::of(label::ground, label::road, label::sidewalk, label::parking, label::rail_track);
-  float ground_outlier = 2;  // near ground measured farther than this many times its plane is filled anew; 0: kept
+  float ground_outlier = 2;  // farther than this many times the near ground: filled anew; 0: kept
   int max_sweeps = 400;      // holes up to about this many pixels wide converge
   float tolerance = 1e-5F;   // stop when no inverse depth changes by more than this share of itself in one sweep
   float relaxation = 1.9F;   // of the over-relaxation, in (0, 2)

@@ -114,15 +114,14 @@ inline void fit_plane(const PlaneSums& s, double u0, double v0, FillClass& c) no
   return c.w0 + static_cast<double>(c.slope_u) * x + static_cast<double>(c.slope_v) * y;
 }
 
-// Ground seen at more than `factor` times the distance of the plane lies far beneath the ground. That is a stereo
-// mismatch where the plane is near, within four times its nearest distance; farther off it may be a slope. Such pixels
-// of label l stop being sources. Returns how many.
-inline std::size_t drop_below_ground(FillState& state, std::size_t l, const FillClass& plane, double nearest,
-                                     double factor) noexcept {
+// What is seen at more than `factor` times the distance of the ground plane lies far beneath the ground, whatever its
+// label. That is a stereo mismatch where the plane is near, within four times its nearest distance; farther off it may
+// be a slope. Such pixels stop being sources. Returns how many.
+inline std::size_t drop_below_ground(FillState& state, const FillClass& plane, double nearest, double factor) noexcept {
   std::size_t dropped = 0;
   for (int y = 0; y < state.w.height(); ++y) {
     for (int x = 0; x < state.w.width(); ++x) {
-      if (state.label_at(x, y) != l || state.steps(x, y) != 0) continue;
+      if (state.steps(x, y) != 0) continue;
       const double w = plane_at(plane, x, y);
       if (!(w > 0.25 * nearest) || !(factor * static_cast<double>(state.w(x, y)) < w)) continue;
       state.steps(x, y) = kUnreached;
@@ -132,8 +131,8 @@ inline std::size_t drop_below_ground(FillState& state, std::size_t l, const Fill
   return dropped;
 }
 
-// Fits a plane to every planar label. The one with the most sources is the ground: it tells which measurements of the
-// others lie beneath it, and stands in for labels that determine no plane themselves. Returns the sources dropped.
+// Fits a plane to every planar label. The one with the most sources is the ground: it tells which measurements lie
+// beneath it, and stands in for labels that determine no plane themselves. Returns the sources dropped.
 inline std::size_t describe_ground(LabelSet planar, float ground_outlier, FillState& state) noexcept {
   const double u0 = 0.5 * state.w.width();
   const double v0 = 0.5 * state.w.height();
@@ -159,14 +158,12 @@ inline std::size_t describe_ground(LabelSet planar, float ground_outlier, FillSt
     }
   }
   if (!ground.plane) return 0;
-  std::size_t dropped = 0;
+  const std::size_t dropped =
+      ground_outlier > 0 ? drop_below_ground(state, ground, nearest, static_cast<double>(ground_outlier)) : 0;
   for (std::size_t l = 0; l < state.classes.size(); ++l) {
     if (!is_planar(l)) continue;
     FillClass& c = state.classes[l];
-    const std::size_t beneath =
-        ground_outlier > 0 ? drop_below_ground(state, l, ground, nearest, static_cast<double>(ground_outlier)) : 0;
-    if (beneath > 0) {
-      dropped += beneath;
+    if (dropped > 0) {
       c.plane = false;
       fit_plane(sum_plane(state, l, u0, v0), u0, v0, c);
     }
