@@ -40,6 +40,7 @@
 #include "npsim/depth/losses.hpp"
 #include "npsim/depth/normal_convention.hpp"
 #include "npsim/depth/normals.hpp"
+#include "npsim/depth/outliers.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/smooth_normals.hpp"
 #include "npsim/depth/uncertainty.hpp"

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "npsim/mesh/index.hpp"
 
+#include <string>
+#include <vector>
+
 #include "mesh_fixture.hpp"
 
 using namespace mesh_test;
