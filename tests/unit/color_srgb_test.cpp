@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The sRGB transfer function against the exact formula in double, at all 256 codes and thresholds.
+#include <doctest/doctest.h>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
-#include <doctest/doctest.h>
 #include <limits>
 #include <vector>
 
@@ -16,9 +16,7 @@ namespace simd = npsim::simd;
 using Native = simd::F32;
 using One = simd::scalar::F32;
 
-long double exact_decode(long double v) {
-  return v <= 0.04045L ? v / 12.92L : std::pow((v + 0.055L) / 1.055L, 2.4L);
-}
+long double exact_decode(long double v) { return v <= 0.04045L ? v / 12.92L : std::pow((v + 0.055L) / 1.055L, 2.4L); }
 
 double exact_encode(double x) { return x <= 0.0031308 ? 12.92 * x : 1.055 * std::pow(x, 1.0 / 2.4) - 0.055; }
 
@@ -96,7 +94,8 @@ TEST_CASE("float decode and encode stay within the stated error, with equal bits
     const float v = float_of(u);
     const double decoded = static_cast<double>(npsim::srgb_decode(Native(v)).lane(0));
     const double encoded = static_cast<double>(npsim::srgb_encode(Native(v)).lane(0));
-    if (decoded != static_cast<double>(npsim::srgb_decode(v)) || encoded != static_cast<double>(npsim::srgb_encode(v))) {
+    if (decoded != static_cast<double>(npsim::srgb_decode(v)) ||
+        encoded != static_cast<double>(npsim::srgb_encode(v))) {
       ++unequal;
     }
     // The segments meet with a step of 1e-8 or so; floats of the limits choose the same segment as the exact ones.

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The native batch against the one-lane batch, bit by bit, and both against the rules stated in simd/batch.hpp.
+#include <doctest/doctest.h>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
-#include <doctest/doctest.h>
 #include <limits>
 #include <vector>
 
@@ -42,12 +42,42 @@ npsim::RandomStream stream(std::uint32_t sample) { return {7, npsim::RandomPurpo
 
 // Random bit patterns with the awkward values mixed in: all exponents, signs, NaNs.
 std::vector<float> awkward_floats(std::uint32_t sample, std::size_t random_count) {
-  std::vector<float> v = {0.0F,       -0.0F,      1.0F,       -1.0F,      0.5F,       -0.5F,     1.5F,     -1.5F,
-                          2.5F,       -2.5F,      kInf,       -kInf,      kNan,       1e-45F,    -1e-45F,  1e-39F,
-                          -1e-39F,    1.17549435e-38F,        3.4028235e38F,          -3.4028235e38F,      0x1p23F,
-                          0x1p23F - 0.5F,         -0x1p23F + 0.5F,        0x1p22F + 0.5F,         0x1p31F, -0x1p31F,
-                          0x1p31F - 128.0F,       -0x1p31F - 256.0F,      4e9F,       -4e9F,      0.49999997F,
-                          -0.49999997F,           0.9999999F, 8388609.0F, 3.0F,       0x1p32F};
+  std::vector<float> v = {0.0F,
+                          -0.0F,
+                          1.0F,
+                          -1.0F,
+                          0.5F,
+                          -0.5F,
+                          1.5F,
+                          -1.5F,
+                          2.5F,
+                          -2.5F,
+                          kInf,
+                          -kInf,
+                          kNan,
+                          1e-45F,
+                          -1e-45F,
+                          1e-39F,
+                          -1e-39F,
+                          1.17549435e-38F,
+                          3.4028235e38F,
+                          -3.4028235e38F,
+                          0x1p23F,
+                          0x1p23F - 0.5F,
+                          -0x1p23F + 0.5F,
+                          0x1p22F + 0.5F,
+                          0x1p31F,
+                          -0x1p31F,
+                          0x1p31F - 128.0F,
+                          -0x1p31F - 256.0F,
+                          4e9F,
+                          -4e9F,
+                          0.49999997F,
+                          -0.49999997F,
+                          0.9999999F,
+                          8388609.0F,
+                          3.0F,
+                          0x1p32F};
   npsim::RandomStream random = stream(sample);
   for (std::size_t i = 0; i < random_count && i < 240; ++i) v.push_back(float_of(random.next_u32()));
   for (std::size_t i = 240; i < random_count; ++i) v.push_back(random.uniform(-8.0F, 8.0F));

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Elementary functions: the stated ulp bounds against double over all exponents, equal bits of the native and the
 // one-lane batch, and the special values.
+#include <doctest/doctest.h>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
-#include <doctest/doctest.h>
 #include <limits>
 
 #include "npsim/core/random.hpp"
@@ -102,14 +102,21 @@ constexpr std::uint32_t kStride = 2003;  // a prime: about two million values
 }  // namespace
 
 TEST_CASE("every function stays within its stated bound over all exponents, with equal bits in one lane") {
-  check_bound("exp", 1.1, kStride, [](auto x) { return simd::exp(x); }, [](double x) { return std::exp(x); });
-  check_bound("exp2", 1.1, kStride, [](auto x) { return simd::exp2(x); }, [](double x) { return std::exp2(x); });
-  check_bound("log", 1.0, kStride, [](auto x) { return simd::log(x); }, [](double x) { return std::log(x); });
-  check_bound("log2", 0.6, kStride, [](auto x) { return simd::log2(x); }, [](double x) { return std::log2(x); });
-  check_bound("cbrt", 1.0, kStride, [](auto x) { return simd::cbrt(x); }, [](double x) { return std::cbrt(x); });
-  check_bound("rsqrt", 1.5, kStride, [](auto x) { return simd::rsqrt(x); }, [](double x) {
-    return x == 0.0 ? std::copysign(std::numeric_limits<double>::infinity(), x) : 1.0 / std::sqrt(x);
-  });
+  check_bound(
+      "exp", 1.1, kStride, [](auto x) { return simd::exp(x); }, [](double x) { return std::exp(x); });
+  check_bound(
+      "exp2", 1.1, kStride, [](auto x) { return simd::exp2(x); }, [](double x) { return std::exp2(x); });
+  check_bound(
+      "log", 1.0, kStride, [](auto x) { return simd::log(x); }, [](double x) { return std::log(x); });
+  check_bound(
+      "log2", 0.6, kStride, [](auto x) { return simd::log2(x); }, [](double x) { return std::log2(x); });
+  check_bound(
+      "cbrt", 1.0, kStride, [](auto x) { return simd::cbrt(x); }, [](double x) { return std::cbrt(x); });
+  check_bound(
+      "rsqrt", 1.5, kStride, [](auto x) { return simd::rsqrt(x); },
+      [](double x) {
+        return x == 0.0 ? std::copysign(std::numeric_limits<double>::infinity(), x) : 1.0 / std::sqrt(x);
+      });
 }
 
 TEST_CASE("exp and log keep their bound where they are used most") {
@@ -128,13 +135,15 @@ TEST_CASE("exp and log keep their bound where they are used most") {
 TEST_CASE("pow stays within its bound for fixed exponents over all bases and for fixed bases over all exponents") {
   for (const float y : {2.4F, -2.4F, 1.0F / 2.4F, 0.5F, 1.0F, -1.0F, 3.0F, 37.5F, -0.01F, 1e-5F, 1000.0F, 1e6F, kInf}) {
     CAPTURE(y);
-    check_bound("pow", 6.0, kStride * 7, [y](auto x) { return simd::pow(x, decltype(x)(y)); },
-                [y](double x) { return exact_pow(x, static_cast<double>(y)); });
+    check_bound(
+        "pow", 6.0, kStride * 7, [y](auto x) { return simd::pow(x, decltype(x)(y)); },
+        [y](double x) { return exact_pow(x, static_cast<double>(y)); });
   }
   for (const float x : {2.0F, 1.0000001F, 0.99999994F, 0.5F, 3.3F, 1e-40F, 1e38F, 0.7F, 0.0F, 1.0F, kInf, -1.0F}) {
     CAPTURE(x);
-    check_bound("pow", 6.0, kStride * 7, [x](auto y) { return simd::pow(decltype(y)(x), y); },
-                [x](double y) { return exact_pow(static_cast<double>(x), y); });
+    check_bound(
+        "pow", 6.0, kStride * 7, [x](auto y) { return simd::pow(decltype(y)(x), y); },
+        [x](double y) { return exact_pow(static_cast<double>(x), y); });
   }
 }
 
@@ -247,4 +256,36 @@ TEST_CASE_TEMPLATE("special values", F, Native, One) {
   CHECK(is_quiet_nan(pow(kNan, 0.0F)));
   CHECK(is_quiet_nan(pow(0.0F, kNan)));
   CHECK(is_quiet_nan(pow(2.0F, -kNan)));
+}
+
+TEST_CASE("the bits of every function are those of every other instruction set with a fused fma") {
+  // FNV-1a over the results for a fixed set of arguments. One number for AVX2, AVX-512, NEON64 and the forced one-lane
+  // build with any compiler, another for plain SSE2, whose fma rounds twice.
+  std::uint64_t hash = 0xCBF29CE484222325U;
+  const auto add = [&hash](Native v) {
+    for (int i = 0; i < Native::lanes; ++i) {
+      for (unsigned shift = 0; shift < 32; shift += 8) {
+        hash = (hash ^ ((bits_of(v.lane(i)) >> shift) & 0xFFU)) * 0x100000001B3U;
+      }
+    }
+  };
+  constexpr std::uint32_t kCount = 4096;  // a multiple of every number of lanes
+  const auto add_all = [&add](auto f) {
+    for (std::uint32_t i = 0; i < kCount; i += static_cast<std::uint32_t>(Native::lanes)) {
+      float in[Native::lanes];
+      for (std::uint32_t l = 0; l < static_cast<std::uint32_t>(Native::lanes); ++l) {
+        in[l] = float_of((i + l) * (0xFFFFFFFFU / kCount) + 12345U);
+      }
+      add(f(Native::load(in)));
+    }
+  };
+  add_all([](Native x) { return simd::exp(x); });
+  add_all([](Native x) { return simd::exp2(x); });
+  add_all([](Native x) { return simd::log(x); });
+  add_all([](Native x) { return simd::log2(x); });
+  add_all([](Native x) { return simd::cbrt(x); });
+  add_all([](Native x) { return simd::rsqrt(x); });
+  add_all([](Native x) { return simd::pow(x, Native(2.4F)); });
+  add_all([](Native x) { return simd::pow(Native(1.7F), x); });
+  CHECK(hash == (simd::kFusedFma ? 0x2D434F49CC8911CDU : 0x9C319FBEC54714B5U));
 }

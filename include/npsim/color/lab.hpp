@@ -4,7 +4,7 @@
 //   f(t) = cbrt(t) for t > 216/24389, (24389/27 t + 16) / 116 below;  t = X/Xn, Y/Yn, Z/Zn
 //   L = 116 f(Y/Yn) - 16,  a = 500 (f(X/Xn) - f(Y/Yn)),  b = 200 (f(Y/Yn) - f(Z/Zn))
 // Nothing is rounded to 8 bits. L, a, b stand in the x, y, z of a Vec3f.
-// Error against the exact formula in double: Delta E 1976 at most 1.5e-4 over all 2^24 colours of 8 bits a channel.
+// Error against the exact formula in double: Delta E 1976 at most 1.2e-4 over all 2^24 colours of 8 bits a channel.
 // Negative linear values stay on the straight part of f; a NaN goes through.
 // Cost: nine multiplications, three cube roots and three table look-ups per pixel. No memory.
 #ifndef NPSIM_COLOR_LAB_HPP
@@ -73,23 +73,24 @@ Status srgb8_to_lab(const ImageView<const Rgb8>& in, const ImageView<Vec3f>& out
   if (in.shape() != out.shape()) return {StatusCode::shape_mismatch, "srgb8_to_lab: input and output differ in size"};
   if (in.empty()) return {};
   using F = simd::F32;
-  executor.for_chunks(static_cast<std::size_t>(in.height()), kColorRowsPerChunk, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t y = begin; y < end; ++y) {
-      const Rgb8* from = in.row(static_cast<int>(y));
-      Vec3f* to = out.row(static_cast<int>(y));
-      for (int x = 0; x < in.width(); x += F::lanes) {
-        const int n = in.width() - x < F::lanes ? in.width() - x : F::lanes;
-        float linear[3][F::lanes] = {};
-        for (int i = 0; i < n; ++i) {
-          linear[0][i] = srgb_decode8(from[x + i].r);
-          linear[1][i] = srgb_decode8(from[x + i].g);
-          linear[2][i] = srgb_decode8(from[x + i].b);
-        }
-        const simd::F32x3<F> rgb{F::load(linear[0]), F::load(linear[1]), F::load(linear[2])};
-        simd::store3(&to[x].x, linear_rgb_to_lab(rgb), n);
-      }
-    }
-  });
+  executor.for_chunks(static_cast<std::size_t>(in.height()), kColorRowsPerChunk,
+                      [&](std::size_t begin, std::size_t end) {
+                        for (std::size_t y = begin; y < end; ++y) {
+                          const Rgb8* from = in.row(static_cast<int>(y));
+                          Vec3f* to = out.row(static_cast<int>(y));
+                          for (int x = 0; x < in.width(); x += F::lanes) {
+                            const int n = in.width() - x < F::lanes ? in.width() - x : F::lanes;
+                            float linear[3][F::lanes] = {};
+                            for (int i = 0; i < n; ++i) {
+                              linear[0][i] = srgb_decode8(from[x + i].r);
+                              linear[1][i] = srgb_decode8(from[x + i].g);
+                              linear[2][i] = srgb_decode8(from[x + i].b);
+                            }
+                            const simd::F32x3<F> rgb{F::load(linear[0]), F::load(linear[1]), F::load(linear[2])};
+                            simd::store3(&to[x].x, linear_rgb_to_lab(rgb), n);
+                          }
+                        }
+                      });
   return {};
 }
 
@@ -99,16 +100,17 @@ Status linear_to_lab(const ImageView<const Vec3f>& in, const ImageView<Vec3f>& o
   if (in.shape() != out.shape()) return {StatusCode::shape_mismatch, "linear_to_lab: input and output differ in size"};
   if (in.empty()) return {};
   using F = simd::F32;
-  executor.for_chunks(static_cast<std::size_t>(in.height()), kColorRowsPerChunk, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t y = begin; y < end; ++y) {
-      const Vec3f* from = in.row(static_cast<int>(y));
-      Vec3f* to = out.row(static_cast<int>(y));
-      for (int x = 0; x < in.width(); x += F::lanes) {
-        const int n = in.width() - x < F::lanes ? in.width() - x : F::lanes;
-        simd::store3(&to[x].x, linear_rgb_to_lab(simd::load3<F>(&from[x].x, n)), n);
-      }
-    }
-  });
+  executor.for_chunks(static_cast<std::size_t>(in.height()), kColorRowsPerChunk,
+                      [&](std::size_t begin, std::size_t end) {
+                        for (std::size_t y = begin; y < end; ++y) {
+                          const Vec3f* from = in.row(static_cast<int>(y));
+                          Vec3f* to = out.row(static_cast<int>(y));
+                          for (int x = 0; x < in.width(); x += F::lanes) {
+                            const int n = in.width() - x < F::lanes ? in.width() - x : F::lanes;
+                            simd::store3(&to[x].x, linear_rgb_to_lab(simd::load3<F>(&from[x].x, n)), n);
+                          }
+                        }
+                      });
   return {};
 }
 

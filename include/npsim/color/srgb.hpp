@@ -122,42 +122,46 @@ inline constexpr std::size_t kColorRowsPerChunk = 16;
 // A displayed image as linear light.
 template <class Executor>
 Status srgb8_to_linear(const ImageView<const Rgb8>& in, const ImageView<Vec3f>& out, Executor& executor) noexcept {
-  if (in.shape() != out.shape()) return {StatusCode::shape_mismatch, "srgb8_to_linear: input and output differ in size"};
+  if (in.shape() != out.shape())
+    return {StatusCode::shape_mismatch, "srgb8_to_linear: input and output differ in size"};
   if (in.empty()) return {};
-  executor.for_chunks(static_cast<std::size_t>(in.height()), kColorRowsPerChunk, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t y = begin; y < end; ++y) {
-      const Rgb8* from = in.row(static_cast<int>(y));
-      Vec3f* to = out.row(static_cast<int>(y));
-      for (int x = 0; x < in.width(); ++x) to[x] = srgb_decode8(from[x]);
-    }
-  });
+  executor.for_chunks(static_cast<std::size_t>(in.height()), kColorRowsPerChunk,
+                      [&](std::size_t begin, std::size_t end) {
+                        for (std::size_t y = begin; y < end; ++y) {
+                          const Rgb8* from = in.row(static_cast<int>(y));
+                          Vec3f* to = out.row(static_cast<int>(y));
+                          for (int x = 0; x < in.width(); ++x) to[x] = srgb_decode8(from[x]);
+                        }
+                      });
   return {};
 }
 
 // Linear light as a displayed image: clamped to [0, 1], rounded exactly, without dithering.
 template <class Executor>
 Status linear_to_srgb8(const ImageView<const Vec3f>& in, const ImageView<Rgb8>& out, Executor& executor) noexcept {
-  if (in.shape() != out.shape()) return {StatusCode::shape_mismatch, "linear_to_srgb8: input and output differ in size"};
+  if (in.shape() != out.shape())
+    return {StatusCode::shape_mismatch, "linear_to_srgb8: input and output differ in size"};
   if (in.empty()) return {};
   using F = simd::F32;
-  executor.for_chunks(static_cast<std::size_t>(in.height()), kColorRowsPerChunk, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t y = begin; y < end; ++y) {
-      const Vec3f* from = in.row(static_cast<int>(y));
-      Rgb8* to = out.row(static_cast<int>(y));
-      for (int x = 0; x < in.width(); x += F::lanes) {
-        const int n = in.width() - x < F::lanes ? in.width() - x : F::lanes;
-        const simd::F32x3<F> c = simd::load3<F>(&from[x].x, n);
-        std::int32_t code[3][F::lanes];
-        srgb_encode8(c.x).store(code[0]);
-        srgb_encode8(c.y).store(code[1]);
-        srgb_encode8(c.z).store(code[2]);
-        for (int i = 0; i < n; ++i) {
-          to[x + i] = {static_cast<std::uint8_t>(code[0][i]), static_cast<std::uint8_t>(code[1][i]),
-                       static_cast<std::uint8_t>(code[2][i])};
-        }
-      }
-    }
-  });
+  executor.for_chunks(static_cast<std::size_t>(in.height()), kColorRowsPerChunk,
+                      [&](std::size_t begin, std::size_t end) {
+                        for (std::size_t y = begin; y < end; ++y) {
+                          const Vec3f* from = in.row(static_cast<int>(y));
+                          Rgb8* to = out.row(static_cast<int>(y));
+                          for (int x = 0; x < in.width(); x += F::lanes) {
+                            const int n = in.width() - x < F::lanes ? in.width() - x : F::lanes;
+                            const simd::F32x3<F> c = simd::load3<F>(&from[x].x, n);
+                            std::int32_t code[3][F::lanes];
+                            srgb_encode8(c.x).store(code[0]);
+                            srgb_encode8(c.y).store(code[1]);
+                            srgb_encode8(c.z).store(code[2]);
+                            for (int i = 0; i < n; ++i) {
+                              to[x + i] = {static_cast<std::uint8_t>(code[0][i]), static_cast<std::uint8_t>(code[1][i]),
+                                           static_cast<std::uint8_t>(code[2][i])};
+                            }
+                          }
+                        }
+                      });
   return {};
 }
 

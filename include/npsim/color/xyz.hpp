@@ -3,7 +3,8 @@
 //
 // The matrices are computed from the chromaticities of the primaries in IEC 61966-2-1 and from the white D65 =
 // (0.95047, 1, 1.08883), and not taken from the rounded table of the standard, so that R = G = B = 1 is this white
-// exactly and greys have no colour in CIELAB. They agree with the standard's four digits. Error: a few double roundings.
+// exactly and greys have no colour in CIELAB. They agree with the standard's four digits. Error: a few double
+// roundings.
 #ifndef NPSIM_COLOR_XYZ_HPP
 #define NPSIM_COLOR_XYZ_HPP
 

@@ -7,7 +7,8 @@
 // to make simd::F32 the one-lane type.
 //
 // Rules, the same for every instruction set and number of lanes:
-// - + - * / and sqrt are correctly rounded; floor, round_even (half to even) and conversions are exact where they can be.
+// - + - * / and sqrt are correctly rounded; floor, round_even (half to even) and conversions are exact where they can
+// be.
 // - fma(a, b, c) rounds once, except with plain SSE2, where it is a * b + c with two roundings (kFusedFma is false).
 // - min(a, b) is a < b ? a : b and max(a, b) is a > b ? a : b: with a NaN in either operand, and for a zero of the
 //   other sign, the result is b. So clamp(x, low, high) sends a NaN to low.

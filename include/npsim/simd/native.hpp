@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The native batch: F32, I32 and Mask of the register width of the translation unit. The only user of xsimd.
 //
-// xsimd gives registers, arithmetic, comparisons and selection. What it leaves open between instruction sets or versions is
-// settled here with intrinsics, so that every lane returns the bits of scalar.hpp:
+// xsimd gives registers, arithmetic, comparisons and selection. What it leaves open between instruction sets or
+// versions is settled here with intrinsics, so that every lane returns the bits of scalar.hpp:
 // - NEON64 '/' and sqrt are refined estimates in xsimd: the divide and square root instructions are used instead;
 // - min and max of a NaN differ between x86 and NEON: both are "a < b ? a : b" here;
 // - x != x is false for a NaN with AVX and AVX-512, and -x is 0 - x: built from == and from the sign bit;
@@ -14,9 +14,8 @@
 
 #include "npsim/simd/isa.hpp"
 
-#if defined(NPSIM_SIMD_SCALAR)
-#error "npsim/simd/native.hpp needs an instruction set; include npsim/simd/batch.hpp"
-#endif
+// Nothing where there is no instruction set; batch.hpp then takes the one-lane types.
+#if !defined(NPSIM_SIMD_SCALAR)
 
 #include <cstddef>
 #include <cstdint>
@@ -256,5 +255,7 @@ inline F32 F32::iota() noexcept { return to_float(I32::iota()); }
 }  // namespace npsim
 
 #include "npsim/simd/native_ops.hpp"
+
+#endif  // NPSIM_SIMD_SCALAR
 
 #endif  // NPSIM_SIMD_NATIVE_HPP

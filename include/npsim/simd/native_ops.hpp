@@ -5,6 +5,8 @@
 
 #include "npsim/simd/native.hpp"
 
+#if !defined(NPSIM_SIMD_SCALAR)
+
 namespace npsim {
 inline namespace v1 {
 inline namespace NPSIM_ISA_NAMESPACE {
@@ -16,9 +18,7 @@ namespace native {
 // The masked forms with all lanes set are the plain instructions. They are here because the plain forms of g++ 12 start
 // from a register that it then calls uninitialised (-Wmaybe-uninitialized).
 inline constexpr __mmask16 kAllLanes = 0xFFFF;
-inline __mmask16 first_lanes(int n) noexcept {
-  return static_cast<__mmask16>((1U << static_cast<unsigned>(n)) - 1U);
-}
+inline __mmask16 first_lanes(int n) noexcept { return static_cast<__mmask16>((1U << static_cast<unsigned>(n)) - 1U); }
 inline F32 F32::load(const float* p, int n) noexcept {
   return F32(FloatBatch(_mm512_maskz_loadu_ps(first_lanes(n), p)));
 }
@@ -27,8 +27,7 @@ inline I32 I32::load_u8(const std::uint8_t* p) noexcept {
   return I32(IntBatch(_mm512_maskz_cvtepu8_epi32(kAllLanes, _mm_loadu_si128(reinterpret_cast<const __m128i*>(p)))));
 }
 inline I32 I32::load_u16(const std::uint16_t* p) noexcept {
-  return I32(
-      IntBatch(_mm512_maskz_cvtepu16_epi32(kAllLanes, _mm256_loadu_si256(reinterpret_cast<const __m256i*>(p)))));
+  return I32(IntBatch(_mm512_maskz_cvtepu16_epi32(kAllLanes, _mm256_loadu_si256(reinterpret_cast<const __m256i*>(p)))));
 }
 inline I32 operator*(I32 a, I32 b) noexcept { return I32(IntBatch(_mm512_mullo_epi32(a.value, b.value))); }
 inline I32 operator<<(I32 a, int n) noexcept {
@@ -45,8 +44,16 @@ inline F32 fma(F32 a, F32 b, F32 c) noexcept { return F32(FloatBatch(_mm512_fmad
 inline F32 min(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm512_maskz_min_ps(kAllLanes, a.value, b.value))); }
 inline F32 max(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm512_maskz_max_ps(kAllLanes, a.value, b.value))); }
 inline F32 sqrt(F32 a) noexcept { return F32(FloatBatch(_mm512_maskz_sqrt_ps(kAllLanes, a.value))); }
+#if defined(__GNUC__)
+// Without optimisation these two are macros in g++, which convert the mask to a signed short on the way.
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wsign-conversion"
+#endif
 inline F32 floor(F32 a) noexcept { return F32(FloatBatch(_mm512_maskz_roundscale_ps(kAllLanes, a.value, 0x09))); }
 inline F32 round_even(F32 a) noexcept { return F32(FloatBatch(_mm512_maskz_roundscale_ps(kAllLanes, a.value, 0x08))); }
+#if defined(__GNUC__)
+#pragma GCC diagnostic pop
+#endif
 inline F32 to_float(I32 a) noexcept { return F32(FloatBatch(_mm512_maskz_cvtepi32_ps(kAllLanes, a.value))); }
 inline IntBatch truncate(const FloatBatch& a) noexcept { return _mm512_maskz_cvttps_epi32(kAllLanes, a); }
 
@@ -180,5 +187,7 @@ inline I32 trunc_to_int(F32 a) noexcept {
 }  // namespace NPSIM_ISA_NAMESPACE
 }  // namespace v1
 }  // namespace npsim
+
+#endif  // NPSIM_SIMD_SCALAR
 
 #endif  // NPSIM_SIMD_NATIVE_OPS_HPP
