@@ -9,7 +9,8 @@
 //
 // This is the direct form: one tap after the other, lanes are neighbouring pixels, so it gives the same bits for every
 // number of lanes. Sums are kept per row of the window first, which bounds rounding by the window's side, not its area.
-// Error: relative to exact evaluation at most 2e-5 for radius <= 30 (rounding grows with the radius), depth < 1e30 m.
+// Error: relative to exact evaluation at most 4 (2R + 1) 2^-24 from the sums (1.5e-5 for R = 30) and 3e-6 from the
+// weights; measured at R = 30: 7e-7. Depth below 1e30 m.
 // Cost: O(pixels (2R + 1)^2), one exp per tap. Memory: 20 bytes per pixel of the image widened by 2R + 16 columns.
 #ifndef NPSIM_DEPTH_CROSS_BILATERAL_HPP
 #define NPSIM_DEPTH_CROSS_BILATERAL_HPP

@@ -2,8 +2,9 @@
 // What does not change while the losses of loss_params.hpp are minimised: unit normals, masks, label weights, counts.
 //
 // It is kept in planes whose rows are padded to whole blocks of 16 pixels, with one more block and one more row, and in
-// which padding and missing pixels hold depth 1 and weight 0. So the loops of loss_kernel.hpp have no tails and no
-// tests. Cost: one pass over the image. Memory: 7 values per pixel, and 3 rows for every 16.
+// which padding and missing pixels hold depth 1 and weight 0: the loops of loss_kernel.hpp have no tails and no tests.
+//
+// Cost: one pass over the image. Memory: 7 values per pixel, and 3 rows for every 16.
 #ifndef NPSIM_DEPTH_LOSS_PROBLEM_HPP
 #define NPSIM_DEPTH_LOSS_PROBLEM_HPP
 

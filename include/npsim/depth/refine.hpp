@@ -11,8 +11,9 @@
 // biased, so depth gets worse the better the loss is minimised: on a road with boxes between two walls, relative error
 // .0185 -> .0332. The default takes perspective tangents and a relative depth term strong enough to hold what normals
 // cannot know: .0185 -> .0162, normal error 61 -> 6 degrees. Where depth is far better than the normals (.0033, noise
-// of 13 degrees in N) it still loses, .0052, against .0196 with the metric term and (1, 5, 1). Cost: one evaluation of
-// the losses and 15 operations per pixel and step. Memory: 12 floats per pixel.
+// of 13 degrees in N) it still loses, .0052, against .0196 with the metric term and (1, 5, 1).
+//
+// Cost: one evaluation of the losses and 15 operations per pixel and step. Memory: 12 floats per pixel.
 #ifndef NPSIM_DEPTH_REFINE_HPP
 #define NPSIM_DEPTH_REFINE_HPP
 
