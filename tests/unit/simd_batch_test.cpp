@@ -271,19 +271,23 @@ TEST_CASE("floor and round agree with the library on every binade") {
 }
 
 TEST_CASE("partial loads and stores stay inside n elements") {
+  std::vector<float> all_floats;
+  std::vector<std::int32_t> all_ints;
+  std::vector<std::uint8_t> all_bytes;
+  std::vector<std::uint16_t> all_shorts;
+  for (int i = 0; i < kLanes; ++i) {
+    all_floats.push_back(static_cast<float>(i) + 1.5F);
+    all_ints.push_back(-i - 1);
+    all_bytes.push_back(static_cast<std::uint8_t>(255 - i));
+    all_shorts.push_back(static_cast<std::uint16_t>(65535 - i));
+  }
   for (int n = 0; n <= kLanes; ++n) {
     // Exactly n elements on the heap: the address sanitizer sees a touch of the next one.
     const auto count = static_cast<std::size_t>(n);
-    std::vector<float> in_floats(count);
-    std::vector<std::int32_t> in_ints(count);
-    std::vector<std::uint8_t> in_bytes(count);
-    std::vector<std::uint16_t> in_shorts(count);
-    for (std::size_t i = 0; i < count; ++i) {
-      in_floats[i] = static_cast<float>(i) + 1.5F;
-      in_ints[i] = -static_cast<std::int32_t>(i) - 1;
-      in_bytes[i] = static_cast<std::uint8_t>(255 - i);
-      in_shorts[i] = static_cast<std::uint16_t>(65535 - i);
-    }
+    std::vector<float> in_floats(all_floats.begin(), all_floats.begin() + n);
+    std::vector<std::int32_t> in_ints(all_ints.begin(), all_ints.begin() + n);
+    std::vector<std::uint8_t> in_bytes(all_bytes.begin(), all_bytes.begin() + n);
+    std::vector<std::uint16_t> in_shorts(all_shorts.begin(), all_shorts.begin() + n);
     const Native floats = Native::load(in_floats.data(), n);
     const NativeInt ints = NativeInt::load(in_ints.data(), n);
     const NativeInt bytes = NativeInt::load_u8(in_bytes.data(), n);
