@@ -31,10 +31,10 @@ inline HouseStyle make_style(Scene& scene, const Pose& frame, Dice& dice, Detail
   wall.roughness = 0.9F;
   if (type <= 5) {
     wall.kind = Kind::plaster;
-    wall.base = plasters[dice.pick(12)] * dice.uniform(0.78F, 1.0F);
+    wall.base = dice.one_of(plasters, 0.78F, 1.0F);
   } else if (type <= 8) {
     wall.kind = Kind::brick;
-    wall.base = bricks[dice.pick(4)] * dice.uniform(0.9F, 1.2F);
+    wall.base = dice.one_of(bricks, 0.9F, 1.2F);
     wall.second = {0.36F, 0.34F, 0.31F};
   } else {
     wall.kind = Kind::stone;

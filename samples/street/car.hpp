@@ -34,7 +34,7 @@ inline Vec3f car_colour(Dice& dice) {
       {0.58F, 0.58F, 0.57F},   {0.17F, 0.175F, 0.18F}, {0.015F, 0.016F, 0.019F}, {0.42F, 0.42F, 0.42F},
       {0.06F, 0.062F, 0.066F}, {0.26F, 0.03F, 0.025F}, {0.025F, 0.05F, 0.14F},   {0.05F, 0.11F, 0.19F},
       {0.035F, 0.07F, 0.05F},  {0.33F, 0.29F, 0.22F},  {0.14F, 0.02F, 0.025F},   {0.38F, 0.15F, 0.03F}};
-  return colours[dice.pick(16)] * dice.uniform(0.85F, 1.1F);
+  return dice.one_of(colours, 0.85F, 1.1F);
 }
 
 inline void build_car(Scene& scene, const Pose& pose, const CarSpec& spec, Dice& dice) {
@@ -197,7 +197,7 @@ inline void build_car(Scene& scene, const Pose& pose, const CarSpec& spec, Dice&
   const LightClass front_class = spec.moving ? LightClass::moving_front : LightClass::parked_front;
   const LightClass rear_class = spec.moving ? LightClass::moving_rear : LightClass::parked_rear;
   const std::uint16_t lens = material(Kind::lamp, {0.55F, 0.56F, 0.57F}, 0.1F, 0.08F);
-  const std::uint16_t red = material(Kind::lamp, {0.30F, 0.013F, 0.011F}, 0.15F, 0.035F, spec.braking ? 2.2F : 0.0F);
+  const std::uint16_t red = material(Kind::lamp, {0.30F, 0.013F, 0.011F}, 0.15F, 0.035F, spec.braking ? 1.7F : 0.0F);
   const int lu = coarse ? 4 : (close ? 12 : 8);
   for (const float side : {-1.0F, 1.0F}) {
     const Brush head = base.lit(lens, scene.add_light(front_class, group)).smoothed();

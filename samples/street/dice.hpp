@@ -6,6 +6,7 @@
 #define NPSIM_SAMPLES_STREET_DICE_HPP
 
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 
 #include "npsim/core/random.hpp"
@@ -44,6 +45,14 @@ class Dice {
   // 0 .. count - 1
   int pick(int count) { return static_cast<int>(stream_.uniform() * static_cast<float>(count)); }
   std::uint32_t bits() { return stream_.next_u32(); }
+  float sign() { return chance(0.5F) ? 1.0F : -1.0F; }
+  // One of some colours, darker or lighter by a factor in [low, high). Drawn one after the other: operands and
+  // arguments are evaluated in an order that compilers choose, so no expression may hold two draws.
+  template <std::size_t N>
+  Vec3f one_of(const Vec3f (&colours)[N], float low, float high) {
+    const Vec3f colour = colours[pick(static_cast<int>(N))];
+    return colour * uniform(low, high);
+  }
 
  private:
   RandomStream stream_;

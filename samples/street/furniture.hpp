@@ -80,14 +80,14 @@ inline void build_signal_head(Scene& scene, const FurniturePaints& f, const Pose
   const std::uint16_t group = scene.add_group(LightClass::traffic_light_group);
   body.panel = group;
   scene.box(p, {-0.15F, -0.46F, -0.12F}, {0.15F, 0.46F, 0.10F}, body);
-  const Vec3f burning[3] = {{0.75F, 0.05F, 0.03F}, {0.8F, 0.42F, 0.03F}, {0.06F, 0.7F, 0.42F}};
+  const Vec3f burning[3] = {{0.78F, 0.018F, 0.012F}, {0.8F, 0.34F, 0.01F}, {0.015F, 0.62F, 0.30F}};
   const SignalState states[3] = {SignalState::red, SignalState::amber, SignalState::green};
   for (int i = 0; i < 3; ++i) {
     const bool on = states[i] == state;
     Material m;
     m.kind = Kind::lamp;
     m.base = on ? burning[i] : burning[i] * 0.11F + Vec3f{0.012F, 0.012F, 0.012F};
-    m.glow = on ? 2.6F : 0.0F;
+    m.glow = on ? 1.5F : 0.0F;
     m.roughness = 0.3F;
     m.mirror = 0.03F;
     m.seed = seed;

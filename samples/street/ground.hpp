@@ -111,7 +111,7 @@ inline void build_pavements(Scene& scene, const Layout& l) {
     m.variant = variant;
     m.roughness = 0.88F;
     const Vec3f tones[3] = {{0.25F, 0.245F, 0.235F}, {0.29F, 0.27F, 0.25F}, {0.24F, 0.20F, 0.18F}};
-    m.base = tones[dice.pick(3)] * dice.uniform(0.85F, 1.1F);
+    m.base = dice.one_of(tones, 0.85F, 1.1F);
     m.second = m.base * Vec3f{0.86F, 0.85F, 0.84F};
     m.seed = dice.bits();
     Brush b;

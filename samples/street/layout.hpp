@@ -81,7 +81,8 @@ inline Layout make_layout(std::uint64_t seed) {
   Dice dice(seed, Topic::layout, 0);
   Layout l;
   l.seed = seed;
-  l.curvature = dice.uniform(0.0007F, 0.0015F) * (dice.chance(0.5F) ? 1.0F : -1.0F);
+  l.curvature = dice.sign();
+  l.curvature *= dice.uniform(0.0007F, 0.0015F);
   l.bend_start = dice.uniform(8, 30);
   const bool bays_left = true;
   const bool bays_right = dice.chance(0.8F);
@@ -104,7 +105,8 @@ inline Layout make_layout(std::uint64_t seed) {
   l.camera_yaw = dice.uniform(-0.045F, 0.035F);
   l.camera_pitch = dice.uniform(-0.012F, 0.03F);
   // The sun stands behind the camera or beside it, high enough to reach one side's facades and part of the road.
-  const float azimuth = dice.uniform(0.35F, 1.15F) * (dice.chance(0.5F) ? 1.0F : -1.0F);
+  const float sun_side = dice.sign();
+  const float azimuth = sun_side * dice.uniform(0.35F, 1.15F);
   const float elevation = dice.uniform(0.62F, 0.95F);
   l.sun = normalized(
       Vec3f{std::sin(azimuth) * std::cos(elevation), std::sin(elevation), -std::cos(azimuth) * std::cos(elevation)});

@@ -66,8 +66,10 @@ inline void build_park(Scene& scene, const Layout& l) {
   }
   for (std::uint32_t i = 0; i < 6; ++i) {
     const float s = dice.uniform(s0 + 3, s1 - 2);
-    build_tree(scene, l.pose(s, edge + sg * dice.uniform(3.5F, 14), h), dice.uniform(7, 12), dice.uniform(2.8F, 4.2F),
-               s < 50 ? 110 : 70, l.seed, 270 + i);
+    const float d = edge + sg * dice.uniform(3.5F, 14);
+    const float height = dice.uniform(7, 12);
+    const float spread = dice.uniform(2.8F, 4.2F);
+    build_tree(scene, l.pose(s, d, h), height, spread, s < 50 ? 110 : 70, l.seed, 270 + i);
   }
   for (std::uint32_t i = 0; i < 7; ++i) {
     Dice house(l.seed, left ? Topic::building_left : Topic::building_right, 130 + i);

@@ -61,31 +61,35 @@ inline void build_parked_cars(Scene& scene, const Layout& l) {
       const float d = kerb - static_cast<float>(side) * (half + dice.uniform(0.16F, 0.32F));
       // In a one-sided mood: most cars point with the traffic of their side.
       const bool against = dice.chance(left ? 0.12F : 0.05F);
-      build_car(scene, l.pose(s, d, 0, (left != against ? kPi : 0.0F) + dice.uniform(-0.02F, 0.02F)), spec, dice);
+      const float turn = (left != against ? kPi : 0.0F) + dice.uniform(-0.02F, 0.02F);
+      build_car(scene, l.pose(s, d, 0, turn), spec, dice);
     }
   }
 }
 
 inline void build_traffic(Scene& scene, const Layout& l) {
   Dice dice(l.seed, Topic::car, 5000);
-  const auto moving = [&](float s, float d, bool towards, int type, bool braking) {
+  const int types[6] = {0, 1, 2, 3, 0, 5};
+  const auto moving = [&](float s0, float s1, float d, bool towards, float brakes) {
+    const float s = dice.uniform(s0, s1);
     CarSpec spec;
-    spec.type = type;
+    spec.type = types[dice.pick(6)];
     spec.colour = car_colour(dice);
     spec.moving = true;
-    spec.braking = braking;
+    spec.braking = dice.chance(brakes);
     spec.level = s > 46 ? 2 : (s > 22 ? 1 : 0);
-    build_car(scene, l.pose(s, d, 0, (towards ? kPi : 0.0F) + dice.uniform(-0.015F, 0.015F)), spec, dice);
+    const float off = dice.uniform(-0.2F, 0.25F);
+    const float turn = (towards ? kPi : 0.0F) + dice.uniform(-0.015F, 0.015F);
+    build_car(scene, l.pose(s, d + off, 0, turn), spec, dice);
   };
-  const int types[6] = {0, 1, 2, 3, 0, 5};
   const float lane = 0.5F * kLane_m;
-  moving(dice.uniform(10.5F, 22), lane + dice.uniform(-0.3F, 0.3F), false, types[dice.pick(6)], dice.chance(0.5F));
-  moving(dice.uniform(12, 28), -lane + dice.uniform(-0.15F, 0.2F), true, types[dice.pick(6)], false);
+  moving(10.5F, 22, lane, false, 0.5F);
+  moving(12, 28, -lane, true, 0);
   const BusStop stop = bus_stop(l);
-  if (stop.ahead) moving(dice.uniform(40, 52), -lane, true, types[dice.pick(6)], false);
-  moving(dice.uniform(62, 72), -lane, true, types[dice.pick(6)], false);
-  moving(dice.uniform(48, 58), lane, false, types[dice.pick(6)], false);
-  moving(dice.uniform(75, 90), lane, false, types[dice.pick(6)], false);
+  if (stop.ahead) moving(40, 52, -lane, true, 0);
+  moving(62, 72, -lane, true, 0);
+  moving(48, 58, lane, false, 0);
+  moving(75, 90, lane, false, 0);
 
   const Vec3f liveries[5] = {{0.42F, 0.035F, 0.03F},
                              {0.55F, 0.42F, 0.05F},
@@ -137,8 +141,8 @@ inline void build_furniture(Scene& scene, const Layout& l) {
   build_sign(scene, f, l.pose(l.zebra0 - 0.4F, l.kerb_left - 0.4F, h, facing_us), 2, 2.45F, true);
   const int near_signs[5] = {0, 3, 5, 6, 4};
   const bool sign_right = dice.chance(0.6F);
-  build_sign(scene, f,
-             l.pose(dice.uniform(8.0F, 14.0F), sign_right ? l.kerb_right + 0.4F : l.kerb_left - 0.4F, h, facing_us),
+  const float sign_s = dice.uniform(8.0F, 14.0F);
+  build_sign(scene, f, l.pose(sign_s, sign_right ? l.kerb_right + 0.4F : l.kerb_left - 0.4F, h, facing_us),
              near_signs[dice.pick(5)], 2.5F, true);
   const Pose pair = l.pose(l.junction1 + dice.uniform(3, 5), l.kerb_right + 0.4F, h, facing_us);
   build_sign(scene, f, pair, 0, 2.75F, true);
@@ -147,8 +151,8 @@ inline void build_furniture(Scene& scene, const Layout& l) {
   const Pose board = l.pose(l.junction0 - 0.9F, l.kerb_right + 1.0F, h, facing_us);
   build_sign(scene, f, board, 7, 2.9F, true);
   for (int i = 0; i < 5; ++i) {
-    build_sign(scene, f,
-               l.pose(dice.uniform(50, 110), (i % 2 == 0 ? l.kerb_right + 0.4F : l.kerb_left - 0.4F), h, facing_us),
+    const float s_far = dice.uniform(50, 110);
+    build_sign(scene, f, l.pose(s_far, i % 2 == 0 ? l.kerb_right + 0.4F : l.kerb_left - 0.4F, h, facing_us),
                near_signs[dice.pick(5)], 2.4F, true);
   }
   // Bollards round the corners, bins, posters, clock, boxes.
@@ -179,9 +183,8 @@ inline void build_furniture(Scene& scene, const Layout& l) {
       scene, f,
       l.pose(l.junction1 + dice.uniform(9, 14), left_poster ? l.kerb_right + 0.9F : l.kerb_left - 0.9F, h, facing_us),
       dice);
-  build_clock(scene, f,
-              l.pose(l.junction1 + dice.uniform(2.2F, 4), (left_poster ? l.kerb_right + 1.3F : l.kerb_left - 1.4F), h,
-                     facing_us),
+  const float clock_s = l.junction1 + dice.uniform(2.2F, 4);
+  build_clock(scene, f, l.pose(clock_s, left_poster ? l.kerb_right + 1.3F : l.kerb_left - 1.4F, h, facing_us),
               dice.bits());
   const BusStop stop = bus_stop(l);
   if (stop.ahead) {
@@ -231,8 +234,8 @@ inline void build_greenery(Scene& scene, const Layout& l) {
   }
   // Trees behind the end of the street and down the side street, so that the view does not end in walls only.
   for (int i = 0; i < 4; ++i) {
-    build_tree(scene, l.pose(l.end - 2, -24.0F + 15.0F * static_cast<float>(i) + dice.uniform(-3, 3), h),
-               dice.uniform(8, 12), 4, 45, l.seed, 200 + static_cast<std::uint32_t>(i));
+    const float d = -24.0F + 15.0F * static_cast<float>(i) + dice.uniform(-3, 3);
+    build_tree(scene, l.pose(l.end - 2, d, h), dice.uniform(8, 12), 4, 45, l.seed, 200 + static_cast<std::uint32_t>(i));
   }
   for (int i = 0; i < 3; ++i) {
     const float sg = l.side_left ? -1.0F : 1.0F;
@@ -247,6 +250,11 @@ inline void build_greenery(Scene& scene, const Layout& l) {
 }
 
 inline void build_people(Scene& scene, const Layout& l) {
+  const auto walker = [&](const Pose& pose, bool fine, Dice& dice) {
+    const float height = dice.uniform(1.56F, 1.9F);
+    const float stride = dice.uniform(-1, 1);
+    build_walker(scene, pose, height, stride, fine, dice);
+  };
   const float h = kKerbHeight_m;
   for (std::uint32_t i = 0; i < 15; ++i) {
     Dice dice(l.seed, Topic::person, i);
@@ -256,11 +264,10 @@ inline void build_people(Scene& scene, const Layout& l) {
     const float d = left ? l.kerb_left - out : l.kerb_right + out;
     float s = 9.0F + 4.2F * static_cast<float>(i) + dice.uniform(-2, 2);
     if (s > l.junction0 - 2 && s < l.junction1 + 2) s += 14;
-    const float turn = (dice.chance(0.5F) ? 0.0F : kPi) + dice.uniform(-0.3F, 0.3F);
-    build_walker(scene, l.pose(s, d, h, turn), dice.uniform(1.6F, 1.9F), dice.uniform(-1, 1), s < 26, dice);
-    if (dice.chance(0.3F))
-      build_walker(scene, l.pose(s + 0.25F, d + (left ? -0.62F : 0.62F), h, turn), dice.uniform(1.55F, 1.85F),
-                   dice.uniform(-1, 1), s < 26, dice);
+    const bool away = dice.chance(0.5F);
+    const float turn = (away ? 0.0F : kPi) + dice.uniform(-0.3F, 0.3F);
+    walker(l.pose(s, d, h, turn), s < 26, dice);
+    if (dice.chance(0.3F)) walker(l.pose(s + 0.25F, d + (left ? -0.62F : 0.62F), h, turn), s < 26, dice);
   }
   // Somebody waits at the crossing, somebody crosses behind it.
   Dice dice(l.seed, Topic::person, 100);
@@ -268,14 +275,15 @@ inline void build_people(Scene& scene, const Layout& l) {
   build_walker(scene,
                l.pose(l.zebra0 + 1.2F, side > 0 ? l.kerb_right + 0.5F : l.kerb_left - 0.5F, h, -side * 0.5F * kPi),
                1.74F, 0.1F, true, dice);
-  build_walker(scene, l.pose(l.junction1 + 2.8F, dice.uniform(-4.4F, -2.8F), 0, 0.5F * kPi), 1.7F, 0.9F, true, dice);
+  const Pose crossing = l.pose(l.junction1 + 2.8F, dice.uniform(-4.4F, -2.8F), 0, 0.5F * kPi);
+  build_walker(scene, crossing, 1.7F, 0.9F, true, dice);
   Dice cyclist(l.seed, Topic::person, 200);
   if (cyclist.chance(0.65F)) {
     const bool towards = cyclist.chance(0.35F);
     const float d = towards ? l.bay_left + cyclist.uniform(0.1F, 0.4F) : l.bay_right - cyclist.uniform(0.1F, 0.4F);
-    build_bicycle(scene,
-                  l.pose(cyclist.uniform(8.5F, 24.0F), d, 0, (towards ? kPi : 0.0F) + cyclist.uniform(-0.05F, 0.05F)),
-                  true, cyclist);
+    const float s = cyclist.uniform(8.5F, 24.0F);
+    const float turn = (towards ? kPi : 0.0F) + cyclist.uniform(-0.05F, 0.05F);
+    build_bicycle(scene, l.pose(s, d, 0, turn), true, cyclist);
   }
   for (int i = 0; i < 4; ++i) {
     const bool left = cyclist.chance(0.5F);

@@ -194,7 +194,9 @@ void render_street(const Stage& stage, Street& street, std::vector<std::uint32_t
           // var = beta1 x + beta2, about ISO 200, after a mild denoiser.
           Dice dice(street.params.seed, Topic::render, static_cast<std::uint32_t>(at), 0xFFFFU);
           const auto gauss = [&] {
-            return (dice.uniform() + dice.uniform() + dice.uniform() + dice.uniform() - 2.0F) * 1.7320508F;
+            float sum_of_four = -2.0F;
+            for (int i = 0; i < 4; ++i) sum_of_four += dice.uniform();
+            return sum_of_four * 1.7320508F;
           };
           const auto noisy = [&](float c) {
             return c + street.params.sensor_noise * gauss() * std::sqrt(4.0e-5F * std::fmax(c, 0.0F) + 1.0e-6F);
