@@ -11,6 +11,7 @@
 #include "npsim/exec/thread_pool.hpp"
 #include "options.hpp"
 #include "street/street.hpp"
+#include "street/write.hpp"
 
 namespace npsim::tool {
 
@@ -25,14 +26,17 @@ struct StreetOptions {
 inline int run_street(const StreetOptions& options) {
   const io::Expected<Shape> size = parse_size(options.size);
   if (!size) return fail(size.error());
-  if (const io::Outcome made = make_folder(options.output); !made) return fail(made.error());
+  if (const io::Outcome folder = make_folder(options.output); !folder) return fail(folder.error());
   Console console(options.quiet);
   street::StreetParams params;
   params.seed = options.seed;
   params.shape = size.value();
   ThreadPool pool(thread_count(options.threads));
-  const street::Street street = console.timed("build and photograph", [&] { return street::make_street(params, pool); });
+  street::Street street;
+  const Status made =
+      console.timed("build and photograph", [&] { return street::make_street(params, pool, street); });
   if (console.cancelled()) return fail(options.output, Status(StatusCode::cancelled, ""));
+  if (!made.ok()) return fail(options.output, made);
   const io::Outcome written = console.timed("write scene", [&] { return street::write_street(street, options.output); });
   if (!written) return fail(written.error());
   std::printf("%s\n", (options.output + "/scene.json").c_str());

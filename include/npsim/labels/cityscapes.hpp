@@ -63,6 +63,11 @@ class LabelSet {
     ((set.bits_ |= std::uint64_t{1} << static_cast<unsigned>(labels)), ...);
     return set;
   }
+  [[nodiscard]] static constexpr LabelSet all() noexcept {
+    LabelSet set;
+    set.bits_ = ~std::uint64_t{0};
+    return set;
+  }
   [[nodiscard]] constexpr bool contains(Label l) const noexcept { return l < 64 && ((bits_ >> l) & 1U) != 0; }
   [[nodiscard]] constexpr std::uint64_t bits() const noexcept { return bits_; }
 
