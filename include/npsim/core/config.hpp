@@ -20,4 +20,12 @@
 #error "NPSim needs C++17 or newer"
 #endif
 
+// For the innermost functions of a traversal or a tap loop, which compilers refuse to inline for their size although a
+// call costs more than they do. Nowhere else.
+#if defined(__GNUC__) || defined(__clang__)
+#define NPSIM_ALWAYS_INLINE inline __attribute__((always_inline))
+#else
+#define NPSIM_ALWAYS_INLINE inline
+#endif
+
 #endif  // NPSIM_CORE_CONFIG_HPP

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Drops measurements that cannot be: stereo mismatches on the ground, and specks in an otherwise dense depth map.
 //
-// Off the ground: a pixel with a ground label whose inverse depth differs from that of the ground plane by more than
-// `ground_tolerance` of the latter. Reflections on the bonnet and on wet roads make such depths.
+// Off the ground: a pixel with a ground label whose point lies further from the ground plane than `ground_tolerance` of the
+// camera's height, or than `ground_slope` of its depth where that is more (streets rise and fall). Reflections on the bonnet and on wet roads make such depths.
 // Speck: a sample with fewer than `speck_share` of the samples of its (2 r + 1)^2 window within `speck_tolerance` of its
 // inverse depth. Looked for only where at least half of the image is measured: a sparse range sensor has specks only.
 // Ground is exempt: seen at a grazing angle its depth does change within a window. Without labels nothing is dropped.
@@ -25,8 +25,9 @@ namespace npsim {
 inline namespace v1 {
 
 struct OutlierParams {
-  LabelSet ground = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground, label::rail_track);
-  float ground_tolerance = 0.3F;  // relative; 0 switches the test off
+  LabelSet ground = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground);
+  float ground_tolerance = 0.3F;  // 0 switches the test off
+  float ground_slope = 0.05F;
   int speck_radius_px = 5;        // 0 switches the test off; at most 32
   float speck_share = 0.25F;
   float speck_tolerance = 0.1F;   // relative
@@ -64,7 +65,7 @@ template <class Executor>
   if (output.shape() != shape || (!labels.empty() && labels.shape() != shape)) {
     return {StatusCode::shape_mismatch, "drop_outliers: depth, labels and output must have one shape"};
   }
-  if (!(params.ground_tolerance >= 0.0F) || params.speck_radius_px < 0 || params.speck_radius_px > 32 ||
+  if (!(params.ground_tolerance >= 0.0F) || !(params.ground_slope >= 0.0F) || params.speck_radius_px < 0 || params.speck_radius_px > 32 ||
       !(params.speck_share >= 0.0F && params.speck_share <= 1.0F) || !(params.speck_tolerance > 0.0F)) {
     return {StatusCode::invalid_argument, "drop_outliers: tolerances positive, radius in 0..32, share in 0..1"};
   }
@@ -88,8 +89,8 @@ template <class Executor>
         if (!is_valid_depth(z)) continue;
         if (params.ground.contains(labels(x, y))) {
           if (!ground) continue;
-          const float expected = -dot(up, unproject_pixel(camera, x, y, 1.0F)) / height_m;  // 1 / depth of the plane
-          if (!(std::fabs(1.0F / z - expected) <= params.ground_tolerance * expected)) output(x, y) = 0.0F;
+          const float off = std::fabs(dot(up, unproject_pixel(camera, x, y, z)) + height_m);
+          if (!(off <= params.ground_tolerance * height_m || off <= params.ground_slope * z)) output(x, y) = 0.0F;
         } else if (specks && depth_detail::is_speck(params, depth, x, y)) {
           output(x, y) = 0.0F;
         }

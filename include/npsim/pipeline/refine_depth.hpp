@@ -37,7 +37,7 @@ inline namespace v1 {
 // it: not at all below min_rad, which is the road's own shape, fully from twice that to max_rad; more is a kerb's face.
 struct GroundNormalsParams {
   bool enabled = true;
-  LabelSet labels = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground, label::rail_track);
+  LabelSet labels = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground);
   SmoothNormalsParams smoothing{5};
   float min_rad = 0.02F;
   float max_rad = 0.90F;

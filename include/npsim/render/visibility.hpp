@@ -49,11 +49,12 @@ inline namespace NPSIM_ISA_NAMESPACE {
 [[nodiscard]] inline float illuminance_per_cd(const Emitter& e, const Vec3f& position, const Vec3f& normal,
                                               Vec3f& to_light) noexcept {
   const Vec3f delta = e.centre_m - position;
+  const float along = dot(normal, delta);
+  if (!(along > 0.0F)) return 0.0F;
   const float squared = dot(delta, delta);
-  if (!(squared > 0.0F)) return 0.0F;
-  to_light = delta / std::sqrt(squared);
-  const float cosine = dot(normal, to_light);
-  if (!(cosine > 0.0F)) return 0.0F;
+  const float distance = std::sqrt(squared);
+  to_light = delta / distance;
+  const float cosine = along / distance;
   const float floor_m2 = e.area_m2 > 0.0F ? e.area_m2 : 0.0F;
   return relative_intensity(e, -to_light) * cosine / (squared > floor_m2 ? squared : floor_m2);
 }

@@ -100,7 +100,7 @@ inline namespace NPSIM_ISA_NAMESPACE {
 }
 
 // Interval of t in which the ray may be inside the box; empty when false.
-[[nodiscard]] inline bool box_interval(const RayFrame& ray, const float (&low)[3], const float (&high)[3],
+[[nodiscard]] NPSIM_ALWAYS_INLINE bool box_interval(const RayFrame& ray, const float (&low)[3], const float (&high)[3],
                                        float& t_enter, float& t_leave) noexcept {
   float enter[3];
   float leave[3];
