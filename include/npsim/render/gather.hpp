@@ -31,7 +31,7 @@ inline namespace v1 {
 
 struct GatherParams {
   int rays = 8;                 // per receiver, 1..4096; the denoiser takes care of the rest
-  float relative_bias = 2e-3F;  // see pulled_out()
+  float relative_bias = 3e-3F;  // see pulled_out()
   std::uint64_t seed = 0;
 };
 
