@@ -20,13 +20,17 @@
 
 namespace npsim::tool {
 
-// Set by SIGINT and SIGTERM; polled by the stages, which then return StatusCode::cancelled.
+// Set by SIGINT, SIGTERM and SIGHUP; polled by the stages, which then return StatusCode::cancelled.
 inline std::atomic<bool> interrupted{false};
 
 inline void watch_for_interrupt() {
   const auto handler = [](int) { interrupted.store(true, std::memory_order_relaxed); };
   std::signal(SIGINT, handler);
   std::signal(SIGTERM, handler);
+  std::signal(SIGHUP, handler);
+  // Too large a file and a closed pipe are for the write that meets them to report.
+  std::signal(SIGXFSZ, SIG_IGN);
+  std::signal(SIGPIPE, SIG_IGN);
 }
 
 struct StageTime {

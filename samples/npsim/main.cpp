@@ -2,8 +2,12 @@
 // npsim: one daytime street photograph in, photographs of the same street at night out.
 #include <CLI/CLI.hpp>
 
+#include <charconv>
+#include <cstdint>
 #include <cstdio>
+#include <new>
 #include <string>
+#include <system_error>
 
 #include "console.hpp"
 #include "inspect_command.hpp"
@@ -24,7 +28,7 @@ constexpr const char* kAbout =
     "  npsim night my_street -o night  its nights, mesh and refined depth; open night/overview.png first";
 
 constexpr const char* kStatuses =
-    "Exit status: 0 done; 1 the run failed; 2 the input or an option is wrong (one line says what was expected);\n"
+    "Exit status: 0 done; 1 the run failed; 2 the input, an option or a place to write to is wrong (one line says which);\n"
     "130 interrupted. Files appear under their final names only when complete.";
 
 }  // namespace
@@ -36,13 +40,24 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   app.footer(kStatuses);
 
+  // CLI11 itself takes -1 and numbers that do not fit for the largest seed.
+  const CLI::Validator whole_number(
+      [](const std::string& text) {
+        std::uint64_t value = 0;
+        const char* end = text.data() + text.size();
+        const auto [last, error] = std::from_chars(text.data(), end, value);
+        return error == std::errc() && last == end ? std::string() : "expected a whole number from 0 to 2^64 - 1, got " + text;
+      },
+      "UINT64");
+
   NightOptions night;
   CLI::App* night_app = app.add_subcommand("night", "Render nights of a scene");
   night_app->add_option("scene", night.scene, "Folder with a scene.json, or the scene.json itself")->required();
   night_app->add_option("-o,--output", night.output, "Folder for the results; made if missing")->required();
   night_app->add_option("--variants", night.variants, "Number of nights, each with other lamps lit")
       ->check(CLI::Range(1, 10000))->capture_default_str();
-  night_app->add_option("--seed", night.seed, "Same seed, same bytes, on any number of threads")->capture_default_str();
+  night_app->add_option("--seed", night.seed, "Same seed, same bytes, on any number of threads")
+      ->check(whole_number)->capture_default_str();
   night_app->add_option("--preset", night.preset,
                         "default: what measured better; thesis: the thesis' settings as literally as they can be read")
       ->check(CLI::IsMember({"default", "thesis"}))->capture_default_str();
@@ -57,9 +72,11 @@ int main(int argc, char** argv) {
   StreetOptions street;
   CLI::App* street_app = app.add_subcommand("street", "Generate a street scene with full ground truth");
   street_app->add_option("output", street.output, "Folder for the scene; made if missing")->required();
-  street_app->add_option("--seed", street.seed, "Another seed, another street")->capture_default_str();
+  street_app->add_option("--seed", street.seed, "Another seed, another street")
+      ->check(whole_number)->capture_default_str();
   street_app->add_option("--size", street.size, "WIDTHxHEIGHT")->capture_default_str();
-  street_app->add_option("--threads", street.threads, "0 = one per processor")->check(CLI::Range(0, 1024));
+  street_app->add_option("--threads", street.threads, "0 = one per processor")->check(CLI::Range(0, 1024))
+      ->capture_default_str();
   street_app->add_flag("--quiet", street.quiet, "No progress");
 
   InspectOptions inspect;
@@ -80,7 +97,12 @@ int main(int argc, char** argv) {
   }
 
   watch_for_interrupt();
-  if (*night_app) return run_night(night);
-  if (*street_app) return run_street(street);
-  return run_inspect(inspect);
+  try {
+    if (*night_app) return run_night(night);
+    if (*street_app) return run_street(street);
+    return run_inspect(inspect);
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "npsim: out of memory; a smaller --size needs less\n");
+    return kExitFailed;
+  }
 }

@@ -69,6 +69,7 @@ struct MeshPart {
 
 [[nodiscard]] inline io::Outcome export_mesh(const std::string& folder, const io::Scene& scene, const SceneMesh& mesh,
                                              const Relighting& light) {
+  if (mesh.mesh.faces.empty()) return io::Done{};  // a single row or column of pixels
   if (const io::Outcome o = io::write_png(folder + "/day.png", scene.image.view()); !o) return o;
   const io::Expected<io::Bytes> photograph = io::read_file_bytes(folder + "/day.png");
   if (!photograph) return photograph.error();
@@ -87,7 +88,10 @@ struct MeshPart {
   parts[2].base_colour = {0, 0, 0};
   parts[2].emissive = {1, 0.9F, 0.7F};
   if (const io::Outcome o = io::write_glb(folder + "/mesh.glb", {parts.data(), parts.size()}, png); !o) return o;
-  if (const io::Outcome o = io::write_glb(folder + "/background.glb", {parts.data(), 1}, png); !o) return o;
+  // A picture of nothing but objects has no background.
+  if (!background.faces.empty()) {
+    if (const io::Outcome o = io::write_glb(folder + "/background.glb", {parts.data(), 1}, png); !o) return o;
+  }
 
   io::ObjOptions options;
   options.uv = uv_view;

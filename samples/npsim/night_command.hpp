@@ -9,8 +9,10 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <memory>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -55,6 +57,20 @@ class Arena {
   std::size_t bytes_;
   std::unique_ptr<void, Free> data_;
 };
+
+// The photograph's content as a number (FNV-1a), so that two photographs of a data set never share a random draw.
+[[nodiscard]] inline std::uint64_t photograph_key(const io::Image<Rgb8>& image) {
+  std::uint64_t hash = 0xCBF29CE484222325U;
+  const auto add = [&](std::uint8_t byte) { hash = (hash ^ byte) * 0x100000001B3U; };
+  for (int y = 0; y < image.height(); ++y) {
+    for (int x = 0; x < image.width(); ++x) {
+      add(image(x, y).r);
+      add(image(x, y).g);
+      add(image(x, y).b);
+    }
+  }
+  return hash;
+}
 
 // Receives what the pipeline makes and writes it; remembers the first file that could not be written.
 class NightWriter {
@@ -120,7 +136,7 @@ class NightWriter {
         {"npsim", NPSIM_VERSION_STRING},
         {"scene", scene_.name},
         {"settings",
-         {{"preset", options_.preset}, {"seed", options_.seed}, {"variants", options_.variants},
+         {{"scene", options_.scene}, {"lights", options_.light_set}, {"preset", options_.preset}, {"seed", options_.seed}, {"variants", options_.variants},
           {"threads", threads}, {"width", scene_.image.width()}, {"height", scene_.image.height()},
           {"gather_rays", params.relight.gather.rays}, {"bounces", params.relight.bounces}}},
         {"seconds", total},
@@ -192,6 +208,20 @@ class NightWriter {
   io::Error error_;
 };
 
+// Nights that an earlier run with more variants left behind: they do not belong to the report beside them.
+inline void remove_older_nights(const std::string& folder, int variants) {
+  for (int v = variants;; ++v) {
+    std::array<char, 32> stem{};
+    std::snprintf(stem.data(), stem.size(), "/night_%03d", v);
+    bool any = false;
+    for (const char* extension : {".png", ".pfm", ".json"}) {
+      std::error_code ignored;
+      any = std::filesystem::remove(folder + stem.data() + extension, ignored) || any;
+    }
+    if (!any) return;
+  }
+}
+
 inline int run_night(const NightOptions& options) {
   Console console(options.quiet);
   io::Expected<io::Scene> loaded =
@@ -203,6 +233,7 @@ inline int run_night(const NightOptions& options) {
   }
   NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
   params.seed = options.seed;
+  params.photograph = photograph_key(scene.image);
   params.variants = options.variants;
   std::vector<LightSetEntry> light_set;
   if (!options.light_set.empty()) {
@@ -215,14 +246,24 @@ inline int run_night(const NightOptions& options) {
 
   const SceneView view = view_of(scene);
   const Arena arena(night_workspace_bytes(params, view));
+  if (arena.bytes() == 0) {
+    std::fprintf(stderr, "npsim: %s: %.1f GB of address space are needed at this size and could not be reserved; try --size\n",
+                 options.scene.c_str(), static_cast<double>(night_workspace_bytes(params, view)) / 1e9);
+    return kExitFailed;
+  }
   Workspace workspace(arena.data(), arena.bytes());
   const unsigned threads = thread_count(options.threads);
   ThreadPool pool(threads);
   NightWriter writer(options, scene, console);
   const Status status = make_nights(params, view, workspace, pool, console, writer);
   if (writer.error() != nullptr) return fail(*writer.error());
+  if (status.code() == StatusCode::no_valid_input) {
+    return fail(io::Error{scene.file, "depth", "has no usable sample on any surface: expected depth of 1e-3 m to 1e5 m "
+                                               "on pixels that are not labelled as sky"});
+  }
   if (!status.ok()) return fail(options.scene, status);
   if (const io::Outcome finished = writer.finish(params, workspace, threads); !finished) return fail(finished.error());
+  remove_older_nights(options.output, options.variants);
   std::printf("%s\n", (options.output + "/overview.png").c_str());
   return kExitDone;
 }

@@ -18,6 +18,10 @@
 
 #include <nlohmann/json.hpp>
 
+#include "npsim/io/image.hpp"
+#include "npsim/io/png_jpeg.hpp"
+#include "npsim/labels/cityscapes.hpp"
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -27,7 +31,7 @@ struct Run {
   std::string output;  // both streams
 };
 
-Run npsim(const std::string& arguments) {
+Run run_tool(const std::string& arguments) {
   Run run;
   const std::string command = std::string("'") + NPSIM_TOOL + "' " + arguments + " 2>&1";
   std::FILE* pipe = popen(command.c_str(), "r");
@@ -52,7 +56,7 @@ struct Fixture {
   std::string street = (root / "street").string();
 
   Fixture() {
-    const Run made = npsim("street '" + street + "' --seed 1 --size 320x180 --quiet");
+    const Run made = run_tool("street '" + street + "' --seed 1 --size 320x180 --quiet");
     REQUIRE_MESSAGE(made.status == 0, made.output);
   }
   ~Fixture() { fs::remove_all(root); }
@@ -95,7 +99,7 @@ void check_refused(const Run& run, const std::string& mentions, const std::strin
 
 TEST_CASE("tool: one run writes everything that is promised, whole and under its final name") {
   const std::string out = fixture().out("night");
-  const Run run = npsim("night '" + fixture().street + "' -o '" + out + "' --variants 2 --quiet");
+  const Run run = run_tool("night '" + fixture().street + "' -o '" + out + "' --variants 2 --quiet");
   REQUIRE_MESSAGE(run.status == 0, run.output);
   for (const char* name : {"depth.pfm", "depth.png", "uncertain.png", "normals.png", "mesh.glb", "mesh.obj", "report.json",
                            "overview.png", "night_000.png", "night_000.pfm", "night_000.json", "night_001.png",
@@ -124,7 +128,7 @@ TEST_CASE("tool: the same seed gives the same bytes for 1, 2 and 5 threads") {
   std::vector<std::string> reference;
   for (const int threads : {1, 2, 5}) {
     const std::string out = fixture().out("threads" + std::to_string(threads));
-    const Run run = npsim("night '" + fixture().street + "' -o '" + out + "' --variants 2 --quiet --threads " +
+    const Run run = run_tool("night '" + fixture().street + "' -o '" + out + "' --variants 2 --quiet --threads " +
                           std::to_string(threads));
     REQUIRE_MESSAGE(run.status == 0, run.output);
     std::vector<std::string> all;
@@ -148,7 +152,7 @@ TEST_CASE("tool: different seeds and different variants light different windows"
   };
   const auto render = [&](int seed) {
     const std::string out = fixture().out("seed" + std::to_string(seed));
-    const Run run = npsim("night '" + fixture().street + "' -o '" + out + "' --variants 2 --quiet --seed " +
+    const Run run = run_tool("night '" + fixture().street + "' -o '" + out + "' --variants 2 --quiet --seed " +
                           std::to_string(seed));
     REQUIRE_MESSAGE(run.status == 0, run.output);
     return out;
@@ -163,9 +167,12 @@ TEST_CASE("tool: different seeds and different variants light different windows"
 
 TEST_CASE("tool: the thesis preset runs and gives another picture") {
   const std::string out = fixture().out("thesis");
-  const Run run = npsim("night '" + fixture().street + "' -o '" + out + "' --preset thesis --quiet");
+  const Run run = run_tool("night '" + fixture().street + "' -o '" + out + "' --preset thesis --quiet");
   REQUIRE_MESSAGE(run.status == 0, run.output);
-  CHECK(fs::file_size(out + "/night_000.png") > 1000);
+  const std::string plain = fixture().out("plain");
+  REQUIRE(run_tool("night '" + fixture().street + "' -o '" + plain + "' --quiet").status == 0);
+  CHECK(bytes_of(out + "/night_000.png") != bytes_of(plain + "/night_000.png"));
+  CHECK(bytes_of(out + "/depth.pfm") != bytes_of(plain + "/depth.pfm"));
 }
 
 TEST_CASE("tool: a scene of nothing but image, depth and camera runs on its own headlamps") {
@@ -175,13 +182,13 @@ TEST_CASE("tool: a scene of nothing but image, depth and camera runs on its own 
   for (const char* key : {"npsim_scene", "name", "image", "depth", "camera"}) bare[key] = json[key];
   std::ofstream(scene + "/scene.json") << bare;
   const std::string out = fixture().out("bare_night");
-  const Run run = npsim("night '" + scene + "' -o '" + out + "' --quiet");
+  const Run run = run_tool("night '" + scene + "' -o '" + out + "' --quiet");
   REQUIRE_MESSAGE(run.status == 0, run.output);
   CHECK(json_of(out + "/night_000.json")["sources"].size() == 2);
 }
 
 TEST_CASE("tool: inspect says what is there and what is missing") {
-  const Run run = npsim("inspect '" + fixture().street + "'");
+  const Run run = run_tool("inspect '" + fixture().street + "'");
   CHECK(run.status == 0);
   for (const char* word : {"320 x 180", "depth", "missing", "labels", "road", "lights", "window_building"}) {
     CHECK_MESSAGE(run.output.find(word) != std::string::npos, word);
@@ -191,7 +198,7 @@ TEST_CASE("tool: inspect says what is there and what is missing") {
 TEST_CASE("tool: bad input ends in one line that names the file, status 2, and writes nothing") {
   const std::string none = fixture().out("none");
   const auto night = [&](const std::string& scene, const std::string& more = "") {
-    return npsim("night '" + scene + "' -o '" + none + "' --quiet " + more);
+    return run_tool("night '" + scene + "' -o '" + none + "' --quiet " + more);
   };
   check_refused(night(fixture().out("absent")), "absent", none);
   check_refused(night(fixture().street, "--size 10"), "--size", none);
@@ -199,11 +206,14 @@ TEST_CASE("tool: bad input ends in one line that names the file, status 2, and w
   check_refused(night(fixture().street, "--size 99999x99999"), "--size", none);
   check_refused(night(fixture().street, "--variants 0"), "variants", none);
   check_refused(night(fixture().street, "--preset best"), "preset", none);
+  for (const char* seed : {"-1", "99999999999999999999", "0x10", "1.5", "x"}) {
+    check_refused(night(fixture().street, std::string("--seed ") + seed), "seed", none);
+  }
   check_refused(night(fixture().street, "--lights '" + fixture().out("no.json") + "'"), "no.json", none);
-  check_refused(npsim("night '" + fixture().street + "'"), "--output");
-  check_refused(npsim("nights"), "npsim");
-  check_refused(npsim("inspect '" + fixture().out("absent") + "'"), "absent");
-  check_refused(npsim("street '" + none + "' --size 3"), "--size", none);
+  check_refused(run_tool("night '" + fixture().street + "'"), "--output");
+  check_refused(run_tool("nights"), "npsim");
+  check_refused(run_tool("inspect '" + fixture().out("absent") + "'"), "absent");
+  check_refused(run_tool("street '" + none + "' --size 3"), "--size", none);
 
   const std::string truncated = fixture().copy("truncated");
   fs::resize_file(truncated + "/image.png", fs::file_size(truncated + "/image.png") / 2);
@@ -226,14 +236,58 @@ TEST_CASE("tool: bad input ends in one line that names the file, status 2, and w
   check_refused(night(not_json), "scene.json", none);
 }
 
+TEST_CASE("tool: depth that is all missing, or all sky, names the scene file and the field") {
+  const std::string scene = fixture().copy("all_sky");
+  const npsim::Shape shape{320, 180};
+  const npsim::io::Image<std::uint8_t> sky(shape, npsim::label::sky);
+  REQUIRE(npsim::io::write_png(scene + "/labels.png", sky.view()).ok());
+  const Run run = run_tool("night '" + scene + "' -o '" + fixture().out("all_sky_night") + "' --quiet");
+  check_refused(run, "scene.json: depth: ", fixture().out("all_sky_night"));
+}
+
+TEST_CASE("tool: pictures of nothing but one object, and of one row, run to the end") {
+  const std::string scene = fixture().copy("one_object");
+  const npsim::io::Image<std::uint8_t> car({320, 180}, npsim::label::car);
+  REQUIRE(npsim::io::write_png(scene + "/labels.png", car.view()).ok());
+  CHECK(run_tool("night '" + scene + "' -o '" + fixture().out("one_object_night") + "' --quiet").status == 0);
+  const Run row = run_tool("night '" + fixture().street + "' -o '" + fixture().out("row") + "' --quiet --size 64x1");
+  CHECK_MESSAGE(row.status == 0, row.output);
+}
+
+TEST_CASE("tool: an interrupt ends a run with status 130 and leaves no partial file") {
+  for (const char* command : {"street '%s' --size 1920x1080 --quiet", "night '%s' -o '%s' --size 960x540 --variants 9 --quiet"}) {
+    std::array<char, 1024> line{};
+    const std::string out = fixture().out("interrupted");
+    const bool night = command[0] == 'n';
+    std::snprintf(line.data(), line.size(), command, night ? fixture().street.c_str() : out.c_str(), out.c_str());
+    const std::string shell =
+        "timeout --preserve-status -s INT 1 '" + std::string(NPSIM_TOOL) + "' " + line.data() + " 2>/dev/null";
+    const int status = std::system(shell.c_str());
+    CHECK(WEXITSTATUS(status) == 130);
+    if (fs::exists(out)) {
+      for (const auto& entry : fs::recursive_directory_iterator(out)) CHECK(entry.path().extension() != ".partial");
+      CHECK(!fs::exists(fs::path(out) / "report.json"));
+    }
+  }
+}
+
+TEST_CASE("tool: fewer variants into the same folder leave no night of the earlier run") {
+  const std::string out = fixture().out("again");
+  REQUIRE(run_tool("night '" + fixture().street + "' -o '" + out + "' --quiet --variants 3").status == 0);
+  REQUIRE(run_tool("night '" + fixture().street + "' -o '" + out + "' --quiet --variants 1").status == 0);
+  CHECK(fs::exists(out + "/night_000.png"));
+  CHECK(!fs::exists(out + "/night_001.png"));
+  CHECK(!fs::exists(out + "/night_002.json"));
+}
+
 TEST_CASE("tool: an output folder that cannot be made is refused before any work") {
   std::ofstream(fixture().out("file")) << "x";
-  check_refused(npsim("night '" + fixture().street + "' -o '" + fixture().out("file") + "/inside' --quiet"), "inside");
+  check_refused(run_tool("night '" + fixture().street + "' -o '" + fixture().out("file") + "/inside' --quiet"), "inside");
 }
 
 TEST_CASE("tool: help and version end with status 0") {
   for (const char* arguments : {"--help", "--version", "night --help", "street --help", "inspect --help"}) {
-    CHECK_MESSAGE(npsim(arguments).status == 0, arguments);
+    CHECK_MESSAGE(run_tool(arguments).status == 0, arguments);
   }
 }
 

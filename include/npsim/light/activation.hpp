@@ -210,6 +210,21 @@ struct SignalChoice {
   return a;
 }
 
+// The greatest peak intensity, in cd, that activate_lights() can draw for an emitter in any variant.
+[[nodiscard]] inline float strongest_intensity_cd(const ActivationParams& p, const Emitter& e) noexcept {
+  const LightClassModel model = light_class_model(e.cls, e.profile);
+  if (model.xy_count == 0) return 0.0F;
+  const bool street = light_detail::is_street_light(e.cls);
+  float strength = model.strength_high;
+  if (e.cls == LightClass::moving_rear && strength < kStopLampCd[1]) strength = kStopLampCd[1];
+  if (street) strength *= light_detail::height_factor(e.mounting_height_m);
+  for (const LightSetEntry& entry : p.light_set) {
+    if (entry.cls == e.cls && entry.strength > strength) strength = entry.strength;
+  }
+  if (street) strength *= 1.0F + p.street_strength_jitter;
+  return peak_intensity_cd(e.profile, strength, e.area_m2);
+}
+
 // One night. `day_rgb` is empty or holds, per emitter, the linear mean colour of its brightest pixels by day.
 // Emitters of a class without a model (groups, none) stay dark.
 [[nodiscard]] inline Status activate_lights(const ActivationParams& p, std::uint64_t seed, std::uint32_t variant,

@@ -14,6 +14,7 @@
 #include <cstdint>
 
 #include "npsim/core/observe.hpp"
+#include "npsim/core/random.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/pipeline/photograph.hpp"
@@ -32,8 +33,18 @@ struct NightParams {
   RelightParams relight;
   PhotographParams camera;
   std::uint64_t seed = 0;
+  std::uint64_t photograph = 0;  // another number for every photograph of a data set: no two share a random draw
   int variants = 1;
 };
+
+// One key of seed and photograph; different pairs give different keys with overwhelming probability.
+[[nodiscard]] constexpr std::uint64_t random_key(const NightParams& params) noexcept {
+  const auto low = [](std::uint64_t v) { return static_cast<std::uint32_t>(v); };
+  const auto high = [](std::uint64_t v) { return static_cast<std::uint32_t>(v >> 32U); };
+  const auto block = philox4x32({low(params.seed), high(params.seed), low(params.photograph), high(params.photograph)},
+                                {0x4E505369U, 0x6D000001U});
+  return (std::uint64_t{block[0]} << 32U) | block[1];
+}
 
 // What measured better than the text, see docs/guide.md.
 [[nodiscard]] inline NightParams default_night_params() noexcept { return {}; }
@@ -70,6 +81,8 @@ template <class Executor, class Observer, class Sink>
 Status make_nights(const NightParams& params, const SceneView& scene, Workspace& workspace, Executor& executor,
                    Observer& observer, Sink& sink) {
   NPSIM_RETURN_IF_ERROR(validate(scene));
+  NPSIM_RETURN_IF_ERROR(validate(params.relight));
+  const std::uint64_t key = random_key(params);
   RefinedDepth refined;
   NPSIM_RETURN_IF_ERROR(refine_depth(params.depth, scene, workspace, executor, observer, refined));
   SceneMesh mesh;
@@ -81,7 +94,7 @@ Status make_nights(const NightParams& params, const SceneView& scene, Workspace&
   observer.end(Stage::build_trace);
 
   Relighting light;
-  NPSIM_RETURN_IF_ERROR(prepare_relighting(params.relight, params.seed, params.variants, scene, refined, mesh, bvh,
+  NPSIM_RETURN_IF_ERROR(prepare_relighting(params.relight, key, params.variants, scene, refined, mesh, bvh,
                                            workspace, executor, observer, light));
   NPSIM_RETURN_IF_ERROR(sink.reconstructed(refined, mesh, light, bvh));
 
@@ -93,7 +106,7 @@ Status make_nights(const NightParams& params, const SceneView& scene, Workspace&
   for (int variant = 0; variant < params.variants; ++variant) {
     NPSIM_RETURN_IF_ERROR(relight(params.relight, scene, light, variant, linear, workspace, executor, observer));
     observer.begin(Stage::camera);
-    NPSIM_RETURN_IF_ERROR(photograph(params.camera, params.seed, static_cast<std::uint32_t>(variant), linear, picture,
+    NPSIM_RETURN_IF_ERROR(photograph(params.camera, key, static_cast<std::uint32_t>(variant), linear, picture,
                                      night.exposure, workspace, executor));
     observer.end(Stage::camera);
     night.variant = variant;

@@ -111,7 +111,8 @@ namespace refine_detail {
   filter.keep_invalid = true;
   if (params.filter_reference_width_px > 0) {
     const float scale = static_cast<float>(shape.width) / static_cast<float>(params.filter_reference_width_px);
-    filter.sigma_s_px = std::max(0.5F, filter.sigma_s_px * scale);
+    const float sigma = filter.sigma_s_px * scale;
+    filter.sigma_s_px = sigma < 0.5F ? 0.5F : sigma;  // a NaN stays one and is refused
   }
   return filter;
 }

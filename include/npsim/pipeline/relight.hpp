@@ -50,6 +50,17 @@ struct RelightParams {
   EgoHeadlampParams ego;
 };
 
+[[nodiscard]] inline Status validate(const RelightParams& p) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(p.sky));
+  NPSIM_RETURN_IF_ERROR(validate(p.activation));
+  NPSIM_RETURN_IF_ERROR(validate(p.denoise));
+  NPSIM_RETURN_IF_ERROR(validate(p.gather));
+  NPSIM_RETURN_IF_ERROR(validate(p.visibility));
+  if (p.bounces < 1 || p.bounces > 16) return {StatusCode::invalid_argument, "relight: bounces in 1..16"};
+  if (!(p.f0 >= 0.0F && p.f0 <= 1.0F)) return {StatusCode::invalid_argument, "relight: f0 in [0, 1]"};
+  return {};
+}
+
 // Everything that the variants share; spans into the workspace.
 struct Relighting {
   GroundPlane ground;
@@ -76,7 +87,7 @@ inline constexpr float kInversePi = 0.31830989F;
   const std::size_t points = kMaxVerticesPerPixel * pixels;
   const std::size_t emitters = scene.lights.size() + kEgoHeadlampCount;
   return allocation_bytes<Vec3f>(points) * 5 + allocation_bytes<float>(points) +
-         bvh_workspace_bytes(4 * pixels) + allocation_bytes<std::uint16_t>(4 * pixels) +
+         allocation_bytes<std::uint16_t>(4 * pixels) +
          allocation_bytes<std::uint8_t>(emitters * points) + allocation_bytes<std::uint32_t>(pixels) * 2 +
          allocation_bytes<std::uint32_t>(pixels * static_cast<std::size_t>(params.gather.rays)) +
          allocation_bytes<Vec3f>(pixels) * 5 + denoise_workspace_bytes(params.denoise, scene.shape()) +
@@ -92,7 +103,7 @@ inline constexpr float kInversePi = 0.31830989F;
 
 namespace relight_detail {
 
-// Linear colour of the brightest tenth of each emitter's pixels: what a signal shows by day.
+// Mean colour of each emitter's pixels, weighted by the fourth power of their brightness: what a signal shows by day.
 inline void daytime_colours(const SceneView& scene, Span<const std::uint32_t> emitter_of_mark, Span<Vec3f> colour,
                             Span<float> brightest) {
   for (std::size_t e = 0; e < colour.size(); ++e) {
@@ -123,7 +134,7 @@ inline void daytime_colours(const SceneView& scene, Span<const std::uint32_t> em
   }
 }
 
-// Brightness of a lit source across its area, mean 1: a window shows curtains and bars, a sign its letters. By day they
+// Brightness of a lit source across its area, about 1 on average, at most 2: a window shows curtains and bars, a sign its letters. By day they
 // show in the photograph; half of that contrast is taken, as the light now comes from behind.
 [[nodiscard]] inline float texture(const SceneView& scene, float mean, int x, int y) {
   if (!(mean > 0.0F)) return 1.0F;
@@ -163,8 +174,8 @@ inline void continue_over_frame(ImageView<const Label> labels, ImageView<Vec3f> 
       int qy = y;
       for (int step = 0; step < reach && kFrame.contains(labels(qx, qy)); ++step) {
         // Inwards from the nearest border first, so that corners go diagonally.
-        const bool border_x = qx < reach || qx >= shape.width - reach;
-        const bool border_y = qy < reach || qy >= shape.height - reach;
+        const bool border_x = shape.width > 2 * reach && (qx < reach || qx >= shape.width - reach);
+        const bool border_y = shape.height > 2 * reach && (qy < reach || qy >= shape.height - reach);
         if (border_x) qx += qx < shape.width / 2 ? 1 : -1;
         if (border_y) qy += qy < shape.height / 2 ? 1 : -1;
       }
@@ -226,9 +237,10 @@ Status prepare_relighting(const RelightParams& params, std::uint64_t seed, int v
     const Span<Activation> drawn = activations.sub(static_cast<std::size_t>(v) * count, count);
     NPSIM_RETURN_IF_ERROR(
         activate_lights(params.activation, seed, static_cast<std::uint32_t>(v), emitters, day_rgb, drawn));
+    // What could be drawn, not what was: so a variant's bits do not depend on how many others there are. An emitter that
+    // no variant lights contributes to none and needs no rays.
     for (std::size_t e = 0; e < count; ++e) {
-      const float cd = drawn[e].lit ? luminance(drawn[e].intensity_cd) : 0.0F;
-      if (cd > peak_cd[e]) peak_cd[e] = cd;
+      if (drawn[e].lit) peak_cd[e] = strongest_intensity_cd(params.activation, emitters[e]);
     }
   }
   observer.end(Stage::lights);
@@ -368,7 +380,7 @@ Status relight(const RelightParams& params, const SceneView& scene, const Religh
           // No surface: the sky above the horizon; what belongs to the camera's own car stays black.
           const bool sky = scene.labels.empty() || scene.labels(x, y) == label::sky;
           const Vec3f direction = normalized(unproject_pixel(scene.camera, x, y, 1.0F));
-          if (sky) seen = sky_luminance(shared.sky, direction);
+          if (sky) seen = sky_luminance(shared.sky, raised_to_horizon(shared.sky, direction));
         }
         const std::uint16_t mark = scene.light_index.empty() ? std::uint16_t{0} : scene.light_index(x, y);
         const std::uint32_t emitter = mark == 0 ? kNoPoint : shared.emitter_of_mark[mark - 1U];

@@ -47,6 +47,7 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
                           const SceneMesh& mesh, const SurfaceAttributes& out, Workspace& workspace,
                           Executor& executor) {
   const Shape shape = scene.shape();
+  const auto share = [](float v) { return v > 0.0F ? (v < 1.0F ? v : 1.0F) : 0.0F; };  // a NaN becomes 0
   WorkspaceScope scope(workspace);
   ImageView<Vec3f> albedo;
   ImageView<Vec3f> normal;
@@ -60,14 +61,17 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
     NPSIM_RETURN_IF_ERROR(estimate_albedo(params.albedo, scene.image, refined.labels, workspace, albedo, executor));
   } else {
     for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) albedo(x, y) = scene.albedo(x, y);
+      for (int x = 0; x < shape.width; ++x) {
+        const Vec3f a = scene.albedo(x, y);
+        albedo(x, y) = {share(a.x), share(a.y), share(a.z)};
+      }
     }
   }
   if (scene.roughness.empty()) {
     NPSIM_RETURN_IF_ERROR(estimate_roughness(params.roughness, refined.labels, alpha, executor));
   } else {
     for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) alpha(x, y) = scene.roughness(x, y);
+      for (int x = 0; x < shape.width; ++x) alpha(x, y) = share(scene.roughness(x, y));
     }
   }
   for (int y = 0; y < shape.height; ++y) {

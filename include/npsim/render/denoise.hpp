@@ -28,6 +28,12 @@ struct DenoiseParams {
   float plane_sigma = 0.01F;      // distance from the tangent plane, as a share of depth
 };
 
+[[nodiscard]] inline Status validate(const DenoiseParams& p) noexcept {
+  const bool good = p.iterations >= 0 && p.iterations <= 8 && p.normal_power_doublings >= 0 &&
+                    p.normal_power_doublings <= 8 && p.plane_sigma > 0.0F;
+  return good ? Status() : Status(StatusCode::invalid_argument, "denoise: iterations and power in 0..8, plane_sigma positive");
+}
+
 [[nodiscard]] constexpr std::size_t denoise_workspace_bytes(const DenoiseParams&, Shape shape) noexcept {
   return kWorkspaceAlignment + allocation_bytes<Vec3f>(shape.pixels());
 }
@@ -73,10 +79,7 @@ Status denoise_irradiance(const DenoiseParams& params, ImageView<const Vec3f> po
   if (position.shape() != shape || normal.shape() != shape) {
     return Status(StatusCode::shape_mismatch, "denoise: position, normal and irradiance must have one size");
   }
-  if (params.iterations < 0 || params.iterations > 8 || params.normal_power_doublings < 0 ||
-      params.normal_power_doublings > 8 || !(params.plane_sigma > 0.0F)) {
-    return Status(StatusCode::invalid_argument, "denoise: iterations and power in 0..8, plane_sigma positive");
-  }
+  NPSIM_RETURN_IF_ERROR(validate(params));
   WorkspaceScope scope(workspace);
   ImageView<Vec3f> other;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, other));

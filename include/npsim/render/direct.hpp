@@ -3,8 +3,10 @@
 //
 //   E(p) = sum_e V(e, p) I_e f_e(direction) cos / d^2                       illuminance, lx, linear RGB
 //   L(p) = sum_e V(e, p) I_e f_e(direction) cos / d^2 * bsdf(camera, light)   luminance towards the camera, cd/m2
-// Emitters count as points at their centre here; their extent enters through V and the bounded distance. For a patch
-// seen at distance d >= 2 extents the illuminance differs from the patch integral by less than 5 %.
+// Emitters count as points at their centre here; their extent enters through V and the bounded distance. Against the
+// integral over the patch, with d in units of its longer side: within 5 % from d = 2 where receiver and patch face each
+// other, 15 % where they stand at right angles (a pavement under a shop window), 7 % from d = 3; unbounded where the
+// patch straddles the receiver's horizon, which lamps of a street's size do in a narrow strip only.
 // Cost: one evaluation per pair with V > 0. Every point sums in emitter order, so the bits never depend on threads.
 #ifndef NPSIM_RENDER_DIRECT_HPP
 #define NPSIM_RENDER_DIRECT_HPP

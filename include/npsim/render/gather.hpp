@@ -35,6 +35,11 @@ struct GatherParams {
   std::uint64_t seed = 0;
 };
 
+[[nodiscard]] inline Status validate(const GatherParams& p) noexcept {
+  const bool good = p.rays >= 1 && p.rays <= 4096 && p.relative_bias >= 0.0F && p.relative_bias < 1.0F;
+  return good ? Status() : Status(StatusCode::invalid_argument, "gather: rays in 1..4096, bias in [0, 1)");
+}
+
 inline namespace NPSIM_ISA_NAMESPACE {
 
 // Traces the rays of `receivers` (indices into points, which are the vertices of `faces`). hits[r * rays + s] becomes the point that ray s of receiver r
@@ -44,9 +49,7 @@ Status trace_gather_rays(const GatherParams& params, const Bvh& bvh, Span<const 
                          Span<const std::uint32_t> receivers, const SkyParams& sky, Span<std::uint32_t> hits,
                          Span<Vec3f> sky_irradiance, Executor& executor, Observer& observer) {
   NPSIM_RETURN_IF_ERROR(validate(points));
-  if (params.rays < 1 || params.rays > 4096 || !(params.relative_bias >= 0.0F)) {
-    return Status(StatusCode::invalid_argument, "gather: rays in 1..4096, bias not negative");
-  }
+  NPSIM_RETURN_IF_ERROR(validate(params));
   const auto rays = static_cast<std::size_t>(params.rays);
   if (hits.size() != receivers.size() * rays || sky_irradiance.size() != receivers.size()) {
     return Status(StatusCode::shape_mismatch, "gather needs one hit per ray and one sky irradiance per receiver");

@@ -42,6 +42,14 @@ struct VisibilityParams {
   std::uint64_t seed = 0;
 };
 
+[[nodiscard]] inline Status validate(const VisibilityParams& p) noexcept {
+  const bool good = p.samples_per_side >= 1 && p.samples_per_side <= 16 && p.cutoff_lx >= 0.0F &&
+                    p.small_angle >= 0.0F && p.relative_bias >= 0.0F && p.relative_bias < 1.0F;
+  return good ? Status()
+              : Status(StatusCode::invalid_argument,
+                       "visibility: samples_per_side in 1..16, cutoff and angle not negative, bias in [0, 1)");
+}
+
 inline namespace NPSIM_ISA_NAMESPACE {
 
 // Unshadowed illuminance (lx) at a point per candela of the emitter's peak intensity; `to_light` is the unit direction.
@@ -69,10 +77,7 @@ Status compute_visibility(const VisibilityParams& params, const Bvh& bvh, const 
   if (peak_cd.size() != emitters.size() || visibility.size() != emitters.size() * points.size()) {
     return Status(StatusCode::shape_mismatch, "visibility needs one peak per emitter and one byte per pair");
   }
-  if (params.samples_per_side < 1 || params.samples_per_side > 16 || !(params.cutoff_lx >= 0.0F) ||
-      !(params.relative_bias >= 0.0F)) {
-    return Status(StatusCode::invalid_argument, "visibility: samples_per_side in 1..16, cutoff and bias not negative");
-  }
+  NPSIM_RETURN_IF_ERROR(validate(params));
   constexpr std::size_t kChunk = 2048;
   executor.for_chunks(points.size(), kChunk, [&](std::size_t begin, std::size_t end) {
     if (observer.cancelled()) return;
