@@ -2,6 +2,7 @@
 // Light transport against closed forms: patch integrals, blockers, furnaces.
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <vector>
@@ -247,4 +248,138 @@ TEST_CASE("direct light: a lit lamp on a Lambertian road gives E = I cos / d^2 a
               .ok());
   CHECK(illuminance == Vec3f{});
   CHECK(out == Vec3f{});
+}
+
+namespace {
+
+// Whether the segment from a to b crosses a triangle strictly inside, in double (Moeller and Trumbore 1997); `margin` is
+// how far the crossing lies from the triangle's border and from both ends, in barycentric and segment parameters.
+bool crosses(const Vec3d& a, const Vec3d& b, const Vec3d& p, const Vec3d& q, const Vec3d& r, double& margin) {
+  const Vec3d d = b - a;
+  const Vec3d e1 = q - p;
+  const Vec3d e2 = r - p;
+  const Vec3d h = cross(d, e2);
+  const double det = dot(e1, h);
+  if (det == 0) return false;
+  const Vec3d s = a - p;
+  const double u = dot(s, h) / det;
+  const Vec3d k = cross(s, e1);
+  const double v = dot(d, k) / det;
+  const double t = dot(e2, k) / det;
+  const double inside = std::min({u, v, 1 - u - v, t, 0.999 - t});
+  margin = std::min(margin, std::fabs(inside));
+  return inside > 0;
+}
+
+}  // namespace
+
+TEST_CASE("visibility and direct light agree with brute force in double among random triangles and lamps") {
+  World world;
+  RandomStream random(17, RandomPurpose::test, 0, 0, 0, 0);
+  constexpr std::size_t kPoints = 300;
+  for (std::size_t i = 0; i < kPoints; ++i) {
+    world.add_point({random.uniform(-5, 5), random.uniform(-2, 2), random.uniform(4, 16)},
+                    normalized(Vec3f{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)}));
+  }
+  for (int i = 0; i < 40; ++i) {
+    const auto first = static_cast<std::uint32_t>(world.vertices.size());
+    const Vec3f centre{random.uniform(-5, 5), random.uniform(-3, 2), random.uniform(4, 16)};
+    for (int c = 0; c < 3; ++c) {
+      world.add_point(centre + Vec3f{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)}, {0, -1, 0});
+    }
+    world.faces.push_back({first, first + 1, first + 2});
+  }
+  world.build();
+  std::vector<Emitter> lamps;
+  std::vector<Activation> lit;
+  std::vector<float> peak;
+  for (int i = 0; i < 6; ++i) {
+    Emitter lamp = lamp_above(1e-3F);  // a point: one ray each
+    lamp.centre_m = {random.uniform(-5, 5), random.uniform(-5, -3), random.uniform(4, 16)};
+    lamps.push_back(lamp);
+    Activation a;
+    a.lit = i != 3;
+    a.intensity_cd = {random.uniform(100, 1000), random.uniform(100, 1000), random.uniform(100, 1000)};
+    lit.push_back(a);
+    peak.push_back(1e9F);  // so that nothing is weak enough to be skipped or copied
+  }
+  VisibilityParams params;
+  params.cutoff_lx = 0;
+  SerialExecutor serial;
+  NullObserver observer;
+  const std::size_t n = world.vertices.size();
+  std::vector<std::uint8_t> seen(n * lamps.size());
+  const std::vector<std::uint16_t> no_marks(world.faces.size(), 0);
+  REQUIRE(compute_visibility(params, world.bvh, world.points(), {lamps.data(), lamps.size()}, {peak.data(), peak.size()},
+                             {no_marks.data(), no_marks.size()}, {seen.data(), seen.size()}, serial, observer)
+              .ok());
+  std::vector<Vec3f> illuminance(n);
+  std::vector<Vec3f> luminance_out(n);
+  REQUIRE(direct_light(world.points(), {lamps.data(), lamps.size()}, {lit.data(), lit.size()},
+                       {seen.data(), seen.size()}, 0.04F, {illuminance.data(), n}, {luminance_out.data(), n}, serial)
+              .ok());
+  int compared = 0;
+  int shadowed = 0;
+  for (std::size_t p = 0; p < kPoints; ++p) {
+    Vec3d expected;
+    double margin = 1;
+    for (std::size_t e = 0; e < lamps.size(); ++e) {
+      const Vec3d origin = vec_cast<double>(pulled_out(world.vertices[p], world.normals[p], params.relative_bias));
+      const Vec3d centre = vec_cast<double>(lamps[e].centre_m);
+      const Vec3d delta = centre - vec_cast<double>(world.vertices[p]);
+      const double r = length(delta);
+      const double cosine = dot(vec_cast<double>(world.normals[p]), delta) / r;
+      const double down = -delta.y / r;  // lambert about (0, 1, 0)
+      if (cosine <= 0 || down <= 0) {
+        CHECK(seen[e * n + p] == 0);
+        continue;
+      }
+      bool blocked = false;
+      for (const Face& f : world.faces) {
+        blocked = crosses(origin, centre, vec_cast<double>(world.vertices[f.a]), vec_cast<double>(world.vertices[f.b]),
+                          vec_cast<double>(world.vertices[f.c]), margin) ||
+                  blocked;
+      }
+      if (blocked) ++shadowed;
+      if (blocked || !lit[e].lit) continue;
+      expected += vec_cast<double>(lit[e].intensity_cd) * (down * cosine / (r * r));
+    }
+    if (margin < 1e-4) continue;  // the middle of so small a patch may fall on either side of an edge
+    ++compared;
+    CHECK(static_cast<double>(illuminance[p].x) == doctest::Approx(expected.x).epsilon(1e-4));
+    CHECK(static_cast<double>(illuminance[p].z) == doctest::Approx(expected.z).epsilon(1e-4));
+  }
+  CHECK(compared > 200);
+  CHECK(shadowed > 50);
+}
+
+TEST_CASE("visibility: what weak pairs copy from their neighbours stays within the stated 500 cut-offs per emitter") {
+  World world;
+  // A level floor in rows, a wall that throws a shadow edge across them.
+  for (int y = 0; y < 20; ++y) {
+    for (int x = 0; x < 200; ++x) {
+      world.add_point({-10 + 0.1F * static_cast<float>(x), 1.5F, 4 + 0.5F * static_cast<float>(y)}, {0, -1, 0});
+    }
+  }
+  const std::size_t floor_points = world.vertices.size();
+  world.add_quad({0, -1, 0}, {0, 1.4F, 0}, {0, 1.4F, 30}, {0, -1, 30}, {-1, 0, 0});
+  world.build();
+  Emitter lamp = lamp_above(0.01F);
+  lamp.centre_m = {-3, -2, 9};
+  const std::vector<std::uint16_t> no_marks(world.faces.size(), 0);
+  constexpr float kCutoff = 1e-3F;
+  bool any_copied_wrong = false;
+  for (const float cd : {0.05F, 0.5F, 3.0F, 50.0F}) {
+    const auto exact = visibility_of(world, lamp, cd, no_marks, 0.0F);
+    const auto quick = visibility_of(world, lamp, cd, no_marks, kCutoff);
+    for (std::size_t p = 0; p < floor_points; ++p) {
+      Vec3f to_light;
+      const float unshadowed = cd * illuminance_per_cd(lamp, world.vertices[p], world.normals[p], to_light);
+      const float off = unshadowed * std::fabs(static_cast<float>(exact[p]) - static_cast<float>(quick[p])) / 255.0F;
+      CHECK(off <= 500 * kCutoff);
+      if (unshadowed >= 500 * kCutoff) CHECK(exact[p] == quick[p]);
+      any_copied_wrong = any_copied_wrong || (unshadowed > kCutoff && exact[p] != quick[p]);
+    }
+  }
+  CHECK(any_copied_wrong);  // else the bound was not put to the test
 }

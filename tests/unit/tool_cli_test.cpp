@@ -231,6 +231,10 @@ TEST_CASE("tool: bad input ends in one line that names the file, status 2, and w
   std::ofstream(no_camera + "/scene.json") << json;
   check_refused(night(no_camera), "camera", none);
 
+  const std::string unknown_ids = fixture().copy("unknown_ids");
+  REQUIRE(npsim::io::write_png(unknown_ids + "/labels.png", npsim::io::Image<std::uint8_t>({320, 180}, 200).view()).ok());
+  check_refused(night(unknown_ids), "labels.png: labels.encoding", none);
+
   const std::string not_json = fixture().copy("not_json");
   std::ofstream(not_json + "/scene.json") << "{\"image\": ";
   check_refused(night(not_json), "scene.json", none);

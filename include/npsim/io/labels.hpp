@@ -41,7 +41,8 @@ inline Expected<LabelEncoding> label_encoding(const std::string& file, const std
 // The label of one stored number; known is cleared where the definition has no such number.
 [[nodiscard]] constexpr Label decode_label(std::int32_t v, LabelEncoding encoding, bool& known) noexcept {
   constexpr std::int32_t kNone = 255;
-  if (v == kNone || v == -1) return label::unlabeled;
+  constexpr std::int32_t kNone16 = 65535;  // -1, the licence plate's id, in 16 bits
+  if (v == kNone || v == kNone16 || v == -1) return label::unlabeled;
   const std::int32_t id = encoding == LabelEncoding::cityscapes_instance_ids && v >= 1000 ? v / 1000 : v;
   if (encoding == LabelEncoding::cityscapes_train_ids) {
     const Label l = id >= 0 && id < kNone ? label_from_train_id(static_cast<std::uint8_t>(id)) : label::unlabeled;

@@ -108,12 +108,13 @@ inline Outcome read_scene_labels(const JsonObject& entry, const ReadLimits& limi
   if (!labels) return labels.error();
   const Outcome same = expect_shape(path.value(), labels.value().shape(), scene.shape(), "the image");
   if (!same) return same;
+  if (unknown > 0) {
+    return Error{path.value(), entry.field("encoding"),
+                 std::to_string(unknown) + " pixels hold ids without an entry in " + name.value() +
+                     ", expected ids of the Cityscapes definition, or 255 for none"};
+  }
   scene.labels = std::move(labels.value());
   scene.notes.push_back("labels: " + name.value());
-  if (unknown > 0) {
-    scene.notes.push_back("labels: " + std::to_string(unknown) +
-                          " pixels with numbers outside the definition taken as unlabeled");
-  }
   return Done{};
 }
 
