@@ -37,7 +37,7 @@ inline namespace v1 {
 struct VisibilityParams {
   int samples_per_side = 4;         // k of the penumbra, 1..16
   float small_angle = 0.02F;        // patch side / distance below which one ray is enough
-  float cutoff_lx = 2e-4F;          // full moon: 0.25 lx; city sky: 0.07 lx
+  float cutoff_lx = 5e-4F;          // full moon: 0.25 lx; city sky: 0.07 lx
   float relative_bias = 3e-3F;      // see pulled_out()
   std::uint64_t seed = 0;
 };
