@@ -101,6 +101,7 @@
 #include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/pipeline/relight.hpp"
 #include "npsim/pipeline/scene_view.hpp"
+#include "npsim/pipeline/source_pixels.hpp"
 #include "npsim/pipeline/surface_attributes.hpp"
 
 #endif  // NPSIM_NPSIM_HPP
