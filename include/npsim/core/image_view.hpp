@@ -70,6 +70,14 @@ class ImageView {
   Shape shape_{};
 };
 
+// Copies every pixel; both views have one shape and do not overlap.
+template <class From, class To>
+constexpr void copy_pixels(const ImageView<From>& from, const ImageView<To>& to) noexcept {
+  for (int y = 0; y < to.height(); ++y) {
+    for (int x = 0; x < to.width(); ++x) to(x, y) = from(x, y);
+  }
+}
+
 }  // namespace v1
 }  // namespace npsim
 

@@ -70,9 +70,7 @@ template <class Executor>
     return {StatusCode::invalid_argument, "drop_outliers: tolerances positive, radius in 0..32, share in 0..1"};
   }
   if (labels.empty()) {
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) output(x, y) = depth(x, y);
-    }
+    copy_pixels(depth, output);
     return {};
   }
   std::size_t measured = 0;

@@ -198,9 +198,7 @@ Status guiding_normals(const RefineDepthParams& params, const SceneView& scene, 
   WorkspaceScope scope(workspace);
   ImageView<Vec3f> smooth;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, smooth));
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) smooth(x, y) = out.normals(x, y);
-  }
+  copy_pixels(out.normals, smooth);
   NPSIM_RETURN_IF_ERROR(
       smooth_normals(params.ground_normals.smoothing, depth, out.labels, smooth, workspace, executor));
   straighten_ground(params.ground_normals, ground, out.labels, smooth, out.normals);
@@ -233,9 +231,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
     WorkspaceScope scope(workspace);
     ImageView<float> measured;
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) measured(x, y) = scene.depth(x, y);
-    }
+    copy_pixels(scene.depth, measured);
     if (params.drop_outliers) {
       GroundPlane ground;
       NPSIM_RETURN_IF_ERROR(
@@ -276,9 +272,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
     NPSIM_RETURN_IF_ERROR(cross_bilateral(filter, ImageView<const float>(out.depth), out.labels,
                                           ImageView<const Vec3f>(lab), filtered, workspace, executor));
     exchange(filtered);
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) out.depth(x, y) = filtered(x, y);
-    }
+    copy_pixels(filtered, out.depth);
   }
   observer.end(Stage::cross_bilateral);
   NPSIM_RETURN_IF_ERROR(cancelled());

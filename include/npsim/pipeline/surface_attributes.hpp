@@ -74,9 +74,7 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
       for (int x = 0; x < shape.width; ++x) alpha(x, y) = share(scene.roughness(x, y));
     }
   }
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) normal(x, y) = refined.normals(x, y);
-  }
+  copy_pixels(refined.normals, normal);
 
   const auto width = static_cast<std::uint32_t>(shape.width);
   const auto copy = [&](std::size_t first, std::size_t last, bool hidden_too) {

@@ -98,9 +98,7 @@ Status denoise_irradiance(const DenoiseParams& params, ImageView<const Vec3f> po
     to = swap;
   }
   if (from.data() != irradiance.data()) {
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) irradiance(x, y) = from(x, y);
-    }
+    copy_pixels(from, irradiance);
   }
   return {};
 }
