@@ -53,7 +53,7 @@ struct Scene {
     std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, shape));
     Workspace workspace(bytes.data(), bytes.size());
     const Status s = cross_bilateral(p, {depth.data(), shape}, ImageView<const L>(labels.data(), shape),
-                                     {lab.data(), shape}, {out.data(), shape}, workspace, executor);
+                                     {lab.data(), shape}, {out.data(), shape}, result, workspace, executor);
     CHECK(workspace.used() == 0);
     return s;
   }
@@ -107,6 +107,7 @@ struct Scene {
   std::vector<L> labels;
   std::vector<Vec3f> lab;
   std::vector<float> out;
+  CrossBilateralResult result;
 };
 
 }  // namespace
@@ -257,7 +258,7 @@ TEST_CASE("cross-bilateral gives the same bits with one lane, with chunks backwa
       labels(x, y) = s.labels[s.at(x, y)];
     }
   }
-  REQUIRE(cross_bilateral(p, z, labels, lab, z, workspace, serial).ok());
+  REQUIRE(cross_bilateral(p, z, labels, lab, z, s.result, workspace, serial).ok());
   for (int y = 0; y < 23; ++y) {
     for (int x = 0; x < 45; ++x) CHECK(z(x, y) == expected[s.at(x, y)]);
     CHECK(wide[static_cast<std::size_t>(y * 60 + 3)] == -9.0F);
@@ -290,7 +291,7 @@ TEST_CASE("cross-bilateral refuses bad arguments") {
   const ImageView<float> out(s.out.data(), s.shape);
   const ImageView<const std::uint8_t> labels(s.labels.data(), s.shape);
   const ImageView<const Vec3f> lab(s.lab.data(), s.shape);
-  CHECK(cross_bilateral(p, z, labels, lab, out, none, serial).code() == StatusCode::workspace_exhausted);
-  CHECK(cross_bilateral(p, z, labels, {}, out, none, serial).code() == StatusCode::shape_mismatch);
-  CHECK(cross_bilateral(p, {}, labels, lab, out, none, serial).code() == StatusCode::no_valid_input);
+  CHECK(cross_bilateral(p, z, labels, lab, out, s.result, none, serial).code() == StatusCode::workspace_exhausted);
+  CHECK(cross_bilateral(p, z, labels, {}, out, s.result, none, serial).code() == StatusCode::shape_mismatch);
+  CHECK(cross_bilateral(p, {}, labels, lab, out, s.result, none, serial).code() == StatusCode::no_valid_input);
 }

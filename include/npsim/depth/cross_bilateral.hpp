@@ -48,6 +48,15 @@ struct CrossBilateralParams {
   bool use_labels = true;
   bool use_colour = true;
   bool keep_invalid = false;  // leave pixels without depth (the sky) without depth
+  // What the result may differ from equation (3.2) evaluated without rounding, relative to the result.
+  float max_relative_error = 2e-5F;
+};
+
+enum class CrossBilateralMethod { exact, approximate };
+
+struct CrossBilateralResult {
+  CrossBilateralMethod method = CrossBilateralMethod::exact;
+  float relative_error_bound = 0.0F;  // holds for every pixel that has a result
 };
 
 [[nodiscard]] inline int cross_bilateral_radius(const CrossBilateralParams& params, Shape shape) noexcept {
@@ -222,7 +231,7 @@ template <class F, class LabelPixel, class Executor>
 template <class AnyLabel, class Executor>
 [[nodiscard]] Status cross_bilateral(const CrossBilateralParams& params, ImageView<const float> depth,
                                      ImageView<AnyLabel> labels, ImageView<const Vec3f> lab, ImageView<float> output,
-                                     Workspace& workspace, Executor& executor) noexcept {
+                                     CrossBilateralResult& result, Workspace& workspace, Executor& executor) noexcept {
   using LabelPixel = std::remove_const_t<AnyLabel>;
   static_assert(std::is_same_v<LabelPixel, std::uint8_t> || std::is_same_v<LabelPixel, std::uint16_t>,
                 "labels are 8- or 16-bit and unsigned");
@@ -243,6 +252,10 @@ template <class AnyLabel, class Executor>
       (colour && (lab.empty() || lab.shape() != shape))) {
     return {StatusCode::shape_mismatch, "cross_bilateral: labels, lab and output must have the shape of the depth"};
   }
+  if (!(params.max_relative_error >= 2e-5F)) {
+    return {StatusCode::invalid_argument, "cross_bilateral: max_relative_error must be at least 2e-5"};
+  }
+  result = {CrossBilateralMethod::exact, 2e-5F};
   return depth_detail::cross_bilateral_with<simd::F32>(params, depth, ImageView<const LabelPixel>(labels), lab, output,
                                                        workspace, executor);
 }

@@ -269,8 +269,9 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
       }
     };
     exchange(out.depth);
+    CrossBilateralResult filter_result;
     NPSIM_RETURN_IF_ERROR(cross_bilateral(filter, ImageView<const float>(out.depth), out.labels,
-                                          ImageView<const Vec3f>(lab), filtered, workspace, executor));
+                                          ImageView<const Vec3f>(lab), filtered, filter_result, workspace, executor));
     exchange(filtered);
     copy_pixels(filtered, out.depth);
   }
