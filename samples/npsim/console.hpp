@@ -74,6 +74,7 @@ class Console {
     if (quiet_) return;
     std::fprintf(stderr, terminal_ ? "\r\033[K  %-26s %8.2f s\n" : "  %-26s %8.2f s\n", name.c_str(), seconds);
   }
+  void depth(Stage, const ImageView<const float>&) const {}
   [[nodiscard]] bool cancelled() const { return interrupted.load(std::memory_order_relaxed); }
   [[nodiscard]] const std::vector<StageTime>& times() const { return times_; }
 

@@ -19,5 +19,6 @@ TEST_CASE("the observer that watches nothing never cancels") {
   kObserver.begin(npsim::Stage::fill);
   kObserver.progress(1, 0);
   kObserver.end(npsim::Stage::fill);
+  kObserver.depth(npsim::Stage::fill, {});
   CHECK_FALSE(kObserver.cancelled());
 }

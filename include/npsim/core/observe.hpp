@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The observer concept: how a pipeline tells its caller what it is doing, and asks whether to go on.
 //
-// An observer O offers  o.begin(stage), o.progress(done, total), o.end(stage)  and  o.cancelled().
-// begin/end come in pairs from the calling thread; progress may come from any thread. Observing never changes a result.
+// An observer O offers  o.begin(stage), o.progress(done, total), o.end(stage), o.depth(stage, depth)  and  o.cancelled().
+// begin/end come in pairs from the calling thread; progress may come from any thread. depth shows the z-depth (m, 0 where
+// there is no surface) as the fill, the cross-bilateral filter and the refinement left it, from the calling thread after
+// end(stage); the view holds for the length of the call. Observing never changes a result.
 #ifndef NPSIM_CORE_OBSERVE_HPP
 #define NPSIM_CORE_OBSERVE_HPP
 
@@ -10,6 +12,7 @@
 #include <cstdint>
 
 #include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
 
 namespace npsim {
 inline namespace v1 {
@@ -43,6 +46,7 @@ struct NullObserver {
   constexpr void begin(Stage) const noexcept {}
   constexpr void progress(std::size_t, std::size_t) const noexcept {}
   constexpr void end(Stage) const noexcept {}
+  constexpr void depth(Stage, const ImageView<const float>&) const noexcept {}
   [[nodiscard]] constexpr bool cancelled() const noexcept { return false; }
 };
 

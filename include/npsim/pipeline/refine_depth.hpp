@@ -250,6 +250,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
     }
   }
   observer.end(Stage::fill);
+  observer.depth(Stage::fill, out.depth);
   NPSIM_RETURN_IF_ERROR(cancelled());
 
   observer.begin(Stage::cross_bilateral);
@@ -276,6 +277,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
     copy_pixels(filtered, out.depth);
   }
   observer.end(Stage::cross_bilateral);
+  observer.depth(Stage::cross_bilateral, out.depth);
   NPSIM_RETURN_IF_ERROR(cancelled());
 
   observer.begin(Stage::uncertainty);
@@ -308,6 +310,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
   NPSIM_RETURN_IF_ERROR(refine_with_normals(params.refine, input, out.depth, out.loss_curve, out.refinement, workspace,
                                             executor));
   observer.end(Stage::refine);
+  observer.depth(Stage::refine, out.depth);
   return cancelled();
 }
 
