@@ -34,6 +34,7 @@
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/fill.hpp"
 #include "npsim/depth/fill_class.hpp"
+#include "npsim/depth/loss_batch.hpp"
 #include "npsim/depth/loss_kernel.hpp"
 #include "npsim/depth/loss_params.hpp"
 #include "npsim/depth/loss_problem.hpp"

@@ -350,6 +350,21 @@ TEST_CASE("full loads need no alignment and widen without sign") {
   }
 }
 
+TEST_CASE_TEMPLATE("slide_up gives every lane its left neighbour, across batches too", F, Native, One) {
+  std::vector<float> row(3 * static_cast<std::size_t>(F::lanes));
+  for (std::size_t i = 0; i < row.size(); ++i) row[i] = static_cast<float>(i) + 0.5F;
+  row[1] = -0.0F;
+  F previous(-7.0F);
+  for (std::size_t x = 0; x < row.size(); x += static_cast<std::size_t>(F::lanes)) {
+    const F current = F::load(&row[x]);
+    const F left = slide_up(previous, current);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(F::lanes); ++i) {
+      CHECK(bits_of(left.lane(static_cast<int>(i))) == bits_of(x + i == 0 ? -7.0F : row[x + i - 1]));
+    }
+    previous = current;
+  }
+}
+
 TEST_CASE("masks select, combine and gather lane by lane") {
   const std::vector<float> table = {10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25};
   const std::vector<std::int32_t> int_table = {5, 4, 3, 2, 1, 0, -1, -2, -3, -4, -5, -6, -7, -8, -9, -10};

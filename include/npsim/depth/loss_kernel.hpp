@@ -1,20 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 // The pass over the image that evaluates the losses of loss_params.hpp and their gradient; see there for the equations.
 //
+// With the pixel's ray r = (a / fx, b / fy, 1), p = fx s_x and q = fy s_y the equations become short:
+//   m = (p, q, -(1 + (r . (p, q, 0)))),  n = m / |m|,  X = (1, 0, 0) + p r,  Y = (0, 1, 0) + q r,
+// so that X . N = N_x + p c with c = N . r, and |X|^2 = 1 + p (2 r_x + p |r|^2). The thesis' tangents have r = (0, 0,
+// 1).
+//
 // A row is evaluated 16 pixels at a time, in batches of whatever width; losses are summed in 16 lanes by x mod 16, so
 // the bits do not depend on the width. A pixel's gradient is its own part, then the part of its left and of its upper
-// neighbour. A chunk evaluates the row above its first one again, so no chunk writes into another's rows.
-// Cost: about 90 operations per pixel.
+// neighbour; the former stays in a register and the latter in a buffer of one row. A chunk leaves its last row's part
+// in its buffer, for a short second pass over the rows where chunks begin.
+// Cost: 50 to 60 multiplications, 2 or 3 divisions and a square root per pixel; with unit tangents two divisions more.
+// 36 bytes of traffic per pixel.
 #ifndef NPSIM_DEPTH_LOSS_KERNEL_HPP
 #define NPSIM_DEPTH_LOSS_KERNEL_HPP
 
-#include <cmath>
 #include <cstddef>
-#include <type_traits>
 
 #include "npsim/core/config.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/depth/loss_batch.hpp"
 #include "npsim/depth/loss_params.hpp"
 #include "npsim/depth/loss_problem.hpp"
 #include "npsim/simd/batch.hpp"
@@ -25,167 +31,191 @@ inline namespace v1 {
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
-// One double with the part of the batch interface that the kernel uses.
-struct F64 {
-  static constexpr int lanes = 1;
-  double value = 0;
-  F64() = default;
-  F64(double x) noexcept : value(x) {}  // NOLINT(google-explicit-constructor)
-  [[nodiscard]] static F64 load(const double* p) noexcept { return *p; }
-  void store(double* p) const noexcept { *p = value; }
-  friend F64 operator+(F64 a, F64 b) noexcept { return a.value + b.value; }
-  friend F64 operator-(F64 a, F64 b) noexcept { return a.value - b.value; }
-  friend F64 operator*(F64 a, F64 b) noexcept { return a.value * b.value; }
-  friend F64 operator/(F64 a, F64 b) noexcept { return a.value / b.value; }
-  friend F64 sqrt(F64 a) noexcept { return std::sqrt(a.value); }
+// What is the same for all pixels of a row. The scales are 2 lambda / count, for the gradient.
+template <class V>
+struct LossRow {
+  V fx, fy;
+  V ray_y;       // b / fy
+  V one_ray_y2;  // 1 + (b / fy)^2
+  V normal_scale, continuity_scale, depth_scale;
 };
 
-template <class T>
-using LossBatch = std::conditional_t<std::is_same_v<T, double>, F64, simd::F32>;
+// A batch of pixels.
+template <class V>
+struct LossPixels {
+  V z, right, below;  // depth here, of the right and of the lower neighbour
+  V ray_x;            // a / fx
+  V estimate, nx, ny, nz, normal_weight, continuity_weight, depth_weight;
+};
 
-// What one batch of pixels adds to the losses (weights of pixels included, lambda not) and to the gradient.
+// What a batch of pixels adds to the losses (weights of pixels included, lambda not) and to the gradient of itself, of
+// its right and of its lower neighbours.
 template <class V>
 struct LossPart {
   V normal, continuity, depth;
   V self, right, down;
 };
 
-// Squared cosine between a tangent and the normal, r^2 or r^2 / |t|^2, and its derivative by the slope s, given that
-// the tangent is (t1, t2, t3) with derivatives (d1, d2, d3) and r has derivative dr.
+// Squared cosine between a tangent and the normal, along[X] = r^2 or r^2 / |X|^2, and half its derivative by p.
 template <class V>
 struct TangentTerm {
-  V value, derivative;
+  V value, half_derivative;
 };
-template <class V>
-[[nodiscard]] TangentTerm<V> tangent_term(ContinuityForm form, V r, V dr, V t1, V d1, V t2, V d2, V t3, V d3) noexcept {
-  if (form == ContinuityForm::printed) return {r * r, V(2) * r * dr};
-  const V share = r / (t1 * t1 + t2 * t2 + t3 * t3);
-  return {r * share, V(2) * share * (dr - share * (t1 * d1 + t2 * d2 + t3 * d3))};
+template <TangentForm kTangents, ContinuityForm kContinuity, class V>
+[[nodiscard]] NPSIM_ALWAYS_INLINE TangentTerm<V> tangent_term(V p, V n_along, V c, V ray_along, V ray2) noexcept {
+  const V dot = fma(p, c, n_along);
+  if constexpr (kContinuity == ContinuityForm::printed) {
+    return {dot * dot, dot * c};
+  } else if constexpr (kTangents == TangentForm::thesis) {
+    const V share = dot / fma(p, p, V(1));
+    return {dot * share, share * fma(-share, p, c)};
+  } else {
+    const V half_slope = fma(p, ray2, ray_along);  // X . r, half the derivative of |X|^2
+    const V share = dot / fma(p, half_slope + ray_along, V(1));
+    return {dot * share, share * fma(-share, half_slope, c)};
+  }
 }
 
-// z, z_right, z_below: depth; a, b: image coordinates relative to the principal point (0 for the thesis' tangents).
-// The scales are 2 lambda / count for the gradient.
-template <TangentForm kForm, class T, class V = LossBatch<T>>
-[[nodiscard]] LossPart<V> loss_part(const LossProblem<T>& p, const T* z_row, const T* below_row, int x, int y, V a, V b,
-                                    V normal_scale, V continuity_scale, V depth_scale) noexcept {
-  const V fx(static_cast<T>(p.k.fx));
-  const V fy(static_cast<T>(p.k.fy));
-  const V one(T(1));
-  const V z = V::load(z_row + x);
-  const V right = V::load(z_row + x + 1);
-  const V below = V::load(below_row + x);
-  // Slopes, and their derivatives by the depth here and by the neighbour's.
-  V sx, sx_here, sx_there, sy, sy_here, sy_there;
-  if constexpr (kForm == TangentForm::thesis) {
-    const V inverse = one / z;
-    sx = (right - z) * inverse;
-    sy = (below - z) * inverse;
-    sx_there = inverse;
-    sy_there = inverse;
-    sx_here = V(T(0)) - right * inverse * inverse;
-    sy_here = V(T(0)) - below * inverse * inverse;
+template <TangentForm kTangents, ContinuityForm kContinuity, class V>
+[[nodiscard]] NPSIM_ALWAYS_INLINE LossPart<V> loss_part(const LossRow<V>& k, const LossPixels<V>& at) noexcept {
+  constexpr bool kPerspective = kTangents == TangentForm::perspective;
+  const V one(1);
+  // p and q, and their derivatives by the neighbour's depth; by the depth here it is minus `fall`.
+  V p, q, p_right, q_below, p_fall, q_fall;
+  if constexpr (kPerspective) {
+    const V inverse_right = one / at.right;
+    const V inverse_below = one / at.below;
+    p_fall = k.fx * inverse_right;
+    q_fall = k.fy * inverse_below;
+    p = (at.right - at.z) * p_fall;
+    q = (at.below - at.z) * q_fall;
+    p_right = at.z * inverse_right;  // times p_fall
+    q_below = at.z * inverse_below;
   } else {
-    const V inverse_right = one / right;
-    const V inverse_below = one / below;
-    sx = (right - z) * inverse_right;
-    sy = (below - z) * inverse_below;
-    sx_there = z * inverse_right * inverse_right;
-    sy_there = z * inverse_below * inverse_below;
-    sx_here = V(T(0)) - inverse_right;
-    sy_here = V(T(0)) - inverse_below;
+    const V inverse = one / at.z;
+    p_right = k.fx * inverse;
+    q_below = k.fy * inverse;
+    p = (at.right - at.z) * p_right;
+    q = (at.below - at.z) * q_below;
+    p_fall = at.right * inverse;  // times p_right
+    q_fall = at.below * inverse;
   }
 
-  const V nx = V::load(p.nx.row(y) + x);
-  const V ny = V::load(p.ny.row(y) + x);
-  const V nz = V::load(p.nz.row(y) + x);
-  const V normal_weight = V::load(p.normal_weight.row(y) + x);
-  const V continuity_weight = V::load(p.continuity_weight.row(y) + x);
+  // n - N = -(m s + N) with s = -1 / |m|.
+  V tilt = one;  // -m_z
+  if constexpr (kPerspective) tilt = fma(at.ray_x, p, fma(k.ray_y, q, one));
+  const V s = V(-1) / sqrt(fma(p, p, fma(q, q, tilt * tilt)));
+  const V ex = fma(p, s, at.nx);
+  const V ey = fma(q, s, at.ny);
+  const V ez = fma(-tilt, s, at.nz);
+  const V e2 = fma(ex, ex, fma(ey, ey, ez * ez));
+  // Half the gradient of |e|^2 by m is s (e - (e . n) n), and e . n = -|e|^2 / 2 between unit vectors. m_z falls with p
+  // by r_x.
+  const V along = s * e2 * V(-0.5);
+  V normal_p = fma(p, along, ex);
+  V normal_q = fma(q, along, ey);
+  if constexpr (kPerspective) {
+    const V z_part = fma(tilt, along, -ez);
+    normal_p = fma(at.ray_x, z_part, normal_p);
+    normal_q = fma(k.ray_y, z_part, normal_q);
+  }
 
-  // |n - N|^2 with n = m / |m|; its gradient by m is -2 (N - (N . n) n) / |m|.
-  const V mx = fx * sx;
-  const V my = fy * sy;
-  const V mz = V(T(0)) - (one + a * sx + b * sy);
-  const V inverse_length = one / sqrt(mx * mx + my * my + mz * mz);
-  const V ux = mx * inverse_length;
-  const V uy = my * inverse_length;
-  const V uz = mz * inverse_length;
-  const V cosine = ux * nx + uy * ny + uz * nz;
-  const V gz = (uz * cosine - nz) * inverse_length;
-  const V normal_sx = (ux * cosine - nx) * inverse_length * fx - gz * a;  // half the derivative by s_x
-  const V normal_sy = (uy * cosine - ny) * inverse_length * fy - gz * b;
+  V c = at.nz;
+  V ray2 = one;
+  if constexpr (kPerspective) {
+    c = fma(at.ray_x, at.nx, fma(k.ray_y, at.ny, at.nz));
+    ray2 = fma(at.ray_x, at.ray_x, k.one_ray_y2);
+  }
+  const TangentTerm<V> tx = tangent_term<kTangents, kContinuity>(p, at.nx, c, at.ray_x, ray2);
+  const TangentTerm<V> ty = tangent_term<kTangents, kContinuity>(q, at.ny, c, k.ray_y, ray2);
 
-  // X . N and Y . N; c = N . ray.
-  const V bfx = b * (fx / fy);
-  const V afy = a * (fy / fx);
-  const V c = a / fx * nx + b / fy * ny + nz;
-  const ContinuityForm form = p.params.continuity;
-  const TangentTerm<V> tx = tangent_term(form, nx + fx * c * sx, fx * c, one + a * sx, a, bfx * sx, bfx, fx * sx, fx);
-  const TangentTerm<V> ty = tangent_term(form, ny + fy * c * sy, fy * c, afy * sy, afy, one + b * sy, b, fy * sy, fy);
+  const V normal_factor = k.normal_scale * at.normal_weight * s;
+  const V continuity_factor = k.continuity_scale * at.continuity_weight;
+  const V by_p = fma(normal_factor, normal_p, continuity_factor * tx.half_derivative);
+  const V by_q = fma(normal_factor, normal_q, continuity_factor * ty.half_derivative);
 
-  const V half(T(0.5));
-  const V by_sx =
-      normal_scale * normal_weight * normal_sx + continuity_scale * continuity_weight * half * tx.derivative;
-  const V by_sy =
-      normal_scale * normal_weight * normal_sy + continuity_scale * continuity_weight * half * ty.derivative;
-
-  const V offset = z - V::load(p.estimate.row(y) + x);
-  const V weighted_offset = V::load(p.depth_weight.row(y) + x) * offset;
-
+  const V offset = at.z - at.estimate;
+  const V weighted_offset = at.depth_weight * offset;
   LossPart<V> part;
-  const V ex = ux - nx;
-  const V ey = uy - ny;
-  const V ez = uz - nz;
-  part.normal = normal_weight * (ex * ex + ey * ey + ez * ez);
-  part.continuity = continuity_weight * (tx.value + ty.value);
+  part.normal = at.normal_weight * e2;
+  part.continuity = at.continuity_weight * (tx.value + ty.value);
   part.depth = weighted_offset * offset;
-  part.self = depth_scale * weighted_offset + by_sx * sx_here + by_sy * sy_here;
-  part.right = by_sx * sx_there;
-  part.down = by_sy * sy_there;
+  if constexpr (kPerspective) {
+    const V fall_x = by_p * p_fall;
+    const V fall_y = by_q * q_fall;
+    part.self = fma(k.depth_scale, weighted_offset, -(fall_x + fall_y));
+    part.right = fall_x * p_right;
+    part.down = fall_y * q_below;
+  } else {
+    part.right = by_p * p_right;
+    part.down = by_q * q_below;
+    part.self = fma(k.depth_scale, weighted_offset, -fma(part.right, p_fall, part.down * q_fall));
+  }
   return part;
 }
 
-// Evaluates row y: `self` and `right` and `down` get the gradient parts, each a row of the padded width. The losses of
-// the row go to its place in row_normal and so on, unless only_down.
-template <TangentForm kForm, class T>
-void evaluate_row(LossProblem<T>& p, ImageView<const T> depth, int y, T* self, T* right, T* down,
-                  bool only_down) noexcept {
-  using V = LossBatch<T>;
+// Evaluates row y. from_above: the upper row's part of the gradient; becomes this row's for the next.
+template <TangentForm kTangents, ContinuityForm kContinuity, class V, class T>
+void evaluate_row(LossProblem<T>& p, ImageView<const T> depth, int y, T* gradient, T* from_above) noexcept {
   constexpr std::size_t kBatches = static_cast<std::size_t>(kLossBlock / V::lanes);
   const auto scale = [](float lambda, std::size_t count) {
     return V(count == 0 ? T(0) : static_cast<T>(2 * static_cast<double>(lambda) / static_cast<double>(count)));
   };
-  const V normal_scale = scale(p.params.lambda.normal, p.normal_count);
-  const V continuity_scale = scale(p.params.lambda.continuity, p.normal_count);
-  const V depth_scale = scale(p.params.lambda.depth, p.depth_count);
-  const T zero(0);
+  const double fx = static_cast<double>(p.k.fx);
+  const double ray_y = (y + 0.5 - static_cast<double>(p.k.cy)) / static_cast<double>(p.k.fy);
+  const LossRow<V> row{V(static_cast<T>(p.k.fx)),
+                       V(static_cast<T>(p.k.fy)),
+                       V(static_cast<T>(ray_y)),
+                       V(static_cast<T>(1 + ray_y * ray_y)),
+                       scale(p.params.lambda.normal, p.normal_count),
+                       scale(p.params.lambda.continuity, p.normal_count),
+                       scale(p.params.lambda.depth, p.depth_count)};
+  // 1 / fx as a sum, so that r_x is as good as a quotient.
+  const T inverse_fx = static_cast<T>(1 / fx);
+  const T inverse_fx_rest = static_cast<T>(1 / fx - static_cast<double>(inverse_fx));
+  const T* z_row = depth.row(y);
+  const T* below_row = depth.row(y + 1);  // the plane has one more row than the image
+  const T* estimate = p.estimate.row(y);
+  const T* nx = p.nx.row(y);
+  const T* ny = p.ny.row(y);
+  const T* nz = p.nz.row(y);
+  const T* normal_weight = p.normal_weight.row(y);
+  const T* continuity_weight = p.continuity_weight.row(y);
+  const T* depth_weight = p.depth_weight.row(y);
   V normal[kBatches], continuity[kBatches], deviation[kBatches];
-  for (std::size_t i = 0; i < kBatches; ++i) normal[i] = continuity[i] = deviation[i] = V(zero);
-  T a_of_lane[kLossBlock];
-
-  const T* here = depth.row(y);
-  const T* below = depth.row(y + 1);  // the plane has one more row than the image
-  const V b(kForm == TangentForm::thesis ? zero : static_cast<T>(y) + T(0.5) - static_cast<T>(p.k.cy));
+  for (std::size_t i = 0; i < kBatches; ++i) normal[i] = continuity[i] = deviation[i] = V(T(0));
+  V left(T(0));
+  const V pixel_centre = V::iota() + V(T(0.5));
   const int end = static_cast<int>(depth.stride()) - kLossBlock;
   for (int block = 0; block < end; block += kLossBlock) {
-    for (int i = 0; i < kLossBlock; ++i) {
-      a_of_lane[i] = kForm == TangentForm::thesis ? zero : static_cast<T>(block + i) + T(0.5) - static_cast<T>(p.k.cx);
-    }
     for (std::size_t i = 0; i < kBatches; ++i) {
-      const int lane = static_cast<int>(i) * V::lanes;
-      const int x = block + lane;
-      const V a = V::load(a_of_lane + lane);
-      const LossPart<V> part =
-          loss_part<kForm, T>(p, here, below, x, y, a, b, normal_scale, continuity_scale, depth_scale);
-      part.down.store(down + x);
-      if (only_down) continue;
-      part.self.store(self + x);
-      part.right.store(right + x);
+      const int x = block + static_cast<int>(i) * V::lanes;
+      LossPixels<V> at;
+      at.z = V::load(z_row + x);
+      at.right = V::load(z_row + x + 1);
+      at.below = V::load(below_row + x);
+      if constexpr (kTangents == TangentForm::perspective) {
+        const V a = V(static_cast<T>(x)) + pixel_centre - V(static_cast<T>(p.k.cx));
+        at.ray_x = fma(a, V(inverse_fx), a * V(inverse_fx_rest));
+      } else {
+        at.ray_x = V(T(0));
+      }
+      at.estimate = V::load(estimate + x);
+      at.nx = V::load(nx + x);
+      at.ny = V::load(ny + x);
+      at.nz = V::load(nz + x);
+      at.normal_weight = V::load(normal_weight + x);
+      at.continuity_weight = V::load(continuity_weight + x);
+      at.depth_weight = V::load(depth_weight + x);
+      const LossPart<V> part = loss_part<kTangents, kContinuity>(row, at);
+      ((part.self + slide_up(left, part.right)) + V::load(from_above + x)).store(gradient + x);
+      part.down.store(from_above + x);
+      left = part.right;
       normal[i] = normal[i] + part.normal;
       continuity[i] = continuity[i] + part.continuity;
       deviation[i] = deviation[i] + part.depth;
     }
   }
-  if (only_down) return;
   const auto row_sum = [](const V* batches) {
     T lane[kLossBlock];
     for (std::size_t i = 0; i < kBatches; ++i) batches[i].store(lane + static_cast<int>(i) * V::lanes);
@@ -193,44 +223,49 @@ void evaluate_row(LossProblem<T>& p, ImageView<const T> depth, int y, T* self, T
     for (const T v : lane) sum += static_cast<double>(v);
     return sum;
   };
-  const auto row = static_cast<std::size_t>(y);
-  p.row_normal[row] = row_sum(normal);
-  p.row_continuity[row] = row_sum(continuity);
-  p.row_depth[row] = row_sum(deviation);
+  const auto index = static_cast<std::size_t>(y);
+  p.row_normal[index] = row_sum(normal);
+  p.row_continuity[index] = row_sum(continuity);
+  p.row_depth[index] = row_sum(deviation);
 }
 
-template <TangentForm kForm, class T, class Executor>
-void evaluate_all(LossProblem<T>& p, ImageView<const T> depth, ImageView<T> gradient, Executor& executor) noexcept {
-  const std::ptrdiff_t stride = depth.stride();
-  const std::ptrdiff_t end_x = stride - kLossBlock;
+template <TangentForm kTangents, ContinuityForm kContinuity, class V, class T, class Executor>
+void evaluate_rows(LossProblem<T>& p, ImageView<const T> depth, ImageView<T> gradient, Executor& executor) noexcept {
   const auto rows = static_cast<std::size_t>(depth.height());
-  executor.for_chunks(rows, kLossChunkRows, [&, stride, end_x](std::size_t begin, std::size_t end) {
-    T* right = p.row_buffers.data() + static_cast<std::ptrdiff_t>(begin / kLossChunkRows) *
-                                          static_cast<std::ptrdiff_t>(kLossRowBuffers) * stride;
-    T* from_above = right + stride;
-    T* down = from_above + stride;
-    for (std::ptrdiff_t x = 0; x < end_x; ++x) from_above[x] = T(0);
-    if (begin > 0) evaluate_row<kForm, T>(p, depth, static_cast<int>(begin) - 1, nullptr, nullptr, from_above, true);
+  const auto width = static_cast<std::size_t>(depth.stride() - kLossBlock);
+  const auto buffer = [&p, width](std::size_t chunk) { return p.row_buffers.data() + chunk * width; };
+  executor.for_chunks(rows, kLossChunkRows, [&](std::size_t begin, std::size_t end) {
+    T* from_above = buffer(begin / kLossChunkRows);
+    for (std::size_t x = 0; x < width; ++x) from_above[x] = T(0);
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      T* self = gradient.row(y);
-      evaluate_row<kForm, T>(p, depth, y, self, right, down, false);
-      self[0] = self[0] + from_above[0];
-      for (std::ptrdiff_t x = 1; x < end_x; ++x) self[x] = (self[x] + right[x - 1]) + from_above[x];
-      T* const next = from_above;
-      from_above = down;
-      down = next;
+      evaluate_row<kTangents, kContinuity, V, T>(p, depth, y, gradient.row(y), from_above);
     }
   });
+  for (std::size_t y = kLossChunkRows; y < rows; y += kLossChunkRows) {
+    const T* from_above = buffer(y / kLossChunkRows - 1);
+    T* row = gradient.row(static_cast<int>(y));
+    for (std::size_t x = 0; x < width; ++x) row[x] = row[x] + from_above[x];
+  }
 }
 
 // depth, gradient: planes of allocate_loss_plane(); depth must be filled to its padding, with 1 where there is none.
-template <class T, class Executor>
+// V: the batch; the result is the same for all.
+template <class T, class V = LossBatch<T>, class Executor>
 void evaluate_losses(LossProblem<T>& p, ImageView<const T> depth, ImageView<T> gradient, LossValues& values,
                      Executor& executor) noexcept {
-  if (p.params.tangents == TangentForm::thesis) {
-    evaluate_all<TangentForm::thesis>(p, depth, gradient, executor);
+  using Tangents = TangentForm;
+  using Continuity = ContinuityForm;
+  const bool printed = p.params.continuity == Continuity::printed;
+  if (p.params.tangents == Tangents::thesis) {
+    if (printed) {
+      evaluate_rows<Tangents::thesis, Continuity::printed, V>(p, depth, gradient, executor);
+    } else {
+      evaluate_rows<Tangents::thesis, Continuity::unit_tangents, V>(p, depth, gradient, executor);
+    }
+  } else if (printed) {
+    evaluate_rows<Tangents::perspective, Continuity::printed, V>(p, depth, gradient, executor);
   } else {
-    evaluate_all<TangentForm::perspective>(p, depth, gradient, executor);
+    evaluate_rows<Tangents::perspective, Continuity::unit_tangents, V>(p, depth, gradient, executor);
   }
   values = {};
   for (std::size_t y = 0; y < p.row_normal.size(); ++y) {

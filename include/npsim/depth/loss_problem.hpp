@@ -4,7 +4,7 @@
 // It is kept in planes whose rows are padded to whole blocks of 16 pixels, with one more block and one more row, and in
 // which padding and missing pixels hold depth 1 and weight 0: the loops of loss_kernel.hpp have no tails and no tests.
 //
-// Cost: one pass over the image. Memory: 7 values per pixel, and 3 rows for every 16.
+// Cost: one pass over the image. Memory: 7 values per pixel, and a row for every 16.
 #ifndef NPSIM_DEPTH_LOSS_PROBLEM_HPP
 #define NPSIM_DEPTH_LOSS_PROBLEM_HPP
 
@@ -35,8 +35,8 @@ inline constexpr std::size_t kLossChunkRows = 16;
 [[nodiscard]] constexpr std::size_t loss_plane_elements(Shape shape) noexcept {
   return static_cast<std::size_t>(loss_plane_stride(shape.width)) * (static_cast<std::size_t>(shape.height) + 1);
 }
-// Row buffers of one chunk: parts of the gradient for the right and for the lower neighbour, the latter twice.
-inline constexpr std::size_t kLossRowBuffers = 3;
+// Row buffers of one chunk: the part of the gradient for the lower neighbours.
+inline constexpr std::size_t kLossRowBuffers = 1;
 
 template <class T>
 [[nodiscard]] constexpr std::size_t loss_problem_bytes(Shape shape) noexcept {

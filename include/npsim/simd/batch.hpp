@@ -22,7 +22,8 @@
 // Interface of the float batch F, with its I = F::Int and M = F::MaskType:
 //   F(x) broadcast, F::load(p), F::load(p, n), F::gather(base, index), F::gather(base, index, mask, otherwise),
 //   F::iota() (0, 1, 2, ...), f.store(p), f.store(p, n), f.lane(i); + - * / unary -, == != < > <= >=; fma, min, max,
-//   select(mask, a, b), abs, sqrt, floor, round_even, trunc_to_int, bitcast_int; to_float(I) and bitcast_float(I).
+//   select(mask, a, b), abs, sqrt, floor, round_even, trunc_to_int, bitcast_int; to_float(I) and bitcast_float(I);
+//   slide_up(previous, current): each lane's left neighbour, lane i - 1 of current and for lane 0 the last of previous.
 //   I: load, store, gather, iota and lane alike, I::load_u8(p), I::load_u16(p) (also with n); + - * & | ^ ~ << >>,
 //   shift_right_logical, comparisons, min, max, select.
 //   M(bool), M::first(n), m.lane(i), & | ^ ~, any, all, none, bits (lane i in bit i).

@@ -232,6 +232,7 @@ struct F32 {
   friend F32 sqrt(F32 a) noexcept;
   friend F32 floor(F32 a) noexcept;
   friend F32 round_even(F32 a) noexcept;
+  friend F32 slide_up(F32 previous, F32 current) noexcept;
   friend I32 trunc_to_int(F32 a) noexcept;
   [[nodiscard]] friend I32 bitcast_int(F32 a) noexcept { return I32(as_int(a.value)); }
 

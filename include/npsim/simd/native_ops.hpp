@@ -56,6 +56,9 @@ inline F32 round_even(F32 a) noexcept { return F32(FloatBatch(_mm512_maskz_round
 #endif
 inline F32 to_float(I32 a) noexcept { return F32(FloatBatch(_mm512_maskz_cvtepi32_ps(kAllLanes, a.value))); }
 inline IntBatch truncate(const FloatBatch& a) noexcept { return _mm512_maskz_cvttps_epi32(kAllLanes, a); }
+inline F32 slide_up(F32 previous, F32 current) noexcept {
+  return F32(as_float(_mm512_maskz_alignr_epi32(kAllLanes, as_int(current.value), as_int(previous.value), 15)));
+}
 
 #elif defined(NPSIM_SIMD_AVX2)
 
@@ -86,6 +89,11 @@ inline I32 shift_right_logical(I32 a, int n) noexcept {
   return I32(IntBatch(_mm256_srl_epi32(a.value, _mm_cvtsi32_si128(n))));
 }
 inline F32 to_float(I32 a) noexcept { return F32(FloatBatch(_mm256_cvtepi32_ps(a.value))); }
+inline F32 slide_up(F32 previous, F32 current) noexcept {
+  const __m256i low = as_int(current.value);
+  const __m256i seam = _mm256_permute2x128_si256(as_int(previous.value), low, 0x21);
+  return F32(as_float(_mm256_alignr_epi8(low, seam, 12)));
+}
 
 #else  // four lanes: SSE2 and NEON64
 
@@ -145,6 +153,10 @@ inline I32 shift_right_logical(I32 a, int n) noexcept {
   return I32(IntBatch(_mm_srl_epi32(a.value, _mm_cvtsi32_si128(n))));
 }
 inline F32 to_float(I32 a) noexcept { return F32(FloatBatch(_mm_cvtepi32_ps(a.value))); }
+inline F32 slide_up(F32 previous, F32 current) noexcept {
+  const __m128i rest = _mm_slli_si128(as_int(current.value), 4);
+  return F32(as_float(_mm_or_si128(rest, _mm_srli_si128(as_int(previous.value), 12))));
+}
 
 #else  // NEON64
 
@@ -165,6 +177,9 @@ inline I32 operator<<(I32 a, int n) noexcept { return I32(IntBatch(vshlq_s32(a.v
 inline I32 operator>>(I32 a, int n) noexcept { return I32(IntBatch(vshlq_s32(a.value, vdupq_n_s32(-n)))); }
 inline I32 shift_right_logical(I32 a, int n) noexcept {
   return I32(IntBatch(vreinterpretq_s32_u32(vshlq_u32(vreinterpretq_u32_s32(a.value), vdupq_n_s32(-n)))));
+}
+inline F32 slide_up(F32 previous, F32 current) noexcept {
+  return F32(FloatBatch(vextq_f32(previous.value, current.value, 3)));
 }
 
 #endif
