@@ -28,6 +28,7 @@ struct F64 {
   [[nodiscard]] static F64 gather(const double* base, Int index) noexcept { return base[index.value]; }
   [[nodiscard]] static F64 iota() noexcept { return 0.0; }
   void store(double* p) const noexcept { *p = value; }
+  [[nodiscard]] double lane(int) const noexcept { return value; }
   friend F64 operator+(F64 a, F64 b) noexcept { return a.value + b.value; }
   friend F64 operator-(F64 a, F64 b) noexcept { return a.value - b.value; }
   friend F64 operator*(F64 a, F64 b) noexcept { return a.value * b.value; }
