@@ -96,6 +96,12 @@
 #include "npsim/sensor/normal_sample.hpp"
 #include "npsim/sensor/signal.hpp"
 
+#include "npsim/metrics/depth_edges.hpp"
+#include "npsim/metrics/depth_errors.hpp"
+#include "npsim/metrics/edge_errors.hpp"
+#include "npsim/metrics/normal_errors.hpp"
+#include "npsim/metrics/pixel_sums.hpp"
+
 #include "npsim/pipeline/night.hpp"
 #include "npsim/pipeline/photograph.hpp"
 #include "npsim/pipeline/reconstruct.hpp"

@@ -130,7 +130,7 @@ std::map<std::string, std::set<std::string>> allowed_includes() {
       {"material", {"core", "simd", "color", "labels"}},
       {"render", {"core", "simd", "color", "labels", "trace", "light", "material"}},
       {"sensor", {"core", "simd", "color"}},
-      {"metrics", {"core"}},
+      {"metrics", {"core", "simd"}},
       {"exec", {"core"}},
       {"io", {"core", "labels", "depth", "mesh", "light"}},  // light: a reader fills its light-source set
       {"pipeline", kCoreAreas},
