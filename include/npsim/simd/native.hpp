@@ -233,6 +233,10 @@ struct F32 {
   friend F32 floor(F32 a) noexcept;
   friend F32 round_even(F32 a) noexcept;
   friend F32 slide_up(F32 previous, F32 current) noexcept;
+  friend F32 even_lanes(F32 a, F32 b) noexcept;
+  friend F32 odd_lanes(F32 a, F32 b) noexcept;
+  friend F32 interleave_low(F32 a, F32 b) noexcept;
+  friend F32 interleave_high(F32 a, F32 b) noexcept;
   friend I32 trunc_to_int(F32 a) noexcept;
   [[nodiscard]] friend I32 bitcast_int(F32 a) noexcept { return I32(as_int(a.value)); }
 

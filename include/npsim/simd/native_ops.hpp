@@ -59,6 +59,21 @@ inline IntBatch truncate(const FloatBatch& a) noexcept { return _mm512_maskz_cvt
 inline F32 slide_up(F32 previous, F32 current) noexcept {
   return F32(as_float(_mm512_maskz_alignr_epi32(kAllLanes, as_int(current.value), as_int(previous.value), 15)));
 }
+inline F32 pick_lanes(F32 a, F32 b, __m512i index) noexcept {
+  return F32(FloatBatch(_mm512_maskz_permutex2var_ps(kAllLanes, a.value, index, b.value)));
+}
+inline F32 even_lanes(F32 a, F32 b) noexcept {
+  return pick_lanes(a, b, _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30));
+}
+inline F32 odd_lanes(F32 a, F32 b) noexcept {
+  return pick_lanes(a, b, _mm512_setr_epi32(1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31));
+}
+inline F32 interleave_low(F32 a, F32 b) noexcept {
+  return pick_lanes(a, b, _mm512_setr_epi32(0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23));
+}
+inline F32 interleave_high(F32 a, F32 b) noexcept {
+  return pick_lanes(a, b, _mm512_setr_epi32(8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31));
+}
 
 #elif defined(NPSIM_SIMD_AVX2)
 
@@ -93,6 +108,23 @@ inline F32 slide_up(F32 previous, F32 current) noexcept {
   const __m256i low = as_int(current.value);
   const __m256i seam = _mm256_permute2x128_si256(as_int(previous.value), low, 0x21);
   return F32(as_float(_mm256_alignr_epi8(low, seam, 12)));
+}
+inline F32 join_halves(const FloatBatch& mixed) noexcept {  // 0 2 1 3 in pairs of lanes
+  return F32(FloatBatch(_mm256_castpd_ps(_mm256_permute4x64_pd(_mm256_castps_pd(mixed), 0xD8))));
+}
+inline F32 even_lanes(F32 a, F32 b) noexcept {
+  return join_halves(FloatBatch(_mm256_shuffle_ps(a.value, b.value, 0x88)));
+}
+inline F32 odd_lanes(F32 a, F32 b) noexcept {
+  return join_halves(FloatBatch(_mm256_shuffle_ps(a.value, b.value, 0xDD)));
+}
+inline F32 interleave_low(F32 a, F32 b) noexcept {
+  return F32(FloatBatch(_mm256_permute2f128_ps(_mm256_unpacklo_ps(a.value, b.value),
+                                               _mm256_unpackhi_ps(a.value, b.value), 0x20)));
+}
+inline F32 interleave_high(F32 a, F32 b) noexcept {
+  return F32(FloatBatch(_mm256_permute2f128_ps(_mm256_unpacklo_ps(a.value, b.value),
+                                               _mm256_unpackhi_ps(a.value, b.value), 0x31)));
 }
 
 #else  // four lanes: SSE2 and NEON64
@@ -157,6 +189,10 @@ inline F32 slide_up(F32 previous, F32 current) noexcept {
   const __m128i rest = _mm_slli_si128(as_int(current.value), 4);
   return F32(as_float(_mm_or_si128(rest, _mm_srli_si128(as_int(previous.value), 12))));
 }
+inline F32 even_lanes(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm_shuffle_ps(a.value, b.value, 0x88))); }
+inline F32 odd_lanes(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm_shuffle_ps(a.value, b.value, 0xDD))); }
+inline F32 interleave_low(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm_unpacklo_ps(a.value, b.value))); }
+inline F32 interleave_high(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm_unpackhi_ps(a.value, b.value))); }
 
 #else  // NEON64
 
@@ -181,6 +217,10 @@ inline I32 shift_right_logical(I32 a, int n) noexcept {
 inline F32 slide_up(F32 previous, F32 current) noexcept {
   return F32(FloatBatch(vextq_f32(previous.value, current.value, 3)));
 }
+inline F32 even_lanes(F32 a, F32 b) noexcept { return F32(FloatBatch(vuzp1q_f32(a.value, b.value))); }
+inline F32 odd_lanes(F32 a, F32 b) noexcept { return F32(FloatBatch(vuzp2q_f32(a.value, b.value))); }
+inline F32 interleave_low(F32 a, F32 b) noexcept { return F32(FloatBatch(vzip1q_f32(a.value, b.value))); }
+inline F32 interleave_high(F32 a, F32 b) noexcept { return F32(FloatBatch(vzip2q_f32(a.value, b.value))); }
 
 #endif
 #endif

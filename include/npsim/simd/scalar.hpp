@@ -145,6 +145,10 @@ struct F32 {
   [[nodiscard]] friend F32 floor(F32 a) noexcept { return std::floor(a.value); }
   [[nodiscard]] friend F32 round_even(F32 a) noexcept { return std::nearbyint(a.value); }
   [[nodiscard]] friend F32 slide_up(F32 previous, F32) noexcept { return previous; }
+  [[nodiscard]] friend F32 even_lanes(F32 a, F32) noexcept { return a; }
+  [[nodiscard]] friend F32 odd_lanes(F32, F32 b) noexcept { return b; }
+  [[nodiscard]] friend F32 interleave_low(F32 a, F32) noexcept { return a; }
+  [[nodiscard]] friend F32 interleave_high(F32, F32 b) noexcept { return b; }
   [[nodiscard]] friend I32 trunc_to_int(F32 a) noexcept {
     if (!(a.value < 0x1p31F)) return a.value >= 0x1p31F ? std::numeric_limits<std::int32_t>::max() : 0;  // 0: NaN
     return a.value >= -0x1p31F ? static_cast<std::int32_t>(a.value) : std::numeric_limits<std::int32_t>::min();
