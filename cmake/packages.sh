@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # shellcheck shell=bash
-# Sourced by samples/run and tests/run: what they need, and how it is installed on Debian and Ubuntu.
+# Sourced by samples/run, tests/run and bench/run: what they need, and how it is installed on Debian and Ubuntu.
 
 npsim_tool_packages=(g++ cmake ninja-build libeigen3-dev libxsimd-dev libcli11-dev nlohmann-json3-dev libstb-dev
                      libtinyobjloader-dev)
 npsim_test_packages=(doctest-dev pkg-config)
+npsim_bench_packages=(libbenchmark-dev libopencv-contrib-dev python3-torch python3-numpy)
 
 # Installs those of the named packages that are missing; without apt-get or the right to use it, says which and stops.
 npsim_require_packages() {
