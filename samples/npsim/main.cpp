@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include "console.hpp"
+#include "evaluate_command.hpp"
 #include "inspect_command.hpp"
 #include "night_command.hpp"
 #include "npsim/core/config.hpp"
@@ -25,7 +26,8 @@ constexpr const char* kAbout =
     "labels, instances, normals, albedo, roughness and marked light sources. To see one, make one:\n"
     "  npsim street my_street          a generated street with everything a scene can have\n"
     "  npsim inspect my_street         what is in it, what is missing, ranges\n"
-    "  npsim night my_street -o night  its nights, mesh and refined depth; open night/overview.png first";
+    "  npsim night my_street -o night  its nights, mesh and refined depth; open night/overview.png first\n"
+    "  npsim evaluate my_street        errors of depth and normals, as given and after each step, where the truth is known";
 
 constexpr const char* kStatuses =
     "Exit status: 0 done; 1 the run failed; 2 the input, an option or a place to write to is wrong (one line says which);\n"
@@ -83,6 +85,19 @@ int main(int argc, char** argv) {
   CLI::App* inspect_app = app.add_subcommand("inspect", "Say what a scene holds, what is missing, ranges and shares");
   inspect_app->add_option("scene", inspect.scene, "Folder with a scene.json, or the scene.json itself")->required();
 
+  EvaluateOptions evaluate;
+  CLI::App* evaluate_app =
+      app.add_subcommand("evaluate", "Judge the depth, as given and after each step, by the scene's ground truth");
+  evaluate_app->add_option("scene", evaluate.scene, "Folder with a scene.json that names the truth, or the scene.json")
+      ->required();
+  evaluate_app->add_option("-o,--output", evaluate.output, "JSON file for all figures, also by label");
+  evaluate_app->add_option("--preset", evaluate.preset, "default or thesis, as for night")
+      ->check(CLI::IsMember({"default", "thesis"}))->capture_default_str();
+  evaluate_app->add_option("--threads", evaluate.threads, "0 = one per processor")->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  evaluate_app->add_option("--size", evaluate.size, "Work at WIDTHxHEIGHT; default: the image's size");
+  evaluate_app->add_flag("--quiet", evaluate.quiet, "No progress and no notes");
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& e) {
@@ -100,6 +115,7 @@ int main(int argc, char** argv) {
   try {
     if (*night_app) return run_night(night);
     if (*street_app) return run_street(street);
+    if (*evaluate_app) return run_evaluate(evaluate);
     return run_inspect(inspect);
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr, "npsim: out of memory; a smaller --size needs less\n");

@@ -19,6 +19,7 @@
 #include <nlohmann/json.hpp>
 
 #include "npsim/io/image.hpp"
+#include "npsim/io/pfm.hpp"
 #include "npsim/io/png_jpeg.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -195,6 +196,108 @@ TEST_CASE("tool: inspect says what is there and what is missing") {
   }
 }
 
+TEST_CASE("tool: evaluate judges every step by the truth, and says the same on any number of threads") {
+  const std::string file = fixture().out("evaluation/figures.json");
+  const Run run = run_tool("evaluate '" + fixture().street + "' -o '" + file + "' --quiet --threads 1");
+  REQUIRE_MESSAGE(run.status == 0, run.output);
+  for (const char* word : {"as given", "after fill", "after filter", "after refinement", "AbsRel", "RMSE", "d<1.25",
+                           "ratio", "<11.5", "true depth", "uncertain"}) {
+    CHECK_MESSAGE(run.output.find(word) != std::string::npos, word);
+  }
+  const nlohmann::json json = json_of(file);
+  REQUIRE(json["steps"].size() == 4);
+  const char* const keys[] = {"given", "fill", "cross_bilateral", "refine"};
+  for (std::size_t i = 0; i < 4; ++i) {
+    const nlohmann::json& step = json["steps"][i];
+    CHECK(step["step"] == keys[i]);
+    CHECK(step["depth"]["pixels"] == json["pixels"]["judged"]);
+    CHECK(step["normals_of_depth"]["pixels"] == json["steps"][0]["normals_of_depth"]["pixels"]);
+    CHECK(step["depth"]["abs_rel"].get<double>() > 0.001);
+    CHECK(step["depth"]["abs_rel"].get<double>() < 0.2);
+    CHECK(step["depth"]["delta_1"].get<double>() > 0.8);
+    CHECK(step["edges"]["accuracy_px"].get<double>() < 10);
+    CHECK(step["ratio_to_given"]["abs_rel"].get<double>() == doctest::Approx(step["depth"]["abs_rel"].get<double>() /
+                                                                            json["steps"][0]["depth"]["abs_rel"].get<double>()));
+    CHECK(json["labels"]["road"].contains(keys[i]));
+  }
+  CHECK(json["steps"][3]["ratio_to_given"]["normal_mean_deg"].get<double>() < 0.8);
+  CHECK(json["normals"]["given"]["below_30"].get<double>() > 0.5);
+  CHECK(json["uncertain"]["foreground_edges"]["hit_rate"].get<double>() > 0.5);
+  CHECK(!json["labels"].contains("sky"));
+  REQUIRE(run_tool("evaluate '" + fixture().street + "' -o '" + file + "3' --quiet --threads 3").status == 0);
+  CHECK(bytes_of(file) == bytes_of(file + "3"));
+  for (const auto& entry : fs::directory_iterator(fs::path(file).parent_path())) {
+    CHECK(entry.path().extension() != ".partial");
+  }
+}
+
+TEST_CASE("tool: evaluate finds no error in the truth itself") {
+  const std::string scene = fixture().copy("exact");
+  fs::copy_file(scene + "/truth/depth.pfm", scene + "/depth.pfm", fs::copy_options::overwrite_existing);
+  fs::copy_file(scene + "/truth/normals.pfm", scene + "/normals.pfm", fs::copy_options::overwrite_existing);
+  const std::string file = fixture().out("exact.json");
+  const Run run = run_tool("evaluate '" + scene + "' -o '" + file + "' --quiet");
+  REQUIRE_MESSAGE(run.status == 0, run.output);
+  const nlohmann::json json = json_of(file);
+  const nlohmann::json& given = json["steps"][0];
+  CHECK(given["depth"]["abs_rel"] == 0);
+  CHECK(given["depth"]["rmse_m"] == 0);
+  CHECK(given["depth"]["delta_1"] == 1);
+  CHECK(given["depth_near_edges"]["abs_rel"] == 0);
+  CHECK(given["edges"]["accuracy_px"] == 0);
+  CHECK(given["edges"]["completeness_px"] == 0);
+  CHECK(given["normals_of_depth"] == json["normals"]["of_true_depth"]);
+  CHECK(json["normals"]["given"]["rms_deg"] == doctest::Approx(0).epsilon(1e-3));
+  CHECK(json["steps"][3]["ratio_to_given"]["abs_rel"].is_null());
+  CHECK(run.output.find(" -") != std::string::npos);
+}
+
+TEST_CASE("tool: evaluate takes a size and a preset, and does without true normals and without a file") {
+  const Run thesis = run_tool("evaluate '" + fixture().street + "' --size 160x90 --preset thesis --quiet");
+  CHECK_MESSAGE(thesis.status == 0, thesis.output);
+  CHECK(thesis.output.find("160 x 90, preset thesis") != std::string::npos);
+  const std::string scene = fixture().copy("no_true_normals");
+  nlohmann::json json = json_of(scene + "/scene.json");
+  json["truth"].erase("normals");
+  std::ofstream(scene + "/scene.json") << json;
+  const std::string file = fixture().out("no_true_normals.json");
+  const Run run = run_tool("evaluate '" + scene + "' -o '" + file + "' --size 160x90 --quiet");
+  REQUIRE_MESSAGE(run.status == 0, run.output);
+  CHECK(json_of(file)["steps"][3]["normals_of_depth"].is_null());
+  CHECK(json_of(file)["steps"][3]["depth"]["abs_rel"].is_number());
+}
+
+TEST_CASE("tool: evaluate without a usable truth ends in one line that names what is missing") {
+  const std::string none = fixture().out("no_evaluation");
+  const auto evaluate = [&](const std::string& scene, const std::string& more = "") {
+    return run_tool("evaluate '" + scene + "' -o '" + none + "/figures.json' --quiet " + more);
+  };
+  const std::string without = fixture().copy("no_truth");
+  const nlohmann::json json = json_of(without + "/scene.json");
+  nlohmann::json changed = json;
+  changed.erase("truth");
+  std::ofstream(without + "/scene.json") << changed;
+  check_refused(evaluate(without), "scene.json: truth.depth", none);
+  changed = json;
+  changed["truth"].erase("depth");
+  std::ofstream(without + "/scene.json") << changed;
+  check_refused(evaluate(without), "scene.json: truth.depth", none);
+  changed = json;
+  changed["truth"]["depth"] = "truth/none.pfm";
+  std::ofstream(without + "/scene.json") << changed;
+  check_refused(evaluate(without), "none.pfm", none);
+  changed["truth"]["depth"] = "truth/small.pfm";
+  std::ofstream(without + "/scene.json") << changed;
+  REQUIRE(npsim::io::write_pfm(without + "/truth/small.pfm", npsim::io::Image<float>({3, 2}, 5.0F).view()).ok());
+  check_refused(evaluate(without), "small.pfm", none);
+  check_refused(evaluate(fixture().out("absent")), "absent", none);
+  check_refused(evaluate(fixture().street, "--size 10"), "--size", none);
+  check_refused(evaluate(fixture().street, "--preset best"), "preset", none);
+  std::ofstream(fixture().out("a_file")) << "x";
+  check_refused(run_tool("evaluate '" + fixture().street + "' --quiet -o '" + fixture().out("a_file") + "/figures.json'"),
+                "a_file");
+}
+
 TEST_CASE("tool: bad input ends in one line that names the file, status 2, and writes nothing") {
   const std::string none = fixture().out("none");
   const auto night = [&](const std::string& scene, const std::string& more = "") {
@@ -290,7 +393,7 @@ TEST_CASE("tool: an output folder that cannot be made is refused before any work
 }
 
 TEST_CASE("tool: help and version end with status 0") {
-  for (const char* arguments : {"--help", "--version", "night --help", "street --help", "inspect --help"}) {
+  for (const char* arguments : {"--help", "--version", "night --help", "street --help", "inspect --help", "evaluate --help"}) {
     CHECK_MESSAGE(run_tool(arguments).status == 0, arguments);
   }
 }
