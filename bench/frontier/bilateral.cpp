@@ -140,7 +140,7 @@ Comparison bilateral_case(const Options& options) {
                         auto colour_weight) {
     if (!wanted(options, method + " " + setting)) return;
     if (!built) {
-      comparison.add_absent(method, method.find("joint") != std::string::npos ? "opencv ximgproc" : "opencv imgproc");
+      comparison.add_absent(method.find("joint") != std::string::npos ? "opencv ximgproc" : "opencv imgproc");
       return;
     }
     auto out = std::make_shared<io::Image<float>>(options.shape);

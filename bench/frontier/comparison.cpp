@@ -81,10 +81,18 @@ std::vector<Line> lines_of(const Comparison& comparison) {
   };
   for (const Contender& c : comparison.contenders) {
     if (!c.absent.empty()) continue;
-    std::vector<const Contender*> peers;
+    std::vector<const Contender*> present;
+    std::vector<const Contender*> absent;
     for (const Contender& p : comparison.contenders) {
-      if (p.peer && !c.peer && (p.group.empty() || p.group == c.group)) peers.push_back(&p);
+      if (!p.peer || c.peer || !(p.group.empty() || p.group == c.group)) continue;
+      if (p.absent.empty()) {
+        present.push_back(&p);
+      } else {
+        absent.push_back(&p);
+      }
     }
+    std::vector<const Contender*> peers = present;
+    peers.insert(peers.end(), absent.begin(), absent.end());
     const std::vector<Error> errors = c.errors.empty() ? std::vector<Error>(1) : c.errors;
     for (std::size_t e = 0; e < errors.size(); ++e) {
       if (peers.empty()) {

@@ -65,11 +65,14 @@ struct Comparison {
     c.peer = true;
     return c;
   }
-  void add_absent(std::string method, std::string what) {
+  // Named once, however many of its settings are missing.
+  void add_absent(const std::string& what) {
     Contender c;
-    c.method = std::move(method);
     c.peer = true;
-    c.absent = "peer not built: " + std::move(what);
+    c.absent = "peer not built: " + what;
+    for (const Contender& other : contenders) {
+      if (other.absent == c.absent) return;
+    }
     contenders.push_back(std::move(c));
   }
 };

@@ -83,7 +83,7 @@ Comparison lab_case(const Options& options) {
 
   if (wanted(options, "opencv cvtColor")) {
     if (!opencv::available()) {
-      comparison.add_absent("opencv cvtColor", "opencv imgproc");
+      comparison.add_absent("opencv imgproc");
     } else {
       opencv::lab_from_float(std::as_const(*colours_float).view(), small.view());
       comparison

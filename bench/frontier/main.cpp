@@ -7,6 +7,8 @@
 #include <charconv>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -71,6 +73,16 @@ constexpr const char* kHeader =
   return out;
 }
 
+// The lines of each kernel in a table of ours, "" where there is none.
+[[nodiscard]] std::map<std::string, std::string> read_table(const std::string& path) {
+  std::map<std::string, std::string> lines;
+  std::ifstream file(path, std::ios::binary);
+  std::string line;
+  if (!std::getline(file, line) || line + "\n" != kHeader) return lines;
+  while (std::getline(file, line)) lines[line.substr(0, line.find(','))] += line + "\n";
+  return lines;
+}
+
 [[nodiscard]] bool write_file(const std::string& path, const std::string& content) {
   std::FILE* file = std::fopen(path.c_str(), "wb");
   if (file == nullptr) return false;
@@ -95,7 +107,7 @@ int main(int argc, char** argv) {
   app.add_option("--repeats", options.repeats, "rounds; the median counts")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000));
-  app.add_option("--csv", csv_path, "write the CSV to this file as well");
+  app.add_option("--csv", csv_path, "write the CSV to this file as well; what it holds of other kernels stays");
   app.add_option("--svg-dir", svg_folder, "draw one picture per kernel into this folder");
   app.add_flag("--quick", options.quick, "480x270, one round, errors from fewer samples: to see that all of it runs");
   CLI11_PARSE(app, argc, argv);
@@ -118,7 +130,8 @@ int main(int argc, char** argv) {
   std::fprintf(stderr, "OpenCV: %s%s\n", opencv::available() ? opencv::version().c_str() : "not built",
                opencv::available() && !opencv::ximgproc() ? ", without ximgproc" : "");
 
-  std::string table = kHeader;
+  std::map<std::string, std::string> tables;
+  if (!csv_path.empty()) tables = read_table(csv_path);
   std::fputs(kHeader, stdout);
   for (const Case& c : kCases) {
     bool run = kernels.empty();
@@ -129,7 +142,7 @@ int main(int argc, char** argv) {
     const std::string lines = csv(lines_of(comparison));
     std::fputs(lines.c_str(), stdout);
     std::fflush(stdout);
-    table += lines;
+    tables[c.name] = lines;
     if (!svg_folder.empty()) {
       std::error_code ignored;
       std::filesystem::create_directories(svg_folder, ignored);
@@ -140,6 +153,8 @@ int main(int argc, char** argv) {
       }
     }
   }
+  std::string table = kHeader;
+  for (const Case& c : kCases) table += tables[c.name];
   if (!csv_path.empty() && !write_file(csv_path, table)) {
     std::fprintf(stderr, "npsim_frontier: cannot write %s\n", csv_path.c_str());
     return 1;

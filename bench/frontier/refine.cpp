@@ -150,7 +150,7 @@ Comparison refine_case(const Options& options) {
       c.time_ms = steps * torch.ms_per_step;
       c.errors = above(target);
     } else {
-      comparison.add_absent("pytorch adam", "python3 torch");
+      comparison.add_absent("python3 torch");
     }
   }
   for (const int part : {10, 30, 100, 300}) {

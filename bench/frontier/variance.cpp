@@ -158,7 +158,7 @@ void add_scene(const Options& options, const std::string& name, ImageView<const 
   const auto peer = [&](const std::string& method, const std::string& setting, auto filter) {
     if (!wanted(options, method)) return;
     if (!opencv::available()) {
-      comparison.add_absent(method, "opencv imgproc");
+      comparison.add_absent("opencv imgproc");
       return;
     }
     const auto planes = std::make_shared<Planes>(shape);
