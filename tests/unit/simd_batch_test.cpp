@@ -125,6 +125,7 @@ struct Abs { template <class F> F operator()(F a, F) const { return abs(a); } };
 struct Sqrt { template <class F> F operator()(F a, F) const { return sqrt(a); } };
 struct Floor { template <class F> F operator()(F a, F) const { return floor(a); } };
 struct Round { template <class F> F operator()(F a, F) const { return round_even(a); } };
+struct ScaleByFloor { template <class F> F operator()(F a, F b) const { return scale_by_floor(simd::copysign(simd::clamp(abs(b), 0.5F, 4.0F), b), select(simd::is_finite(a), a, F(0.5F))); } };
 struct CopySign { template <class F> F operator()(F a, F b) const { return simd::copysign(a, b); } };
 struct Truncate { template <class F> F operator()(F a, F) const { return bitcast_float(trunc_to_int(a)); } };
 struct FromInt { template <class F> F operator()(F a, F) const { return to_float(bitcast_int(a)); } };
@@ -179,8 +180,8 @@ TEST_CASE("every operation has the same bits in the native and the one-lane batc
   for (const std::size_t shift : {std::size_t{0}, std::size_t{1}, std::size_t{2}, std::size_t{7}, std::size_t{12},
                                   std::size_t{101}, std::size_t{333}}) {
     check_all(v, shift, Add{}, Subtract{}, Multiply{}, Divide{}, Negate{}, Min{}, Max{}, Fma{}, Abs{}, Sqrt{}, Floor{},
-              Round{}, CopySign{}, Truncate{}, FromInt{}, Equal{}, NotEqual{}, Less{}, Greater{}, LessEqual{},
-              GreaterEqual{}, Finite{}, ProductError{}, SumError{});
+              Round{}, CopySign{}, ScaleByFloor{}, Truncate{}, FromInt{}, Equal{}, NotEqual{}, Less{}, Greater{},
+              LessEqual{}, GreaterEqual{}, Finite{}, ProductError{}, SumError{});
     check_all(v, shift, IntAdd{}, IntSubtract{}, IntMultiply{}, IntNegate{}, IntAnd{}, IntOr{}, IntXor{}, IntNot{},
               IntLeft{1}, IntLeft{31}, IntRight{1}, IntRight{31}, IntRightLogical{1}, IntRightLogical{23},
               IntRightLogical{31}, IntMin{}, IntMax{}, IntEqual{}, IntNotEqual{}, IntLess{}, IntGreater{},
@@ -205,6 +206,16 @@ TEST_CASE_TEMPLATE("a NaN follows the stated rule in min, max, clamp and compari
   CHECK(none(simd::is_nan(one)));
   CHECK(none(simd::is_finite(nan) | simd::is_finite(F(kInf)) | simd::is_finite(F(-kInf))));
   CHECK(bits_of(simd::quiet_nan<F>().lane(0)) == 0x7FC00000U);
+}
+
+TEST_CASE_TEMPLATE("scale_by_floor rounds once, down to the denormals", F, Native, One) {
+  const auto scaled = [](float y, float x) { return scale_by_floor(F(y), F(x)).lane(0); };
+  CHECK(scaled(1.5F, 3.99F) == 12.0F);
+  CHECK(scaled(-1.5F, -0.01F) == -0.75F);
+  CHECK(scaled(1.0F, -149.0F) == 1e-45F);
+  CHECK(scaled(1.75F, -149.5F) == 1e-45F);  // 0.875 of the smallest float: rounded once, not cut
+  CHECK(scaled(1.0F, -1e30F) == 0.0F);
+  CHECK(scaled(1.0F, 128.0F) == kInf);
 }
 
 TEST_CASE_TEMPLATE("division and square root are correctly rounded where estimates fail", F, Native, One) {

@@ -26,6 +26,7 @@
 //   slide_up(previous, current): each lane's left neighbour, lane i - 1 of current and for lane 0 the last of previous.
 //   even_lanes(a, b), odd_lanes(a, b) of a followed by b; interleave_low(a, b), interleave_high(a, b): the first and
 //   the second half of a0 b0 a1 b1 ...
+//   scale_by_floor(y, x) = y 2^floor(x), rounded once, for 0.5 <= |y| <= 4 and finite x (one instruction with AVX-512).
 //   I: load, store, gather, iota and lane alike, I::load_u8(p), I::load_u16(p) (also with n); + - * & | ^ ~ << >>,
 //   shift_right_logical, comparisons, min, max, select.
 //   M(bool), M::first(n), m.lane(i), & | ^ ~, any, all, none, bits (lane i in bit i).

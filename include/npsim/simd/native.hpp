@@ -232,6 +232,7 @@ struct F32 {
   friend F32 sqrt(F32 a) noexcept;
   friend F32 floor(F32 a) noexcept;
   friend F32 round_even(F32 a) noexcept;
+  friend F32 scale_by_floor(F32 y, F32 x) noexcept;
   friend F32 slide_up(F32 previous, F32 current) noexcept;
   friend F32 even_lanes(F32 a, F32 b) noexcept;
   friend F32 odd_lanes(F32 a, F32 b) noexcept;

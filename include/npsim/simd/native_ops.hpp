@@ -54,6 +54,9 @@ inline F32 round_even(F32 a) noexcept { return F32(FloatBatch(_mm512_maskz_round
 #if defined(__GNUC__)
 #pragma GCC diagnostic pop
 #endif
+inline F32 scale_by_floor(F32 y, F32 x) noexcept {
+  return F32(FloatBatch(_mm512_maskz_scalef_ps(kAllLanes, y.value, x.value)));
+}
 inline F32 to_float(I32 a) noexcept { return F32(FloatBatch(_mm512_maskz_cvtepi32_ps(kAllLanes, a.value))); }
 inline IntBatch truncate(const FloatBatch& a) noexcept { return _mm512_maskz_cvttps_epi32(kAllLanes, a); }
 inline F32 slide_up(F32 previous, F32 current) noexcept {
@@ -234,6 +237,15 @@ inline I32 trunc_to_int(F32 a) noexcept {
   const I32 fits(truncate(min(a, F32(0x1.FFFFFEp30F)).value));
   const I32 saturated = select(a >= F32(0x1p31F), I32(std::numeric_limits<std::int32_t>::max()), fits);
   return select(a == a, saturated, I32(0));
+}
+#endif
+
+#if !defined(NPSIM_SIMD_AVX512)
+// In two steps, so that only the last multiplication rounds when the result is denormal.
+inline F32 scale_by_floor(F32 y, F32 x) noexcept {
+  const I32 n = trunc_to_int(max(min(floor(x), F32(130.0F)), F32(-152.0F)));
+  const I32 half = n >> 1;
+  return y * bitcast_float((half + I32(127)) << 23) * bitcast_float((n - half + I32(127)) << 23);
 }
 #endif
 

@@ -149,6 +149,10 @@ struct F32 {
   [[nodiscard]] friend F32 odd_lanes(F32, F32 b) noexcept { return b; }
   [[nodiscard]] friend F32 interleave_low(F32 a, F32) noexcept { return a; }
   [[nodiscard]] friend F32 interleave_high(F32, F32 b) noexcept { return b; }
+  [[nodiscard]] friend F32 scale_by_floor(F32 y, F32 x) noexcept {
+    const float n = std::floor(x.value);
+    return std::ldexp(y.value, n > 130.0F ? 130 : n > -152.0F ? static_cast<int>(n) : -152);
+  }
   [[nodiscard]] friend I32 trunc_to_int(F32 a) noexcept {
     if (!(a.value < 0x1p31F)) return a.value >= 0x1p31F ? std::numeric_limits<std::int32_t>::max() : 0;  // 0: NaN
     return a.value >= -0x1p31F ? static_cast<std::int32_t>(a.value) : std::numeric_limits<std::int32_t>::min();
