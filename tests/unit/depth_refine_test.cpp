@@ -16,6 +16,12 @@ using namespace npsim;
 
 namespace {
 
+RefineParams adam_params() {
+  RefineParams p;
+  p.solver = RefineSolver::adam;
+  return p;
+}
+
 struct BackwardExecutor {
   template <class F>
   void for_chunks(std::size_t count, std::size_t chunk, F&& f) const {
@@ -98,7 +104,7 @@ struct Street {
   Status run(const RefineParams& p, Executor& executor) {
     std::vector<unsigned char> bytes(refine_workspace_bytes(p, shape));
     Workspace workspace(bytes.data(), bytes.size());
-    curve.assign(static_cast<std::size_t>(p.adam.steps) + 1, -1.0F);
+    curve.assign(static_cast<std::size_t>(refine_max_steps(p)) + 1, -1.0F);
     const Status s =
         refine_with_normals(p, input(), {out.data(), shape}, {curve.data(), curve.size()}, result, workspace, executor);
     CHECK(workspace.used() == 0);
@@ -164,7 +170,7 @@ TEST_CASE("the thesis' biased tangents lower their loss and still make depth wor
 
 TEST_CASE("Adam follows the textbook in double") {
   Street s({40, 36}, 2, 0.01F, 0.05F);
-  RefineParams p;
+  RefineParams p = adam_params();
   p.adam.steps = 60;
   p.stop_relative_decrease = 0;
   REQUIRE(s.run(p).ok());
@@ -207,7 +213,7 @@ TEST_CASE("Adam follows the textbook in double") {
 
 TEST_CASE("refinement does not depend on the order of chunks, works in place and on strided views") {
   Street s({70, 50}, 3, 0.01F, 0.05F);
-  RefineParams p;
+  RefineParams p = adam_params();
   p.adam.steps = 40;
   REQUIRE(s.run(p).ok());
   const std::vector<float> expected = s.out;
@@ -243,7 +249,7 @@ TEST_CASE("holes, columns of NaN and depth near 0 come out as they went in, the 
   }
   s.estimate[s.at(5, 5)] = 1e-38F;
   for (Vec3f& n : s.normals) n = {0.7F, 0.7F, -0.1F};  // normals that contradict the depth
-  RefineParams p;
+  RefineParams p = adam_params();
   p.adam.rate = 0.01F;
   p.adam.steps = 300;
   REQUIRE(s.run(p).ok());
@@ -263,7 +269,7 @@ TEST_CASE("early stop: a converged problem ends after one window; the curve is w
   s.estimate.assign(s.estimate.size(), 10.0F);
   s.normals.assign(s.normals.size(), Vec3f{0, 0, -1});
   s.estimate[700] = 10.001F;
-  RefineParams p;
+  RefineParams p = adam_params();
   p.stop_relative_decrease = 0.5F;
   p.stop_window = 20;
   p.adam.rate = 0;
@@ -283,7 +289,7 @@ TEST_CASE("early stop: a converged problem ends after one window; the curve is w
 
 TEST_CASE("a loss that is not finite, nothing valid and bad arguments are a status, and the output survives") {
   Street s({40, 20}, 6, 0.0F, 0.0F);
-  RefineParams p;
+  RefineParams p = adam_params();
   p.adam.steps = 5;
   const std::vector<float> good = s.estimate;
   const Intrinsics k = s.k;
@@ -299,16 +305,16 @@ TEST_CASE("a loss that is not finite, nothing valid and bad arguments are a stat
   s.estimate = good;
   p.adam.beta2 = 1.0F;
   CHECK(s.run(p).code() == StatusCode::invalid_argument);
-  p = {};
+  p = adam_params();
   p.adam.steps = -1;
   const SerialExecutor serial;
   Workspace none;
   CHECK(refine_with_normals(p, s.input(), {s.out.data(), s.shape}, {}, s.result, none, serial).code() ==
         StatusCode::invalid_argument);
-  p = {};
+  p = adam_params();
   p.stop_window = 0;
   CHECK(s.run(p).code() == StatusCode::invalid_argument);
-  p = {};
+  p = adam_params();
   CHECK(refine_with_normals(p, s.input(), {s.out.data(), s.shape}, {}, s.result, none, serial).code() ==
         StatusCode::workspace_exhausted);
   CHECK(refine_with_normals(p, s.input(), {s.out.data(), {20, 20}}, {}, s.result, none, serial).code() ==

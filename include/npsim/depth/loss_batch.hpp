@@ -38,6 +38,9 @@ struct F64 {
   friend MaskType operator>=(F64 a, F64 b) noexcept { return a.value >= b.value; }
   friend MaskType operator<=(F64 a, F64 b) noexcept { return a.value <= b.value; }
   [[nodiscard]] friend F64 fma(F64 a, F64 b, F64 c) noexcept { return a.value * b.value + c.value; }
+  [[nodiscard]] friend F64 abs(F64 a) noexcept { return std::fabs(a.value); }
+  [[nodiscard]] friend F64 min(F64 a, F64 b) noexcept { return a.value < b.value ? a : b; }
+  [[nodiscard]] friend F64 max(F64 a, F64 b) noexcept { return a.value > b.value ? a : b; }
   [[nodiscard]] friend F64 sqrt(F64 a) noexcept { return std::sqrt(a.value); }
   [[nodiscard]] friend F64 select(MaskType m, F64 a, F64 b) noexcept { return m.value ? a : b; }
   [[nodiscard]] friend F64 slide_up(F64 previous, F64) noexcept { return previous; }

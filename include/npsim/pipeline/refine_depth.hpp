@@ -119,7 +119,7 @@ namespace refine_detail {
 }  // namespace refine_detail
 
 [[nodiscard]] constexpr std::size_t refine_loss_count(const RefineParams& params) noexcept {
-  return params.adam.steps > 0 ? static_cast<std::size_t>(params.adam.steps) + 1 : 1;
+  return static_cast<std::size_t>(refine_max_steps(params)) + 1;
 }
 
 [[nodiscard]] inline std::size_t refine_depth_workspace_bytes(const RefineDepthParams& params, Shape shape) noexcept {
