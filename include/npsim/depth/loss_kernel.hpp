@@ -35,8 +35,9 @@ namespace depth_detail {
 template <class V>
 struct LossRow {
   V fx, fy;
-  V ray_y;       // b / fy
-  V one_ray_y2;  // 1 + (b / fy)^2
+  V ratio_x, ratio_y;  // -1 / fx, or 1 / fx for the thesis' tangents
+  V ray_y;             // b / fy
+  V one_ray_y2;        // 1 + (b / fy)^2
   V normal_scale, continuity_scale, depth_scale;
 };
 
@@ -80,26 +81,12 @@ template <TangentForm kTangents, ContinuityForm kContinuity, class V>
 [[nodiscard]] NPSIM_ALWAYS_INLINE LossPart<V> loss_part(const LossRow<V>& k, const LossPixels<V>& at) noexcept {
   constexpr bool kPerspective = kTangents == TangentForm::perspective;
   const V one(1);
-  // p and q, and their derivatives by the neighbour's depth; by the depth here it is minus `fall`.
-  V p, q, p_right, q_below, p_fall, q_fall;
-  if constexpr (kPerspective) {
-    const V inverse_right = one / at.right;
-    const V inverse_below = one / at.below;
-    p_fall = k.fx * inverse_right;
-    q_fall = k.fy * inverse_below;
-    p = (at.right - at.z) * p_fall;
-    q = (at.below - at.z) * q_fall;
-    p_right = at.z * inverse_right;  // times p_fall
-    q_below = at.z * inverse_below;
-  } else {
-    const V inverse = one / at.z;
-    p_right = k.fx * inverse;
-    q_below = k.fy * inverse;
-    p = (at.right - at.z) * p_right;
-    q = (at.below - at.z) * q_below;
-    p_fall = at.right * inverse;  // times p_right
-    q_fall = at.below * inverse;
-  }
+  // p = slope (z' - z) with slope = fx / z' or, for the thesis, fx / z. The derivative by the depth that does not
+  // divide is the slope, by the one that does it is as much times z / z' = 1 - p / fx, or z' / z = 1 + p / fx.
+  const V p_slope = k.fx / (kPerspective ? at.right : at.z);
+  const V q_slope = k.fy / (kPerspective ? at.below : at.z);
+  const V p = (at.right - at.z) * p_slope;
+  const V q = (at.below - at.z) * q_slope;
 
   // n - N = -(m s + N) with s = -1 / |m|.
   V tilt = one;  // -m_z
@@ -140,16 +127,18 @@ template <TangentForm kTangents, ContinuityForm kContinuity, class V>
   part.normal = at.normal_weight * e2;
   part.continuity = at.continuity_weight * (tx.value + ty.value);
   part.depth = weighted_offset * offset;
+  const V by_x = by_p * p_slope;
+  const V by_y = by_q * q_slope;
+  const V by_x_divisor = by_x * fma(p, k.ratio_x, one);
+  const V by_y_divisor = by_y * fma(q, k.ratio_y, one);
   if constexpr (kPerspective) {
-    const V fall_x = by_p * p_fall;
-    const V fall_y = by_q * q_fall;
-    part.self = fma(k.depth_scale, weighted_offset, -(fall_x + fall_y));
-    part.right = fall_x * p_right;
-    part.down = fall_y * q_below;
+    part.self = fma(k.depth_scale, weighted_offset, -(by_x + by_y));
+    part.right = by_x_divisor;
+    part.down = by_y_divisor;
   } else {
-    part.right = by_p * p_right;
-    part.down = by_q * q_below;
-    part.self = fma(k.depth_scale, weighted_offset, -fma(part.right, p_fall, part.down * q_fall));
+    part.self = fma(k.depth_scale, weighted_offset, -(by_x_divisor + by_y_divisor));
+    part.right = by_x;
+    part.down = by_y;
   }
   return part;
 }
@@ -162,9 +151,12 @@ void evaluate_row(LossProblem<T>& p, ImageView<const T> depth, int y, T* gradien
     return V(count == 0 ? T(0) : static_cast<T>(2 * static_cast<double>(lambda) / static_cast<double>(count)));
   };
   const double fx = static_cast<double>(p.k.fx);
+  const double sign = kTangents == TangentForm::perspective ? -1 : 1;
   const double ray_y = (y + 0.5 - static_cast<double>(p.k.cy)) / static_cast<double>(p.k.fy);
   const LossRow<V> row{V(static_cast<T>(p.k.fx)),
                        V(static_cast<T>(p.k.fy)),
+                       V(static_cast<T>(sign / fx)),
+                       V(static_cast<T>(sign / static_cast<double>(p.k.fy))),
                        V(static_cast<T>(ray_y)),
                        V(static_cast<T>(1 + ray_y * ray_y)),
                        scale(p.params.lambda.normal, p.normal_count),
