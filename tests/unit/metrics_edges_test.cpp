@@ -106,6 +106,11 @@ TEST_CASE("depth edges: posts of any width have both rims") {
   CHECK(row_edges({20, 20, 20, 20, 20, 5, 5, 5, 5, 20, 20, 20, 20, 20}) == "00000100100000");  // as wide as the reach
 }
 
+TEST_CASE("depth edges: both rims of a slit one pixel wide, and no small step between two large ones") {
+  CHECK(row_edges({5, 5, 5, 5, 5, 40, 10, 10, 10, 10, 10}) == "00001010000");
+  CHECK(row_edges({5, 5, 5, 5, 20, 20, 20, 20, 20.1F, 20.1F, 20.1F, 20.1F, 5, 5, 5, 5}) == "0001000000001000");
+}
+
 TEST_CASE("depth edges: an edge smeared over several pixels is found once, in its middle") {
   Plane row;
   for (int x = 0; x < 31; ++x) {
