@@ -39,7 +39,7 @@ inline namespace v1 {
 [[nodiscard]] constexpr std::size_t gauss_newton_bytes(Shape shape) noexcept {
   return multigrid_bytes(shape) + 3 * allocation_bytes<float>(loss_plane_elements(shape)) +
          5 * allocation_bytes<float>(grid_plane_elements(shape)) +
-         2 * allocation_bytes<double>(static_cast<std::size_t>(shape.height));
+         allocation_bytes<double>(static_cast<std::size_t>(shape.height));
 }
 
 inline namespace NPSIM_ISA_NAMESPACE {
@@ -76,8 +76,8 @@ struct NewtonVectors {
   ImageView<float> rhs;               // b, then the residual
   ImageView<float> corrected;         // the preconditioner's z
   ImageView<float> direction, image;  // p and H p
-  ImageView<float> step;              // the solution
-  Span<double> row_a, row_b;
+  ImageView<float> sum;               // of alpha p over all iterations but the last
+  Span<double> row_sums;
 };
 
 // Receives the V-cycle's result on the finest level.
@@ -101,90 +101,132 @@ struct StoreAndDot {
   void end_row(int) noexcept { rows[index] = sum.total(); }
 };
 
-// Solves H step = rhs. Returns the number of iterations; vectors.step is the solution.
+// Row y of sum += alpha p and rhs -= alpha H p.
+template <class V>
+void advance_row(const GridLevel& level, const NewtonVectors& v, float alpha, bool first, int y) noexcept {
+  const float* direction = v.direction.row(y);
+  const float* image = v.image.row(y);
+  float* sum = v.sum.row(y);
+  float* rhs = v.rhs.row(y);
+  for (int x = 0; x < level.end(); x += V::lanes) {
+    const V along = V(alpha) * V::load(direction + x);
+    (first ? along : V::load(sum + x) + along).store(sum + x);
+    fma(V(-alpha), V::load(image + x), V::load(rhs + x)).store(rhs + x);
+  }
+}
+
+// What conjugate gradients found: sum + alpha direction, without the sum after one iteration.
+struct NewtonStep {
+  ImageView<const float> sum, direction;
+  float alpha = 0;
+  int iterations = 0;  // 0: no step, because the gradient is 0 or a number overflowed
+};
+
+// H z, then p = z + beta p and H p = H z + beta H p; returns p . H p. Without `continues`, H p is not kept.
 template <class V, class Executor>
-int conjugate_gradients(const GaussNewtonParams& params, const Multigrid& grid, const NewtonVectors& v,
+double update_direction(const Multigrid& grid, const NewtonVectors& v, float beta, bool first, bool continues,
                         Executor& executor) noexcept {
   const GridLevel& level = grid.level[0];
-  const int end_x = level.end();
-  const auto rows = static_cast<std::size_t>(level.shape().height);
-  const double tolerance = static_cast<double>(params.inner_tolerance) * static_cast<double>(params.inner_tolerance);
-  double first = 0;
-  double before = 0;
-  for (int k = 0;; ++k) {
-    v_cycle<V>(grid, ImageView<const float>(v.rhs), StoreAndDot<V>(v.corrected, v.row_a), executor);
-    const double now = sum_of_rows(v.row_a);
-    if (k == 0) first = now;
-    if (!(now > tolerance * first)) return k;  // also where it is not a number
-    const float beta = k == 0 ? 0.0F : static_cast<float>(now / before);
-    before = now;
-
-    // p = z + beta p, H p = H z + beta H p.
-    executor.for_chunks(rows, kGridChunkRows, [&](std::size_t begin, std::size_t end) {
-      float* from_above = level.buffer(grid.buffers, begin / kGridChunkRows);
-      const int first_row = static_cast<int>(begin);
-      if (first_row == 0) {
-        for (int x = 0; x < end_x; ++x) from_above[x] = 0.0F;
-      } else {
-        links_below<V>(level, first_row - 1, v.corrected.row(first_row - 1), v.corrected.row(first_row), from_above);
-      }
-      for (int y = first_row; y < static_cast<int>(end); ++y) {
-        const float* z = v.corrected.row(y);
-        const float* z_below = v.corrected.row(y + 1 < v.corrected.height() ? y + 1 : y);
-        float* p = v.direction.row(y);
-        float* image = v.image.row(y);
-        RowSum<V> sum;
-        apply_row<V>(level, y, z, z_below, from_above, [&](int x, V product) {
-          V direction = V::load(z + x);
-          if (k > 0) {
-            direction = fma(V(beta), V::load(p + x), direction);
-            product = fma(V(beta), V::load(image + x), product);
-          }
+  const int height = level.shape().height;
+  const ImageView<float> z_plane = first ? v.direction : v.corrected;
+  executor.for_chunks(static_cast<std::size_t>(height), kGridChunkRows, [&](std::size_t begin, std::size_t end) {
+    float* from_above = level.buffer(grid.buffers, begin / kGridChunkRows);
+    const int first_row = static_cast<int>(begin);
+    if (first_row == 0) {
+      for (int x = 0; x < level.end(); ++x) from_above[x] = 0.0F;
+    } else {
+      links_below<V>(level, first_row - 1, z_plane.row(first_row - 1), z_plane.row(first_row), from_above);
+    }
+    for (int y = first_row; y < static_cast<int>(end); ++y) {
+      const float* z = z_plane.row(y);
+      float* p = v.direction.row(y);
+      float* image = v.image.row(y);
+      RowSum<V> sum;
+      apply_row<V>(level, y, z, z_plane.row(y + 1 < height ? y + 1 : y), from_above, [&](int x, V product) {
+        V direction = V::load(z + x);
+        if (!first) {
+          direction = fma(V(beta), V::load(p + x), direction);
+          product = fma(V(beta), V::load(image + x), product);
           direction.store(p + x);
-          product.store(image + x);
-          sum.add(x, direction, product);
-        });
-        v.row_b[static_cast<std::size_t>(y)] = sum.total();
-      }
-    });
-    const double curvature = sum_of_rows(v.row_b);
-    const double ratio = now / curvature;
-    if (!(curvature > 0) || !(ratio < 1e30)) return k;
-    const float alpha = static_cast<float>(ratio);
-    const bool last = k + 1 == params.inner_steps;
-    executor.for_chunks(rows, kGridChunkRows, [&](std::size_t begin, std::size_t end) {
-      for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-        for (int x = 0; x < end_x; x += V::lanes) {
-          const V direction = V::load(v.direction.row(y) + x);
-          V step = V(alpha) * direction;
-          if (k > 0) step = step + V::load(v.step.row(y) + x);
-          step.store(v.step.row(y) + x);
-          if (!last) {
-            fma(V(-alpha), V::load(v.image.row(y) + x), V::load(v.rhs.row(y) + x)).store(v.rhs.row(y) + x);
-          }
         }
-      }
-    });
-    if (last) return k + 1;
+        if (continues) product.store(image + x);
+        sum.add(x, direction, product);
+      });
+      v.row_sums[static_cast<std::size_t>(y)] = sum.total();
+    }
+  });
+  return sum_of_rows(v.row_sums);
+}
+
+// Solves H step = rhs, until an iteration lowers the quadratic model by less than `share` of what all did, or to the
+// cap. rhs becomes the residual before the last iteration.
+template <class V, class Executor>
+[[nodiscard]] NewtonStep conjugate_gradients(const Multigrid& grid, int cap, double share, NewtonVectors& v,
+                                             Executor& executor) noexcept {
+  const GridLevel& level = grid.level[0];
+  NewtonStep step;
+  double before = 0;
+  double decrease = 0;
+  for (int k = 0; k < cap; ++k) {
+    const bool first = k == 0;
+    const bool continues = k + 1 < cap;
+    v_cycle<V>(grid, ImageView<const float>(v.rhs), StoreAndDot<V>(first ? v.direction : v.corrected, v.row_sums),
+               executor);
+    const double now = sum_of_rows(v.row_sums);
+    if (!(now > 0)) return step;  // the residual is 0, or not a number
+    const float beta = first ? 0.0F : static_cast<float>(now / before);
+    before = now;
+    const double curvature = update_direction<V>(grid, v, beta, first, continues, executor);
+    const double alpha = now / curvature;
+    if (!(alpha > 0 && alpha < 1e30)) return step;
+    step.iterations = k + 1;
+    step.alpha = static_cast<float>(alpha);
+    step.direction = v.direction;
+    const double gain = 0.5 * alpha * now;
+    decrease += gain;
+    if (!continues || gain < share * decrease) return step;
+    executor.for_chunks(static_cast<std::size_t>(level.shape().height), kGridChunkRows,
+                        [&](std::size_t begin, std::size_t end) {
+                          for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+                            advance_row<V>(level, v, step.alpha, first, y);
+                          }
+                        });
+    step.sum = v.sum;
+    step.alpha = 0;
   }
+  return step;
 }
 
 // to = from e^(share step), within a factor of 4 of the estimate; pixels that have no equation stay.
 template <class V, class Executor>
 void take_step(const LossProblem<float>& problem, const GridLevel& level, ImageView<const float> from,
-               ImageView<const float> step, float share, ImageView<float> to, Executor& executor) noexcept {
-  executor.for_chunks(static_cast<std::size_t>(step.height()), kLossChunkRows, [&](std::size_t begin, std::size_t end) {
+               const NewtonStep& step, float share, ImageView<float> to, Executor& executor) noexcept {
+  const V by_direction(share * step.alpha);
+  const V by_sum(share);
+  executor.for_chunks(static_cast<std::size_t>(to.height()), kLossChunkRows, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
       for (int x = 0; x < level.end(); x += V::lanes) {
         const V old = V::load(from.row(y) + x);
         const V estimate = V::load(problem.estimate.row(y) + x);
-        const V move = simd::clamp(V(share) * V::load(step.row(y) + x), -8.0F, 8.0F);
+        V move = by_direction * V::load(step.direction.row(y) + x);
+        if (!step.sum.empty()) move = fma(by_sum, V::load(step.sum.row(y) + x), move);
+        move = simd::clamp(move, -8.0F, 8.0F);
         const V moved = min(max(old * simd::exp(move), estimate * V(0.25F)), estimate * V(4.0F));
-        const auto usable = (V::load(level.smoother.row(y) + x) > V(0.0F)) & simd::is_finite(moved);
+        const auto usable = (V::load(level.smoother.row(y) + x) > V(0.0F)) & (move == move);
         select(usable, moved, old).store(to.row(y) + x);
       }
     }
   });
+}
+
+// A plane whose padding is 1, for depth.
+[[nodiscard]] inline Status allocate_depth_plane(Shape shape, Workspace& workspace, ImageView<float>& plane) noexcept {
+  NPSIM_RETURN_IF_ERROR(allocate_loss_plane(shape, workspace, plane));
+  for (int y = 0; y <= shape.height; ++y) {
+    const std::ptrdiff_t begin = y < shape.height ? plane.stride() - kLossBlock : 0;
+    for (std::ptrdiff_t x = begin; x < plane.stride(); ++x) plane.row(y)[x] = 1.0F;
+  }
+  return {};
 }
 
 // depth: gets the result, in the layout of the problem's planes.
@@ -195,24 +237,26 @@ template <class V, class Executor>
   Multigrid grid;
   NewtonVectors v;
   ImageView<float> trial;
+  ImageView<float> spare;
   ImageView<float> gradient;
   NPSIM_RETURN_IF_ERROR(allocate_multigrid(shape, workspace, grid));
-  for (ImageView<float>* plane : {&depth, &trial, &gradient}) {
-    NPSIM_RETURN_IF_ERROR(allocate_loss_plane(shape, workspace, *plane));
-  }
-  for (ImageView<float>* plane : {&v.rhs, &v.corrected, &v.direction, &v.image, &v.step}) {
+  NPSIM_RETURN_IF_ERROR(allocate_depth_plane(shape, workspace, trial));
+  NPSIM_RETURN_IF_ERROR(allocate_depth_plane(shape, workspace, spare));
+  NPSIM_RETURN_IF_ERROR(allocate_loss_plane(shape, workspace, gradient));
+  for (ImageView<float>* plane : {&v.rhs, &v.corrected, &v.direction, &v.image, &v.sum}) {
     NPSIM_RETURN_IF_ERROR(allocate_grid_plane(shape, workspace, *plane));
   }
-  for (Span<double>* sums : {&v.row_a, &v.row_b}) {
-    NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(shape.height), *sums));
-  }
-  for (std::size_t i = 0; i < loss_plane_elements(shape); ++i) {
-    depth.data()[i] = trial.data()[i] = problem.estimate.data()[i];
-  }
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(shape.height), v.row_sums));
+  depth = problem.estimate;
+
   const auto record = [&](int step) {
     done.steps = step;
     const auto index = static_cast<std::size_t>(step);
     if (index < loss_curve.size()) loss_curve[index] = static_cast<float>(done.last.total);
+  };
+  const auto stop = [&done](StopReason reason) {
+    done.reason = reason;
+    return Status();
   };
   evaluate_losses<float, V>(problem, depth, gradient, done.last, executor);
   done.evaluations = 1;
@@ -222,46 +266,33 @@ template <class V, class Executor>
   const GridLevel& level = grid.level[0];
   const SystemPlanes<float> system{level.wxx, level.wxy, level.wyy, level.diagonal, v.rhs};
   for (int step = 0;; ++step) {
-    if (done.last.total <= static_cast<double>(params.target_loss)) {
-      done.reason = StopReason::target_reached;
-      return {};
-    }
-    if (step == params.steps) {
-      done.reason = StopReason::all_steps;
-      return {};
-    }
+    if (done.last.total <= static_cast<double>(params.target_loss)) return stop(StopReason::target_reached);
+    if (step == params.steps) return stop(StopReason::all_steps);
     linearise<float, V>(problem, ImageView<const float>(depth), ImageView<const float>(gradient), system, executor);
     build_multigrid<V>(grid, params.grid_stiffness, executor);
-    const int inner = conjugate_gradients<V>(params, grid, v, executor);
-    done.inner_steps += inner;
-    if (inner == 0) {
-      done.reason = StopReason::no_descent;
-      return {};
-    }
-    float share = 1.0F;
+    const NewtonStep found =
+        conjugate_gradients<V>(grid, params.inner_steps, static_cast<double>(params.inner_decrease), v, executor);
+    done.inner_steps += found.iterations;
+    if (found.iterations == 0) return stop(StopReason::no_descent);
     LossValues values;
     bool lower = false;
+    float share = 1.0F;
     for (int halving = 0; halving <= params.halvings && !lower; ++halving) {
-      take_step<V>(problem, level, ImageView<const float>(depth), ImageView<const float>(v.step), share, trial,
-                   executor);
+      take_step<V>(problem, level, ImageView<const float>(depth), found, share, trial, executor);
       evaluate_losses<float, V>(problem, trial, gradient, values, executor);
       ++done.evaluations;
       lower = values.total < done.last.total;  // false for NaN
       share *= 0.5F;
     }
-    if (!lower) {
-      done.reason = StopReason::no_descent;
-      return {};
-    }
+    if (!lower) return stop(StopReason::no_descent);
     const double before = done.last.total;
-    const ImageView<float> other = depth;
+    const ImageView<float> old = step == 0 ? spare : depth;  // the estimate stays as it is
     depth = trial;
-    trial = other;
+    trial = old;
     done.last = values;
     record(step + 1);
     if (before - values.total < static_cast<double>(params.relative_decrease) * before) {
-      done.reason = StopReason::small_decrease;
-      return {};
+      return stop(StopReason::small_decrease);
     }
   }
 }

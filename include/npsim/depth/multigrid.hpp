@@ -83,7 +83,9 @@ struct Multigrid {
   Span<float> elements;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(grid_plane_elements(shape), elements));
   plane = ImageView<float>(elements.data(), shape, loss_plane_stride(shape.width));
-  for (float& v : elements) v = 0.0F;
+  for (int y = 0; y < shape.height; ++y) {  // the block that is read and never written
+    for (std::ptrdiff_t x = plane.stride() - kLossBlock; x < plane.stride(); ++x) plane.row(y)[x] = 0.0F;
+  }
   return {};
 }
 
@@ -91,7 +93,6 @@ struct Multigrid {
   const auto row = static_cast<std::size_t>(loss_plane_stride(shape.width));
   const std::size_t chunks = chunk_count(static_cast<std::size_t>(shape.height), kGridChunkRows);
   NPSIM_RETURN_IF_ERROR(workspace.allocate(chunks * kGridRowBuffers * row, grid.buffers));
-  for (float& v : grid.buffers) v = 0.0F;
   for (grid.levels = 0; grid.levels < kGridMaxLevels; shape = coarse_shape(shape)) {
     GridLevel& level = grid.level[grid.levels];
     for (ImageView<float>* plane : {&level.wxx, &level.wxy, &level.wyy, &level.diagonal, &level.smoother}) {
@@ -197,20 +198,18 @@ void coarsen_row(const GridLevel& fine, const GridLevel& coarse, float stiffness
 
 // The planes of the coarse levels and all smoothers, from the finest level's planes.
 template <class V, class Executor>
-void build_multigrid(Multigrid& grid, float stiffness, Executor& executor) noexcept {
+void build_multigrid(const Multigrid& grid, float stiffness, Executor& executor) noexcept {
   for (int l = 0; l < grid.levels; ++l) {
     const GridLevel& level = grid.level[l];
-    const auto rows = static_cast<std::size_t>(level.shape().height);
-    if (l > 0) {
-      executor.for_chunks(rows, kGridChunkRows, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t y = begin; y < end; ++y) {
-          coarsen_row<V>(grid.level[l - 1], level, stiffness, static_cast<int>(y));
-        }
-      });
-    }
-    executor.for_chunks(rows, kGridChunkRows, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t y = begin; y < end; ++y) smoother_row<V>(level, static_cast<int>(y));
-    });
+    const GridLevel* coarse = l + 1 < grid.levels ? &grid.level[l + 1] : nullptr;
+    executor.for_chunks(static_cast<std::size_t>(level.shape().height), kGridChunkRows,
+                        [&](std::size_t begin, std::size_t end) {
+                          for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+                            smoother_row<V>(level, y);
+                            const bool pair_done = y % 2 != 0 || y + 1 == level.shape().height;
+                            if (coarse != nullptr && pair_done) coarsen_row<V>(level, *coarse, stiffness, y / 2);
+                          }
+                        });
   }
 }
 

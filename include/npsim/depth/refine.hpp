@@ -69,14 +69,20 @@ template <class V = simd::F32, class Executor>
     NPSIM_RETURN_IF_ERROR(depth_detail::minimise_with_gauss_newton<V>(params.gauss_newton, problem, shape, depth,
                                                                       loss_curve, done, workspace, executor));
   }
-  executor.for_chunks(static_cast<std::size_t>(shape.height), kLossChunkRows, [&](std::size_t begin, std::size_t end) {
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        const float before = input.depth_est(x, y);
-        output(x, y) = depth_detail::has_depth(before) ? depth(x, y) : before;
-      }
-    }
-  });
+  const int width = shape.width;
+  executor.for_chunks(
+      static_cast<std::size_t>(shape.height), kLossChunkRows, [&, width](std::size_t begin, std::size_t end) {
+        for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+          const float* before = input.depth_est.row(y);
+          const float* refined = depth.row(y);
+          float* out = output.row(y);
+          for (int x = 0; x < width; x += V::lanes) {
+            const int n = width - x < V::lanes ? width - x : V::lanes;
+            const V given = V::load(before + x, n);
+            select(depth_detail::usable_depth<float>(given), V::load(refined + x), given).store(out + x, n);
+          }
+        }
+      });
   result = done;
   return {};
 }

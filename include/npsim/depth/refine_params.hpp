@@ -25,12 +25,12 @@ struct AdamParams {
 
 struct GaussNewtonParams {
   int steps = 20;                   // outer steps at most
-  int inner_steps = 20;             // conjugate gradient iterations per outer step at most
-  float inner_tolerance = 0.1F;     // of the preconditioned residual, relative to its start
-  float relative_decrease = 1e-3F;  // stop when an outer step lowers the loss by less than this share of it; 0: never
+  float relative_decrease = 1e-3F;  // stop when a step lowers the loss by less than this share of it; 0: never
   float target_loss = 0;            // stop at or below it
+  int inner_steps = 20;             // conjugate gradient iterations per outer step at most
+  float inner_decrease = 0.05F;     // end them when one lowers the model by less than this share of what all did
   int halvings = 8;                 // of a step that does not lower the loss, before giving up
-  float grid_stiffness = 0.5F;      // of coarse grids, see multigrid.hpp
+  float grid_stiffness = 0.65F;     // of coarse grids, see multigrid.hpp
 };
 
 [[nodiscard]] constexpr LossParams default_refine_losses() noexcept {
@@ -98,10 +98,10 @@ struct RefineResult {
       g.halvings > 64) {
     return bad("refine: Gauss-Newton steps in 0..1000000, inner_steps in 1..1000000, halvings in 0..64");
   }
-  if (!in_range(g.inner_tolerance, 0.0F, 1.0F) || !in_range(g.relative_decrease, 0.0F, 1.0F) ||
+  if (!in_range(g.inner_decrease, 0.0F, 1.0F) || !in_range(g.relative_decrease, 0.0F, 1.0F) ||
       !in_range(g.target_loss, 0.0F, 1e30F) || !in_range(g.grid_stiffness, 0.25F, 1.0F)) {
     return bad(
-        "refine: inner_tolerance and relative_decrease in 0..1, target_loss not negative, grid_stiffness in 0.25..1");
+        "refine: inner_decrease and relative_decrease in 0..1, target_loss not negative, grid_stiffness in 0.25..1");
   }
   return {};
 }
