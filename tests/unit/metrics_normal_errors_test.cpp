@@ -64,6 +64,15 @@ Vec3f turned(double degrees) {
   return {static_cast<float>(std::sin(degrees * kPi / 180)), 0, static_cast<float>(-std::cos(degrees * kPi / 180))};
 }
 
+long double long_angle_deg(const Vec3f& a, const Vec3f& b) {
+  const auto wide = [](float v) { return static_cast<long double>(v); };
+  const long double cx = wide(a.y) * wide(b.z) - wide(a.z) * wide(b.y);
+  const long double cy = wide(a.z) * wide(b.x) - wide(a.x) * wide(b.z);
+  const long double cz = wide(a.x) * wide(b.y) - wide(a.y) * wide(b.x);
+  const long double c = wide(a.x) * wide(b.x) + wide(a.y) * wide(b.y) + wide(a.z) * wide(b.z);
+  return std::atan2(std::sqrt(cx * cx + cy * cy + cz * cz), c) * 180 / 3.14159265358979323846264338L;
+}
+
 }  // namespace
 
 TEST_CASE("normal errors: angles that are known") {
@@ -135,6 +144,20 @@ TEST_CASE("normal errors: the mask selects; nothing to compare is a status") {
   CHECK(out.pixels == 0);
 }
 
+TEST_CASE("normal errors: an angle of any size is within 1e-13 degrees of long double") {
+  for (std::uint32_t i = 0; i < 300; ++i) {
+    npsim::RandomStream random(8, npsim::RandomPurpose::generic, 0, 0, i, 0);
+    const auto draw = [&] { return 2 * random.uniform() - 1; };
+    const Vec3f a{draw(), draw(), draw()};
+    const float off =
+        std::ldexp(1.0F, -static_cast<int>(i % 24));  // from nearly equal, or nearly opposite, to anything
+    const Vec3f b = (i % 2 == 0 ? a : -a) + Vec3f{draw(), draw(), draw()} * off;
+    const Measured m = measure({a}, {b});
+    REQUIRE(m.status.ok());
+    CHECK(std::fabs(m.errors.mean_deg - static_cast<double>(long_angle_deg(a, b))) < 1e-13);
+  }
+}
+
 TEST_CASE("normal errors: within the stated bound of long double, and the same bits in any order of the chunks") {
   const Shape shape{61, 130};
   std::vector<Vec3f> estimate;
@@ -147,20 +170,14 @@ TEST_CASE("normal errors: within the stated bound of long double, and the same b
     const Vec3f b{draw(), draw(), draw()};
     estimate.push_back(a);
     truth.push_back(b);
-    const auto wide = [](float v) { return static_cast<long double>(v); };
-    const long double cx = wide(a.y) * wide(b.z) - wide(a.z) * wide(b.y);
-    const long double cy = wide(a.z) * wide(b.x) - wide(a.x) * wide(b.z);
-    const long double cz = wide(a.x) * wide(b.y) - wide(a.y) * wide(b.x);
-    const long double c = wide(a.x) * wide(b.x) + wide(a.y) * wide(b.y) + wide(a.z) * wide(b.z);
-    const long double angle =
-        std::atan2(std::sqrt(cx * cx + cy * cy + cz * cz), c) * 180 / 3.14159265358979323846264338L;
+    const long double angle = long_angle_deg(a, b);
     squared += angle * angle;
   }
   npsim::SerialExecutor serial;
   const Measured one = measure(estimate, truth, shape, serial);
   REQUIRE(one.status.ok());
   const long double rms = std::sqrt(squared / static_cast<long double>(shape.pixels()));
-  CHECK(one.errors.rms_deg == doctest::Approx(static_cast<double>(rms)).epsilon(1e-10));
+  CHECK(one.errors.rms_deg == doctest::Approx(static_cast<double>(rms)).epsilon(1e-10).scale(0));
   BackwardExecutor backward;
   const Measured many = measure(estimate, truth, shape, backward);
   CHECK(std::memcmp(&many.errors, &one.errors, sizeof one.errors) == 0);
