@@ -239,7 +239,7 @@ TEST_CASE("cross-bilateral gives the same bits with one lane, with chunks backwa
   SerialExecutor serial;
   s.out.assign(s.out.size(), -1.0F);
   REQUIRE(depth_detail::cross_bilateral_with<simd::scalar::F32>(
-              p, ImageView<const float>(s.depth.data(), s.shape),
+              p, cross_bilateral_detail::cross_bilateral_plan(p, s.shape), ImageView<const float>(s.depth.data(), s.shape),
               ImageView<const std::uint8_t>(s.labels.data(), s.shape), ImageView<const Vec3f>(s.lab.data(), s.shape),
               ImageView<float>(s.out.data(), s.shape), workspace, serial)
               .ok());

@@ -4,14 +4,18 @@
 //   d(p) = sum_q Gs(|q - p|) [delta(h(q), h(p)) + mu Gc(|J(q) - J(p)|)] d^(q)  /  the same sum without d^(q)
 // with G(r) = exp(-r^2 / (2 sigma^2)), delta = 1 for equal labels, J in CIELAB (Delta E 1976), q in the square window
 // of the given radius. Samples outside the image and samples whose depth is invalid have weight 0; a sample or centre
-// whose colour is not finite has colour weight 0. A pixel that itself is invalid is computed from its neighbours, or
-// stays invalid with keep_invalid. Where the weights sum to less than 1e-12 the result is 0 (invalid).
+// whose colour is not finite, or beyond 1e9, has colour weight 0. A pixel that itself is invalid is computed from its
+// neighbours, or stays invalid with keep_invalid. Where the weights sum to less than 1e-12 the result is 0 (invalid).
+// Any positive plane may stand for the depth, inverse depth say, with values in 1e-25..1e25.
 //
-// This is the direct form: one tap after the other, lanes are neighbouring pixels, so it gives the same bits for every
-// number of lanes. Sums are kept per row of the window first, which bounds rounding by the window's side, not its area.
-// Error: relative to exact evaluation at most 4 (2R + 1) 2^-24 from the sums (1.5e-5 for R = 30) and 3e-6 from the
-// weights; measured at R = 30: 7e-7. Depth below 1e30 m.
-// Cost: O(pixels (2R + 1)^2), one exp per tap. Memory: 20 bytes per pixel of the image widened by 2R + 16 columns.
+// The two terms are summed apart: cross_bilateral_label.hpp by masked Gaussians, cross_bilateral_colour.hpp tap by tap.
+// Every tap of the equation is evaluated, except blocks of which it is proven that they do not matter to the bound.
+// Error: the caller bounds it; the method is the cheapest that provably keeps the bound, and what it keeps is returned.
+// The bound is relative and holds for every pixel with depth and colour, or whose weights sum to mu, where depths in
+// one window differ by a factor of 1000 at most; per further factor of 2 in either it grows by 3e-7. At R = 30 and the
+// default bound of 2e-5, measured against double: at most 3e-6. Label term alone: bound 6e-6, measured 3e-7.
+// Cost: see those headers; colour makes nearly all of it. Memory: 20 bytes per pixel, 32 more for labels and colour.
+// The same bits for every number of lanes and threads.
 #ifndef NPSIM_DEPTH_CROSS_BILATERAL_HPP
 #define NPSIM_DEPTH_CROSS_BILATERAL_HPP
 
@@ -27,200 +31,265 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/cross_bilateral_colour.hpp"
+#include "npsim/depth/cross_bilateral_label.hpp"
+#include "npsim/depth/cross_bilateral_params.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/isa.hpp"
 #include "npsim/simd/math.hpp"
 
 namespace npsim {
 inline namespace v1 {
-
-// Section 3.4.1.
-inline constexpr float kCrossBilateralMu = 5.0F;
-// What the code of Sakaridis et al. (ECCV 2018) amounts to: it normalises its grid kernels to sum 1, which turns the
-// same 5 into 5 / (1 + 2 exp(-1/2))^3 here.
-inline constexpr float kCrossBilateralMuCitedCode = 0.461307F;
-
-struct CrossBilateralParams {
-  float mu = kCrossBilateralMu;  // weight of the colour term, >= 0
-  float sigma_s_px = 10.0F;      // section 3.4.1
-  float sigma_c = 5.0F;          // section 3.4.1, CIELAB units, in 1e-3..1e6
-  int radius_px = -1;            // half the window's side, centre excluded; negative: ceil(3 sigma_s)
-  bool use_labels = true;
-  bool use_colour = true;
-  bool keep_invalid = false;  // leave pixels without depth (the sky) without depth
-  // What the result may differ from equation (3.2) evaluated without rounding, relative to the result.
-  float max_relative_error = 2e-5F;
-};
-
-enum class CrossBilateralMethod { exact, approximate };
-
-struct CrossBilateralResult {
-  CrossBilateralMethod method = CrossBilateralMethod::exact;
-  float relative_error_bound = 0.0F;  // holds for every pixel that has a result
-};
-
-[[nodiscard]] inline int cross_bilateral_radius(const CrossBilateralParams& params, Shape shape) noexcept {
-  const int side = shape.width > shape.height ? shape.width : shape.height;
-  if (params.radius_px >= 0) return params.radius_px < side ? params.radius_px : side;
-  const float radius = std::ceil(3.0F * params.sigma_s_px);  // a window wider than the image adds nothing
-  return radius < static_cast<float>(side) ? static_cast<int>(radius) : side;
-}
-
-inline constexpr int kTapPadding = 16;  // the widest batch
-
-// Elements of one plane whose rows are widened by the window and one batch.
-[[nodiscard]] constexpr std::size_t tap_plane_elements(Shape shape, int radius) noexcept {
-  return static_cast<std::size_t>(shape.width + 2 * radius + kTapPadding) * static_cast<std::size_t>(shape.height);
-}
-
-[[nodiscard]] inline std::size_t cross_bilateral_workspace_bytes(const CrossBilateralParams& params,
-                                                                 Shape shape) noexcept {
-  const int radius = cross_bilateral_radius(params, shape);
-  const std::size_t elements = tap_plane_elements(shape, radius);
-  return kWorkspaceAlignment + 4 * allocation_bytes<float>(elements) + allocation_bytes<std::int32_t>(elements) +
-         allocation_bytes<float>(static_cast<std::size_t>(radius) + 1);
-}
-
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
-// Samples as the tap loop reads them, in rows padded on both sides. A sample that must not count holds label -1, which
-// no centre has, and an L far from any colour, so that both its terms are exactly 0.
-struct TapPlanes {
-  ImageView<float> l, a, b, depth_m;  // data() points at pixel (0, 0); the padding lies left and right of each row
-  ImageView<std::int32_t> label;
-  const float* spatial = nullptr;  // Gs by distance along one axis, 0..radius
-};
-
-inline constexpr float kFarLightness = 1e9F;
 inline constexpr float kNoWeight = 1e-12F;
 
-// One batch of pixels starting at (x, y), `n` of them inside the image.
-template <class F, bool kLabels, bool kColour>
-[[nodiscard]] F filter_pixels(const TapPlanes& t, const simd::F32x3<F>& centre, typename F::Int centre_label, int x,
-                              int y, int radius, F mu, F minus_half_inverse_variance) noexcept {
-  F numerator(0.0F);
-  F denominator(0.0F);
-  const int first_row = y > radius ? y - radius : 0;
-  const int last_row = y + radius < t.l.height() ? y + radius : t.l.height() - 1;
-  for (int qy = first_row; qy <= last_row; ++qy) {
-    const float* l = t.l.row(qy) + x;
-    const float* a = t.a.row(qy) + x;
-    const float* b = t.b.row(qy) + x;
-    const float* z = t.depth_m.row(qy) + x;
-    const std::int32_t* label = t.label.row(qy) + x;
-    F row_numerator(0.0F);
-    F row_denominator(0.0F);
-    for (int dx = -radius; dx <= radius; ++dx) {
-      F weight(0.0F);
-      if constexpr (kColour) {
-        const F dl = F::load(l + dx) - centre.x;
-        const F da = F::load(a + dx) - centre.y;
-        const F db = F::load(b + dx) - centre.z;
-        const F distance_squared = fma(dl, dl, fma(da, da, db * db));
-        weight = mu * simd::exp(distance_squared * minus_half_inverse_variance);
-      }
-      if constexpr (kLabels) {
-        weight = select(F::Int::load(label + dx) == centre_label, weight + 1.0F, weight);
-      }
-      weight = weight * F(t.spatial[dx < 0 ? -dx : dx]);
-      row_numerator = fma(weight, F::load(z + dx), row_numerator);
-      row_denominator = row_denominator + weight;
-    }
-    const F row_weight(t.spatial[qy < y ? y - qy : qy - y]);
-    numerator = fma(row_weight, row_numerator, numerator);
-    denominator = fma(row_weight, row_denominator, denominator);
-  }
-  const F result = numerator / denominator;
-  return select((denominator > F(kNoWeight)) & simd::is_finite(result), result, F(0.0F));
-}
-
-template <class F, bool kLabels, bool kColour, class LabelPixel>
-void filter_row(const CrossBilateralParams& params, const TapPlanes& t, ImageView<const float> depth,
-                ImageView<const LabelPixel> labels, ImageView<const Vec3f> lab, int radius, int y,
-                ImageView<float> output) noexcept {
-  const F scale(static_cast<float>(-0.5 / (static_cast<double>(params.sigma_c) * static_cast<double>(params.sigma_c))));
-  const F mu(params.mu);
-  for (int x = 0; x < depth.width(); x += F::lanes) {
-    const int n = depth.width() - x < F::lanes ? depth.width() - x : F::lanes;
-    simd::F32x3<F> centre{F(0.0F), F(0.0F), F(0.0F)};
-    if constexpr (kColour) {
-      centre = simd::load3<F>(&lab(x, y).x, n);
-      const auto finite = simd::is_finite(centre.x) & simd::is_finite(centre.y) & simd::is_finite(centre.z);
-      centre.x = select(finite, centre.x, F(-kFarLightness));
-      centre.y = select(finite, centre.y, F(0.0F));
-      centre.z = select(finite, centre.z, F(0.0F));
-    }
-    typename F::Int centre_label(0);
-    if constexpr (kLabels && sizeof(LabelPixel) == 1) centre_label = F::Int::load_u8(labels.row(y) + x, n);
-    if constexpr (kLabels && sizeof(LabelPixel) == 2) centre_label = F::Int::load_u16(labels.row(y) + x, n);
-    F result = filter_pixels<F, kLabels, kColour>(t, centre, centre_label, x, y, radius, mu, scale);
-    if (params.keep_invalid) {
-      const F before = F::load(depth.row(y) + x, n);
-      result = select((before > F(0.0F)) & simd::is_finite(before), result, F(0.0F));
-    }
-    result.store(output.row(y) + x, n);
-  }
-}
+template <class LabelPixel>
+struct CrossBilateralState {
+  ColourGrid grid;
+  ColourSamples samples;
+  ImageView<std::int32_t> source_labels;
+  ColourTerm colour;
+  LabelTerm<LabelPixel> label;
+};
 
 template <class T>
-[[nodiscard]] Status allocate_tap_plane(Shape shape, int radius, Workspace& workspace, ImageView<T>& plane) noexcept {
+[[nodiscard]] Status allocate_padded(const ColourGrid& g, Workspace& workspace, ImageView<T>& plane) noexcept {
   Span<T> elements;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(tap_plane_elements(shape, radius), elements));
-  plane = ImageView<T>(elements.data() + radius, shape, shape.width + 2 * radius + kTapPadding);
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(g.samples(), elements));
+  plane = ImageView<T>(elements.data() + g.padding, g.shape, g.sample_stride);
+  return {};
+}
+
+// Samples of one row as both terms read them, padding included.
+template <class LabelPixel>
+void load_row(const CrossBilateralParams& params, ImageView<const float> depth, ImageView<const LabelPixel> labels,
+              ImageView<const Vec3f> lab, const CrossBilateralState<LabelPixel>& s, int y) noexcept {
+  const int width = s.grid.shape.width;
+  const int end = s.grid.sample_stride - s.grid.padding;
+  const auto none = [&](int x) {
+    s.samples.depth.row(y)[x] = 0.0F;
+    if (params.use_labels) s.source_labels.row(y)[x] = -1;
+  };
+  const auto no_colour = [&](int x) {
+    s.samples.l.row(y)[x] = 0.0F;
+    s.samples.a.row(y)[x] = kNoColour * static_cast<float>(x + s.grid.padding + 1);
+    s.samples.b.row(y)[x] = kNoColour * static_cast<float>(y + 1);
+  };
+  const bool colour = uses_colour(params);
+  for (int x = -s.grid.padding; x < 0; ++x) none(x);
+  for (int x = width; x < end; ++x) none(x);
+  for (int x = -s.grid.padding; colour && x < 0; ++x) no_colour(x);
+  for (int x = width; colour && x < end; ++x) no_colour(x);
+  for (int x = 0; x < width; ++x) {
+    const float z = depth(x, y);
+    const bool valid = is_valid_depth(z);
+    s.samples.depth.row(y)[x] = valid ? z : 0.0F;
+    if (params.use_labels) s.source_labels.row(y)[x] = valid ? std::int32_t{labels(x, y)} : -1;
+    if (!colour) continue;
+    const Vec3f c = lab(x, y);
+    const auto in_range = [](float v) { return v >= -kMaxColour && v <= kMaxColour; };
+    if ((valid || !params.keep_invalid) && in_range(c.x) && in_range(c.y) && in_range(c.z)) {
+      s.samples.l.row(y)[x] = c.x;
+      s.samples.a.row(y)[x] = c.y;
+      s.samples.b.row(y)[x] = c.z;
+    } else {
+      no_colour(x);
+    }
+  }
+}
+
+[[nodiscard]] inline float log2_of(float x) noexcept {
+  return simd::log2(simd::scalar::F32(x)).value;  // minus infinity at 0; the same bits everywhere
+}
+
+template <class LabelPixel>
+void measure_block_row(const CrossBilateralParams& params, const CrossBilateralState<LabelPixel>& s, int row) noexcept {
+  const ColourGrid& g = s.grid;
+  const int y_end = (row + 1) * kGroupRows < g.shape.height ? (row + 1) * kGroupRows : g.shape.height;
+  for (int column = 0; column < g.block_columns(); ++column) {
+    ColourBlock block;
+    float deepest = 0;
+    float sums = 0;
+    float weight = 0;
+    const int x_end = (column + 1) * kChunkPx < g.shape.width ? (column + 1) * kChunkPx : g.shape.width;
+    for (int y = row * kGroupRows; y < y_end; ++y) {
+      for (int x = column * kChunkPx; x < x_end; ++x) {
+        const float c[3] = {s.samples.l(x, y), s.samples.a(x, y), s.samples.b(x, y)};
+        if (c[1] > kMaxColour) continue;
+        const float z = s.samples.depth(x, y);
+        const float self = z > 0 ? params.mu : 0.0F;
+        const float own = self * z + (params.use_labels ? s.label.numerator(x, y) : 0.0F);
+        const float own_weight = self + (params.use_labels ? s.label.denominator(x, y) : 0.0F);
+        for (int i = 0; i < 3; ++i) {
+          block.low[i] = block.any && block.low[i] < c[i] ? block.low[i] : c[i];
+          block.high[i] = block.any && block.high[i] > c[i] ? block.high[i] : c[i];
+        }
+        sums = block.any && sums < own ? sums : own;
+        weight = block.any && weight < own_weight ? weight : own_weight;
+        block.any = true;
+        block.source = block.source || z > 0;
+        block.holes = block.holes || !(z > 0);
+        deepest = z > deepest ? z : deepest;
+      }
+    }
+    block.log_depth = log2_of(deepest);
+    block.log_sums = log2_of(sums);
+    block.log_weight = log2_of(weight);
+    s.colour.blocks[static_cast<std::size_t>(row) * static_cast<std::size_t>(g.block_columns()) +
+                    static_cast<std::size_t>(column)] = block;
+  }
+}
+
+// Both terms together, one row.
+template <class F, class LabelPixel>
+void combine_row(const CrossBilateralParams& params, const CrossBilateralState<LabelPixel>& s, int y,
+                 ImageView<float> output) noexcept {
+  const ColourGrid& g = s.grid;
+  const F zero(0.0F);
+  const int strip = uses_colour(params) ? y / g.strip_rows : 0;
+  const bool tail = strip > 0 && y - strip * g.strip_rows < g.ry;
+  for (int x = 0; x < g.shape.width; x += F::lanes) {
+    const int n = g.shape.width - x < F::lanes ? g.shape.width - x : F::lanes;
+    const F z = F::load(s.samples.depth.row(y) + x);
+    F numerator = zero;
+    F denominator = zero;
+    if (uses_colour(params)) {
+      const auto total = [&](int plane) {
+        const float* hi = s.colour.sums_row(strip, y) + 2 * plane * g.width + x;
+        F sum = F::load(hi) + F::load(hi + g.width);
+        if (tail) {
+          const float* above = s.colour.sums_row(strip - 1, y) + 2 * plane * g.width + x;
+          sum = sum + (F::load(above) + F::load(above + g.width));
+        }
+        return sum;
+      };
+      const F self = select((F::load(s.samples.a.row(y) + x) < F(kMaxColour * 2.0F)) & (z > zero), F(1.0F), zero);
+      numerator = F(params.mu) * fma(self, z, total(0));
+      denominator = F(params.mu) * (self + total(1));
+    }
+    if (params.use_labels) {
+      numerator = numerator + F::load(s.label.numerator.row(y) + x);
+      denominator = denominator + F::load(s.label.denominator.row(y) + x);
+    }
+    const F d = numerator / denominator;
+    auto valid = (denominator > F(kNoWeight)) & simd::is_finite(d);
+    if (params.keep_invalid) valid = valid & (z > zero);
+    select(valid, d, zero).store(output.row(y) + x, n);
+  }
+}
+
+template <class LabelPixel>
+[[nodiscard]] Status allocate_label_term(const CrossBilateralParams& params, int radius,
+                                         ImageView<const LabelPixel> labels, CrossBilateralState<LabelPixel>& s,
+                                         Workspace& workspace) noexcept {
+  const ColourGrid& g = s.grid;
+  LabelTerm<LabelPixel>& t = s.label;
+  t.grid = label_grid(g.shape, radius);
+  t.labels = labels;
+  NPSIM_RETURN_IF_ERROR(allocate_padded(g, workspace, s.source_labels));
+  Span<float> planes;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(2 * label_plane_elements(g), planes));
+  t.numerator = ImageView<float>(planes.data(), g.shape, g.width);
+  t.denominator = ImageView<float>(planes.data() + label_plane_elements(g), g.shape, g.width);
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(label_scratch_elements(t.grid), t.scratch));
+  Span<float> gaussian;
+  Span<double> cumulated;
+  const int reach = radius + kKernelPadding;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(2 * reach + 1), gaussian));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(2 * radius + 2), cumulated));
+  const double sigma = static_cast<double>(params.sigma_s_px);
+  double sum = 0;
+  for (int i = -reach; i <= reach; ++i) {
+    const double r = i / sigma;
+    const double value = i >= -radius && i <= radius ? std::exp(-0.5 * r * r) : 0.0;
+    gaussian[static_cast<std::size_t>(i + reach)] = static_cast<float>(value);
+    if (i >= -radius && i <= radius + 1) cumulated[static_cast<std::size_t>(i + radius)] = sum;
+    sum += value;
+  }
+  t.gaussian = gaussian.data() + reach;
+  t.cumulated = cumulated.data() + radius;
+  t.depth = s.samples.depth;
+  t.source = s.source_labels;
+  return {};
+}
+
+template <class LabelPixel>
+[[nodiscard]] Status allocate_colour_term(const CrossBilateralParams& params, double prune_error,
+                                          CrossBilateralState<LabelPixel>& s, Workspace& workspace) noexcept {
+  const ColourGrid& g = s.grid;
+  ColourTerm& t = s.colour;
+  NPSIM_RETURN_IF_ERROR(allocate_padded(g, workspace, s.samples.l));
+  NPSIM_RETURN_IF_ERROR(allocate_padded(g, workspace, s.samples.a));
+  NPSIM_RETURN_IF_ERROR(allocate_padded(g, workspace, s.samples.b));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(colour_block_count(g), t.blocks));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(spatial_elements(g), t.spatial));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(colour_sums_elements(g), t.sums));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(colour_scratch_elements(g), t.scratch));
+  t.grid = g;
+  t.samples = s.samples;
+  const double sigma_s = static_cast<double>(params.sigma_s_px);
+  const double sigma_c = static_cast<double>(params.sigma_c);
+  constexpr double kLog2E = 1.4426950408889634;
+  double total[2] = {0, 0};
+  std::size_t at = 0;
+  for (int dy = 0; dy <= g.ry; ++dy) {
+    for (int dx = -g.rx; dx <= g.rx; ++dx) {
+      const double exponent = -0.5 * kLog2E / (sigma_s * sigma_s) * (double(dx) * dx + double(dy) * dy);
+      const bool other_way = dy == 0 && dx <= 0;
+      t.spatial[at++] = other_way || exponent < -1e30 ? -1e30F : static_cast<float>(exponent);
+      if (dy == 0) total[0] += std::exp2(exponent);
+    }
+    const double r = dy / sigma_s;
+    total[1] += (dy == 0 ? 1 : 2) * std::exp(-0.5 * r * r);
+  }
+  t.scale = static_cast<float>(0.5 * kLog2E / (sigma_c * sigma_c));
+  t.prune = prune_error > 0;
+  // Rounded up, by more than what the logarithms of the blocks and the squared gap can be off.
+  t.log_threshold =
+      t.prune ? log2_of(static_cast<float>(static_cast<double>(params.mu) * total[0] * total[1] / prune_error)) + 0.01F
+              : 0.0F;
   return {};
 }
 
 // The filter with a given batch; cross_bilateral() calls it with the native one.
 template <class F, class LabelPixel, class Executor>
-[[nodiscard]] Status cross_bilateral_with(const CrossBilateralParams& params, ImageView<const float> depth,
-                                          ImageView<const LabelPixel> labels, ImageView<const Vec3f> lab,
-                                          ImageView<float> output, Workspace& workspace, Executor& executor) noexcept {
-  static_assert(F::lanes <= kTapPadding);
+[[nodiscard]] Status cross_bilateral_with(const CrossBilateralParams& params, const CrossBilateralPlan& plan,
+                                          ImageView<const float> depth, ImageView<const LabelPixel> labels,
+                                          ImageView<const Vec3f> lab, ImageView<float> output, Workspace& workspace,
+                                          Executor& executor) noexcept {
+  static_assert(F::lanes <= kChunkPx);
   const Shape shape = depth.shape();
   const int radius = cross_bilateral_radius(params, shape);
-  const bool colour = params.use_colour && params.mu > 0;
+  const bool colour = uses_colour(params);
   const WorkspaceScope scope(workspace);
-  TapPlanes t;
-  NPSIM_RETURN_IF_ERROR(allocate_tap_plane(shape, radius, workspace, t.l));
-  NPSIM_RETURN_IF_ERROR(allocate_tap_plane(shape, radius, workspace, t.a));
-  NPSIM_RETURN_IF_ERROR(allocate_tap_plane(shape, radius, workspace, t.b));
-  NPSIM_RETURN_IF_ERROR(allocate_tap_plane(shape, radius, workspace, t.depth_m));
-  NPSIM_RETURN_IF_ERROR(allocate_tap_plane(shape, radius, workspace, t.label));
-  Span<float> spatial;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(radius) + 1, spatial));
-  const double sigma_s = static_cast<double>(params.sigma_s_px);
-  for (std::size_t i = 0; i < spatial.size(); ++i) {
-    const double r = static_cast<double>(i) / sigma_s;
-    spatial[i] = static_cast<float>(std::exp(-0.5 * r * r));
-  }
-  t.spatial = spatial.data();
+  CrossBilateralState<LabelPixel> s;
+  s.grid = colour_grid(shape, radius);
+  NPSIM_RETURN_IF_ERROR(allocate_padded(s.grid, workspace, s.samples.depth));
+  if (params.use_labels) NPSIM_RETURN_IF_ERROR(allocate_label_term(params, radius, labels, s, workspace));
+  if (colour) NPSIM_RETURN_IF_ERROR(allocate_colour_term(params, plan.prune_error, s, workspace));
 
   const auto rows = static_cast<std::size_t>(shape.height);
-  executor.for_chunks(rows, 16, [&](std::size_t begin, std::size_t end) {
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      for (int x = -radius; x < shape.width + radius + kTapPadding; ++x) {
-        const bool counts = x >= 0 && x < shape.width && is_valid_depth(depth(x, y));
-        const bool coloured = counts && colour && is_finite(lab(x, y));
-        t.depth_m.row(y)[x] = counts ? depth(x, y) : 0.0F;
-        t.l.row(y)[x] = coloured ? lab(x, y).x : kFarLightness;
-        t.a.row(y)[x] = coloured ? lab(x, y).y : 0.0F;
-        t.b.row(y)[x] = coloured ? lab(x, y).z : 0.0F;
-        t.label.row(y)[x] = counts && params.use_labels ? std::int32_t{labels(x, y)} : -1;
-      }
-    }
-  });
-  executor.for_chunks(rows, 4, [&](std::size_t begin, std::size_t end) {
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      if (params.use_labels && colour) {
-        filter_row<F, true, true>(params, t, depth, labels, lab, radius, y, output);
-      } else if (colour) {
-        filter_row<F, false, true>(params, t, depth, labels, lab, radius, y, output);
-      } else {
-        filter_row<F, true, false>(params, t, depth, labels, lab, radius, y, output);
-      }
-    }
-  });
+  const auto for_each = [&](std::size_t count, std::size_t chunk, auto&& f) {
+    executor.for_chunks(count, chunk, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) f(static_cast<int>(i));
+    });
+  };
+  for_each(rows, 16, [&](int y) { load_row(params, depth, labels, lab, s, y); });
+  if (params.use_labels) {
+    for_each(static_cast<std::size_t>(s.label.grid.strips()), 1, [&](int i) { filter_label_strip<F>(s.label, i); });
+  }
+  if (colour) {
+    for_each(static_cast<std::size_t>(s.grid.block_rows()), 8, [&](int row) { measure_block_row(params, s, row); });
+    for_each(static_cast<std::size_t>(s.grid.strips), 1, [&](int i) {
+      if (plan.degree == 2) weigh_strip<F, 2>(s.colour, i);
+      if (plan.degree == 3) weigh_strip<F, 3>(s.colour, i);
+      if (plan.degree == 4) weigh_strip<F, 4>(s.colour, i);
+      if (plan.degree == 5) weigh_strip<F, 5>(s.colour, i);
+    });
+  }
+  for_each(rows, 16, [&](int y) { combine_row<F>(params, s, y, output); });
   return {};
 }
 
@@ -235,29 +304,22 @@ template <class AnyLabel, class Executor>
   using LabelPixel = std::remove_const_t<AnyLabel>;
   static_assert(std::is_same_v<LabelPixel, std::uint8_t> || std::is_same_v<LabelPixel, std::uint16_t>,
                 "labels are 8- or 16-bit and unsigned");
-  const auto in_range = [](float v, float low, float high) { return v >= low && v <= high; };  // false for NaN
-  if (!in_range(params.mu, 0.0F, 1e6F)) {
-    return {StatusCode::invalid_argument, "cross_bilateral: mu must lie in 0..1e6"};
-  }
-  if (!in_range(params.sigma_s_px, 1e-3F, 1e6F) || !in_range(params.sigma_c, 1e-3F, 1e6F)) {
-    return {StatusCode::invalid_argument, "cross_bilateral: sigma_s_px and sigma_c must lie in 1e-3..1e6"};
-  }
-  const bool colour = params.use_colour && params.mu > 0;
-  if (!params.use_labels && !colour) {
-    return {StatusCode::invalid_argument, "cross_bilateral: neither labels nor colour would be used"};
-  }
+  NPSIM_RETURN_IF_ERROR(cross_bilateral_detail::validate(params));
   if (depth.empty()) return {StatusCode::no_valid_input, "cross_bilateral: the depth image is empty"};
   const Shape shape = depth.shape();
+  const bool colour = cross_bilateral_detail::uses_colour(params);
   if (output.empty() || output.shape() != shape || (params.use_labels && (labels.empty() || labels.shape() != shape)) ||
       (colour && (lab.empty() || lab.shape() != shape))) {
     return {StatusCode::shape_mismatch, "cross_bilateral: labels, lab and output must have the shape of the depth"};
   }
-  if (!(params.max_relative_error >= 2e-5F)) {
-    return {StatusCode::invalid_argument, "cross_bilateral: max_relative_error must be at least 2e-5"};
+  const cross_bilateral_detail::CrossBilateralPlan plan = cross_bilateral_detail::cross_bilateral_plan(params, shape);
+  if (!plan.possible) {
+    return {StatusCode::invalid_argument, "cross_bilateral: max_relative_error is below what floats can hold"};
   }
-  result = {CrossBilateralMethod::exact, 2e-5F};
-  return depth_detail::cross_bilateral_with<simd::F32>(params, depth, ImageView<const LabelPixel>(labels), lab, output,
-                                                       workspace, executor);
+  NPSIM_RETURN_IF_ERROR(depth_detail::cross_bilateral_with<simd::F32>(
+      params, plan, depth, ImageView<const LabelPixel>(labels), lab, output, workspace, executor));
+  result = plan.result;
+  return {};
 }
 
 }  // namespace NPSIM_ISA_NAMESPACE

@@ -1,0 +1,443 @@
+// SPDX-License-Identifier: Apache-2.0
+// The colour term of the dual-reference cross-bilateral filter (3.2): for every pixel p the sums
+//   sum_q w z(q)  and  sum_q w,   w = Gs(|q - p|) Gc(|J(q) - J(p)|),  over all q != p of the window.
+//
+// w is symmetric, so a pair of pixels is weighed once and counts for both: for q in the rows at and below p. Lanes are
+// neighbouring p, four rows of p share the loads of q. What a pair gives to q goes to one of 16 rows of sums, by
+// dx mod 16, so that it is stored where it was loaded from, aligned; those are added up once per row of q. Sums go from
+// one level to the next in at most kChunkPx additions, the last level is compensated, and rows below a strip have their
+// own sums, so that strips run in parallel and the bits depend on neither threads nor lanes.
+//
+// Error of a weight, relative: of 2^x kExp2Error[degree], and 7 2^-24 ln 2 per unit of its binary exponent (differences
+// of colours are taken before anything is scaled, so it does not grow with the colours). Of the sums: 2^-24 per term of
+// the longest chain, see colour_chain(). Pruned: blocks of 16x4 pixels whose colours are so far apart that what all of
+// them leave out is at most `prune_error` of either sum of the filter.
+// Cost: 22 instructions per pair and batch, half of them fma. Memory: 32 bytes per pixel, 16 for each of the rows below
+// a strip, and the scratch of a strip.
+#ifndef NPSIM_DEPTH_CROSS_BILATERAL_COLOUR_HPP
+#define NPSIM_DEPTH_CROSS_BILATERAL_COLOUR_HPP
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/simd/batch.hpp"
+#include "npsim/simd/math.hpp"
+
+namespace npsim {
+inline namespace v1 {
+namespace cross_bilateral_detail {
+
+inline constexpr int kChunkPx = 16;   // columns of a block, offsets of a chunk; no batch is wider
+inline constexpr int kGroupRows = 4;  // rows of a block
+inline constexpr int kColourTilePx = 64;
+inline constexpr int kBandRows = 16;   // rows of p that a row of q meets before its sums are added up
+inline constexpr int kMaxChunks = 16;  // of offsets in one sweep
+inline constexpr int kMinDegree = 2, kMaxDegree = 5;
+inline constexpr double kExp2Error[6] = {1, 1, 1.73e-3, 7.5e-5, 2.7e-6, 3e-7};  // by degree
+
+constexpr int round_up(int x, int to) noexcept { return (x + to - 1) / to * to; }
+
+// How the image is cut up. A function of shape and radius alone.
+struct ColourGrid {
+  Shape shape;
+  int rx = 0, ry = 0;  // the window, cut to what the image can hold
+  int padding = 0;     // columns left of the image in every plane of samples
+  int width = 0;       // columns of sums: whole tiles
+  int sample_stride = 0;
+  int strip_rows = 0;
+  int strips = 0;
+  int band_rows = 0;
+  int first_chunk = 0, end_chunk = 0;  // of offsets dx
+  int sweep_chunks = 0;                // at most kMaxChunks
+  int skew_stride = 0;                 // of one of the 16 rows of sums for q
+
+  [[nodiscard]] int block_columns() const noexcept { return width / kChunkPx; }
+  [[nodiscard]] int block_rows() const noexcept { return round_up(shape.height, kGroupRows) / kGroupRows; }
+  [[nodiscard]] std::size_t samples() const noexcept {
+    return static_cast<std::size_t>(sample_stride) * static_cast<std::size_t>(shape.height);
+  }
+  [[nodiscard]] std::size_t sums_rows() const noexcept {
+    return static_cast<std::size_t>(shape.height) + static_cast<std::size_t>(strips) * static_cast<std::size_t>(ry);
+  }
+  [[nodiscard]] std::size_t skew_elements() const noexcept {
+    return static_cast<std::size_t>(2 * kChunkPx) * static_cast<std::size_t>(skew_stride);
+  }
+};
+
+[[nodiscard]] inline ColourGrid colour_grid(Shape shape, int radius) noexcept {
+  ColourGrid g;
+  g.shape = shape;
+  g.rx = radius < shape.width ? radius : shape.width - 1;
+  g.ry = radius < shape.height ? radius : shape.height - 1;
+  g.padding = round_up(g.rx, kChunkPx);
+  g.width = round_up(shape.width, kColourTilePx);
+  g.sample_stride = g.padding + g.width + g.padding + kChunkPx;
+  if (g.sample_stride % 1024 == 0) g.sample_stride += kChunkPx;  // rows that are not all in one set of the cache
+  g.strip_rows = round_up(g.ry > 64 ? g.ry : 64, kBandRows);
+  g.strips = (shape.height + g.strip_rows - 1) / g.strip_rows;
+  g.first_chunk = -g.padding / kChunkPx;
+  g.end_chunk = g.rx / kChunkPx + 1;
+  const int chunks = g.end_chunk - g.first_chunk;
+  g.sweep_chunks = chunks < kMaxChunks ? chunks : kMaxChunks;
+  g.band_rows = chunks <= 4 ? kBandRows : kGroupRows;
+  g.skew_stride = kChunkPx + kColourTilePx + kChunkPx * g.sweep_chunks + kChunkPx;
+  return g;
+}
+
+// The longest chain of additions that leads from a weight to its sum.
+[[nodiscard]] inline int colour_chain(const ColourGrid& g) noexcept {
+  const int of_p = kChunkPx + g.sweep_chunks;
+  const int of_q = kGroupRows + g.band_rows / kGroupRows * g.sweep_chunks + 4;
+  return (of_p > of_q ? of_p : of_q) + 6;  // compensated additions, strip and strip, the pixel itself
+}
+
+// What a block of 16x4 pixels holds: the box of its colours; how much its depths can add to others; how little of its
+// own sums may be lost.
+struct ColourBlock {
+  float low[3], high[3];
+  float log_depth = 0;  // log2 of the largest depth
+  float log_sums = 0;   // min over its pixels and both sums of log2(sum), the depth's share being subtracted later
+  float log_weight = 0;
+  bool any = false;     // of its pixels has a colour and wants a result
+  bool source = false;  // of its pixels counts for others
+  bool holes = false;   // a pixel wants a result but counts for none
+};
+
+inline constexpr std::size_t kOwnSums = 4 * kBandRows * kColourTilePx;  // of p in a tile
+
+}  // namespace cross_bilateral_detail
+
+inline namespace NPSIM_ISA_NAMESPACE {
+namespace depth_detail {
+
+using namespace cross_bilateral_detail;
+
+// A pixel without colour stands where no other colour is, alone.
+inline constexpr float kNoColour = 1e10F;
+inline constexpr float kMaxColour = 1e9F;
+
+struct ColourSamples {
+  ImageView<float> l, a, b;  // data() points at pixel (0, 0)
+  ImageView<float> depth;    // 0 where a pixel does not count
+};
+
+struct ColourTerm {
+  ColourGrid grid;
+  ColourSamples samples;
+  Span<ColourBlock> blocks;
+  Span<float> spatial;      // log2 Gs by dy and dx; what belongs to the other pixel of the pair is -1e30
+  Span<float> sums;         // rows of 4 x grid.width: sum w z and its rest, sum w and its rest; strips' tails follow
+  Span<float> scratch;      // by strip
+  float scale = 0;          // of a squared colour distance, in powers of two
+  float log_threshold = 0;  // log2 of mu times all spatial weights over the error that pruning may make
+  bool prune = true;
+
+  [[nodiscard]] float* sums_row(int strip, int y) const noexcept {
+    const int end = (strip + 1) * grid.strip_rows;
+    const int row = y < end ? y : grid.shape.height + strip * grid.ry + (y - end);
+    return sums.data() + static_cast<std::size_t>(row) * 4 * static_cast<std::size_t>(grid.width);
+  }
+  [[nodiscard]] const ColourBlock& block(int column, int row) const noexcept {
+    return blocks[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.block_columns()) +
+                  static_cast<std::size_t>(column)];
+  }
+};
+
+// May the pairs of these two blocks be left out?
+[[nodiscard]] inline bool negligible(const ColourTerm& term, const ColourBlock& p, const ColourBlock& q) noexcept {
+  if (!p.any || !q.any || !(p.source || q.source)) return true;
+  if (!term.prune) return false;
+  float squared = 0;
+  for (int i = 0; i < 3; ++i) {
+    const float above = q.low[i] - p.high[i];
+    const float below = p.low[i] - q.high[i];
+    const float gap = above > below ? above : below;
+    if (gap > 0) squared = squared + gap * gap;
+  }
+  const auto needed = [](const ColourBlock& to, const ColourBlock& from) {
+    const float by_depth = from.log_depth - to.log_sums;
+    return by_depth > -to.log_weight ? by_depth : -to.log_weight;
+  };
+  const float exponent = squared * term.scale;
+  return (!q.source || exponent >= term.log_threshold + needed(p, q)) &&
+         (!p.source || exponent >= term.log_threshold + needed(q, p));
+}
+
+// hi + lo += x, nearly exactly.
+template <class F>
+void add_compensated(float* hi, float* lo, F x) noexcept {
+  const simd::Pair<F> sum = simd::two_sum(F::load(hi), x);
+  sum.hi.store(hi);
+  (F::load(lo) + sum.lo).store(lo);
+}
+
+// 2^x within kExp2Error: relative minimax polynomials on [0, 1].
+template <int kDegree, class F>
+[[nodiscard]] F fast_exp2(F x) noexcept {
+  const F r = x - floor(x);
+  if constexpr (kDegree == 2) {
+    return scale_by_floor(fma(fma(F(0x1.594830p-2F), r, F(0x1.50b5b4p-1F)), r, F(0x1.007108p+0F)), x);
+  } else if constexpr (kDegree == 3) {
+    const F p = fma(F(0x1.3f96a4p-4F), r, F(0x1.cefc4cp-3F));
+    return scale_by_floor(fma(fma(p, r, F(0x1.64444cp-1F)), r, F(0x1.fff632p-1F)), x);
+  } else if constexpr (kDegree == 4) {
+    const F p = fma(fma(F(0x1.bb7cd4p-7F), r, F(0x1.aa13f0p-5F)), r, F(0x1.ee798ap-3F));
+    return scale_by_floor(fma(fma(p, r, F(0x1.62d166p-1F)), r, F(0x1.00002cp+0F)), x);
+  } else {
+    const F p = fma(fma(F(0x1.ec320ap-10F), r, F(0x1.26900cp-7F)), r, F(0x1.c95446p-5F));
+    return scale_by_floor(fma(fma(fma(p, r, F(0x1.ebd5a8p-3F)), r, F(0x1.62e4f6p-1F)), r, F(0x1.fffffep-1F)), x);
+  }
+}
+
+template <std::size_t N, class Function>
+inline void unrolled(Function&& f) noexcept {
+  if constexpr (N > 0) f(std::size_t{0});
+  if constexpr (N > 1) f(std::size_t{1});
+  if constexpr (N > 2) f(std::size_t{2});
+  if constexpr (N > 3) f(std::size_t{3});
+  static_assert(N <= std::size_t{kGroupRows});
+}
+
+// One batch of columns of N rows of p against one row of q. Pointers are to the first column of p: in the row of q, in
+// the first row of p, in the first row's sums.
+struct PairRows {
+  const float *pl, *pa, *pb, *pz;
+  const float *ql, *qa, *qb, *qz;
+  const float* spatial;  // of the first row of p at dx = 0; the next row's lies spatial_stride before
+  float* skew;           // at dx = 0 and k = 0: sum w z; sum w lies skew_stride behind
+  float* own;
+  std::ptrdiff_t stride, spatial_stride, skew_stride;
+  float minus_scale;
+  int rx, first_chunk, end_chunk;
+  std::uint32_t work, holes;  // by chunk, from first_chunk
+};
+
+template <class F, std::size_t N, int kDegree, bool kHoles>
+inline void weigh_chunk(const PairRows& s, int chunk, const F (&lp)[N], const F (&ap)[N], const F (&bp)[N],
+                        const F (&zp)[N], F (&num)[N], F (&den)[N]) noexcept {
+  const F zero(0.0F);
+  const F one(1.0F);
+  const F minus_scale(s.minus_scale);
+  const int begin = -s.rx - chunk * kChunkPx;
+  const int last = s.rx - chunk * kChunkPx;
+  F n[N], d[N];
+  const float* spatial[N];
+  unrolled<N>([&](std::size_t i) { spatial[i] = s.spatial - static_cast<std::ptrdiff_t>(i) * s.spatial_stride; });
+  unrolled<N>([&](std::size_t i) { n[i] = d[i] = zero; });
+  for (int k = begin > 0 ? begin : 0; k < kChunkPx && k <= last; ++k) {
+    const int dx = chunk * kChunkPx + k;
+    const F lq = F::load(s.ql + dx);
+    const F aq = F::load(s.qa + dx);
+    const F bq = F::load(s.qb + dx);
+    const F zq = F::load(s.qz + dx);
+    F w[N];
+    unrolled<N>([&](std::size_t i) {
+      const F dl = lq - lp[i];
+      const F da = aq - ap[i];
+      const F db = bq - bp[i];
+      const F squared = fma(db, db, fma(da, da, dl * dl));
+      w[i] = fast_exp2<kDegree>(fma(squared, minus_scale, F(spatial[i][dx])));
+      n[i] = fma(w[i], zq, n[i]);
+      if constexpr (kHoles) {
+        d[i] = fma(w[i], select(zq > zero, one, zero), d[i]);
+      } else {
+        d[i] = d[i] + w[i];
+      }
+    });
+    F to_n = w[0] * zp[0];
+    if constexpr (kHoles) {
+      unrolled<N>([&](std::size_t i) { w[i] = select(zp[i] > zero, w[i], zero); });
+    }
+    F to_d = w[0];
+    if constexpr (N > 1) to_d = to_d + w[1];
+    if constexpr (N == 3) to_d = to_d + w[2];
+    if constexpr (N == 4) to_d = to_d + (w[2] + w[3]);
+    if constexpr (N > 1) to_n = fma(w[1], zp[1], to_n);
+    if constexpr (N > 2) to_n = fma(w[2], zp[2], to_n);
+    if constexpr (N > 3) to_n = fma(w[3], zp[3], to_n);
+    float* skew = s.skew + (2 * k) * s.skew_stride + chunk * kChunkPx;
+    (F::load(skew) + to_n).store(skew);
+    (F::load(skew + s.skew_stride) + to_d).store(skew + s.skew_stride);
+  }
+  unrolled<N>([&](std::size_t i) {
+    num[i] = num[i] + n[i];
+    den[i] = den[i] + d[i];
+  });
+}
+
+template <class F, std::size_t N, int kDegree>
+void weigh_rows(const PairRows& s) noexcept {
+  F lp[N], ap[N], bp[N], zp[N], num[N], den[N];
+  unrolled<N>([&](std::size_t i) {
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(i) * s.stride;
+    lp[i] = F::load(s.pl + at);
+    ap[i] = F::load(s.pa + at);
+    bp[i] = F::load(s.pb + at);
+    zp[i] = F::load(s.pz + at);
+    num[i] = den[i] = F(0.0F);
+  });
+  for (int chunk = s.first_chunk; chunk < s.end_chunk; ++chunk) {
+    const std::uint32_t bit = 1U << static_cast<unsigned>(chunk - s.first_chunk);
+    if ((s.work & bit) == 0) continue;
+    if ((s.holes & bit) != 0) {
+      weigh_chunk<F, N, kDegree, true>(s, chunk, lp, ap, bp, zp, num, den);
+    } else {
+      weigh_chunk<F, N, kDegree, false>(s, chunk, lp, ap, bp, zp, num, den);
+    }
+  }
+  constexpr std::ptrdiff_t kPlane = kBandRows * kColourTilePx;
+  unrolled<N>([&](std::size_t i) {
+    float* own = s.own + i * std::size_t{kColourTilePx};
+    add_compensated(own, own + kPlane, num[i]);
+    add_compensated(own + 2 * kPlane, own + 3 * kPlane, den[i]);
+  });
+}
+
+// Sums that one row of q has received, from the 16 rows they were collected in to the image's.
+template <class F>
+void collect_skewed(const ColourGrid& g, const float* skew, int first_column, float* row) noexcept {
+  const auto total = [&](const float* from) {
+    F sum[4];
+    for (int i = 0; i < 4; ++i) {
+      const auto at = [&](int k) { return F::load(from + (2 * k) * static_cast<std::ptrdiff_t>(g.skew_stride) - k); };
+      sum[i] = (at(4 * i) + at(4 * i + 1)) + (at(4 * i + 2) + at(4 * i + 3));
+    }
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+  };
+  for (int j = 0; j + kChunkPx < g.skew_stride; j += F::lanes) {
+    const int x = first_column + j;
+    if (x < 0 || x >= g.width) continue;
+    add_compensated(row + x, row + g.width + x, total(skew + kChunkPx + j));
+    add_compensated(row + 2 * g.width + x, row + 3 * g.width + x, total(skew + kChunkPx + j + g.skew_stride));
+  }
+}
+
+// All pairs whose upper (or left) pixel p lies in this tile of a band.
+template <class F, int kDegree>
+void weigh_tile(const ColourTerm& term, int strip, int x0, int y0, int rows, float* own, float* skew) noexcept {
+  const ColourGrid& g = term.grid;
+  const auto stride = static_cast<std::ptrdiff_t>(g.sample_stride);
+  constexpr int kBlocks = kColourTilePx / kChunkPx;
+  const int groups = round_up(rows, kGroupRows) / kGroupRows;
+  const int q_end = y0 + rows + g.ry < g.shape.height ? y0 + rows + g.ry : g.shape.height;
+  std::memset(own, 0, kOwnSums * sizeof(float));
+  for (int sweep = g.first_chunk; sweep < g.end_chunk; sweep += g.sweep_chunks) {
+    const int sweep_end = sweep + g.sweep_chunks < g.end_chunk ? sweep + g.sweep_chunks : g.end_chunk;
+    std::uint32_t work[kBandRows / kGroupRows][kBlocks] = {};
+    std::uint32_t holes[kBandRows / kGroupRows][kBlocks] = {};
+    for (int qy = y0; qy < q_end; ++qy) {
+      if (qy % kGroupRows == 0) {  // y0 is a multiple too
+        for (int group = 0; group < groups; ++group) {
+          for (int i = 0; i < kBlocks; ++i) {
+            work[group][i] = holes[group][i] = 0;
+            const int column = x0 / kChunkPx + i;
+            const ColourBlock& p = term.block(column, y0 / kGroupRows + group);
+            bool before = false;  // the segment of q left of the chunk's second one
+            bool before_holes = false;
+            for (int chunk = sweep; chunk <= sweep_end; ++chunk) {
+              const int at = column + chunk;
+              bool here = false;
+              bool here_holes = false;
+              if (at >= 0 && at < g.block_columns()) {
+                const ColourBlock& q = term.block(at, qy / kGroupRows);
+                here = !negligible(term, p, q);
+                here_holes = q.holes;
+              }
+              if (chunk > sweep) {
+                const std::uint32_t bit = 1U << static_cast<unsigned>(chunk - 1 - sweep);
+                if (before || here) work[group][i] |= bit;
+                if (p.holes || before_holes || here_holes) holes[group][i] |= bit;
+              }
+              before = here;
+              before_holes = here_holes;
+            }
+          }
+        }
+      }
+      bool touched = false;
+      for (int group = 0; group < groups; ++group) {
+        const int p0 = y0 + group * kGroupRows;
+        const int end = (group + 1) * kGroupRows < rows ? kGroupRows : rows - group * kGroupRows;
+        const int first_row = qy - g.ry > p0 ? qy - g.ry - p0 : 0;
+        const int n = (qy - p0 + 1 < end ? qy - p0 + 1 : end) - first_row;
+        if (n <= 0) continue;
+        for (int x = x0; x < x0 + kColourTilePx; x += F::lanes) {
+          const int i = (x - x0) / kChunkPx;
+          if (work[group][i] == 0) continue;
+          if (!touched) std::memset(skew, 0, g.skew_elements() * sizeof(float));
+          touched = true;
+          const std::ptrdiff_t p_at = (p0 + first_row) * stride + x;
+          const std::ptrdiff_t q_at = qy * stride + x;
+          const auto spatial_stride = static_cast<std::ptrdiff_t>(2 * g.rx + 1);
+          PairRows s;
+          s.pl = term.samples.l.data() + p_at;
+          s.pa = term.samples.a.data() + p_at;
+          s.pb = term.samples.b.data() + p_at;
+          s.pz = term.samples.depth.data() + p_at;
+          s.ql = term.samples.l.data() + q_at;
+          s.qa = term.samples.a.data() + q_at;
+          s.qb = term.samples.b.data() + q_at;
+          s.qz = term.samples.depth.data() + q_at;
+          s.spatial = term.spatial.data() + (qy - p0 - first_row) * spatial_stride + g.rx;
+          s.skew = skew + kChunkPx + (x - x0) - sweep * kChunkPx;
+          s.own = own + (group * kGroupRows + first_row) * kColourTilePx + (x - x0);
+          s.stride = stride;
+          s.spatial_stride = spatial_stride;
+          s.skew_stride = g.skew_stride;
+          s.minus_scale = -term.scale;
+          s.rx = g.rx;
+          s.first_chunk = sweep;
+          s.end_chunk = sweep_end;
+          s.work = work[group][i];
+          s.holes = holes[group][i];
+          if (n == 4) weigh_rows<F, 4, kDegree>(s);
+          if (n == 3) weigh_rows<F, 3, kDegree>(s);
+          if (n == 2) weigh_rows<F, 2, kDegree>(s);
+          if (n == 1) weigh_rows<F, 1, kDegree>(s);
+        }
+      }
+      if (touched) collect_skewed<F>(g, skew, x0 + sweep * kChunkPx, term.sums_row(strip, qy));
+    }
+  }
+  for (int row = 0; row < rows; ++row) {
+    float* sums = term.sums_row(strip, y0 + row) + x0;
+    const float* from = own + row * kColourTilePx;
+    constexpr std::ptrdiff_t kPlane = kBandRows * kColourTilePx;
+    for (int x = 0; x < kColourTilePx; x += F::lanes) {
+      for (int i = 0; i < 2; ++i) {
+        float* hi = sums + 2 * i * g.width + x;
+        add_compensated(hi, hi + g.width, F::load(from + 2 * i * kPlane + x));
+        (F::load(hi + g.width) + F::load(from + (2 * i + 1) * kPlane + x)).store(hi + g.width);
+      }
+    }
+  }
+}
+
+template <class F, int kDegree>
+void weigh_strip(const ColourTerm& term, int strip) noexcept {
+  const ColourGrid& g = term.grid;
+  const std::size_t row_bytes = 4 * static_cast<std::size_t>(g.width) * sizeof(float);
+  const int begin = strip * g.strip_rows;
+  const int end = begin + g.strip_rows < g.shape.height ? begin + g.strip_rows : g.shape.height;
+  for (int y = begin; y < end; ++y) std::memset(term.sums_row(strip, y), 0, row_bytes);
+  for (int i = 0; i < g.ry; ++i) std::memset(term.sums_row(strip, (strip + 1) * g.strip_rows + i), 0, row_bytes);
+  float* own = term.scratch.data() + static_cast<std::size_t>(strip) * (kOwnSums + g.skew_elements());
+  float* skew = own + kOwnSums;
+  for (int y = begin; y < end; y += g.band_rows) {
+    const int rows = y + g.band_rows < end ? g.band_rows : end - y;
+    for (int x = 0; x < g.width; x += kColourTilePx) weigh_tile<F, kDegree>(term, strip, x, y, rows, own, skew);
+  }
+}
+
+}  // namespace depth_detail
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_DEPTH_CROSS_BILATERAL_COLOUR_HPP

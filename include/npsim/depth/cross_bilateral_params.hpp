@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the cross-bilateral filter is asked for, the method that this selects, the error it guarantees and the memory.
+//
+// The method is the lowest degree of the polynomial for 2^x whose bound leaves at least a twentieth of what the caller
+// allows; the rest is for leaving out blocks that cannot matter. So looser bounds are faster on both counts.
+#ifndef NPSIM_DEPTH_CROSS_BILATERAL_PARAMS_HPP
+#define NPSIM_DEPTH_CROSS_BILATERAL_PARAMS_HPP
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/depth/cross_bilateral_colour.hpp"
+#include "npsim/depth/cross_bilateral_label.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+// Section 3.4.1.
+inline constexpr float kCrossBilateralMu = 5.0F;
+// What the code of Sakaridis et al. (ECCV 2018) amounts to: it normalises its grid kernels to sum 1, which turns the
+// same 5 into 5 / (1 + 2 exp(-1/2))^3 here.
+inline constexpr float kCrossBilateralMuCitedCode = 0.461307F;
+
+struct CrossBilateralParams {
+  float mu = kCrossBilateralMu;  // weight of the colour term, >= 0
+  float sigma_s_px = 10.0F;      // section 3.4.1
+  float sigma_c = 5.0F;          // section 3.4.1, CIELAB units, in 1e-3..1e6
+  int radius_px = -1;            // half the window's side, centre excluded; negative: ceil(3 sigma_s)
+  bool use_labels = true;
+  bool use_colour = true;
+  bool keep_invalid = false;  // leave pixels without depth (the sky) without depth
+  // What the result may differ from equation (3.2) evaluated without rounding, relative to the result.
+  float max_relative_error = 2e-5F;
+};
+
+enum class CrossBilateralMethod {
+  label_sums,         // no colour: separable sums, and nothing else
+  quintic_weights,    // colour weights within 3e-7
+  quartic_weights,    // 2.7e-6; with the default bound
+  cubic_weights,      // 7.5e-5
+  quadratic_weights,  // 1.7e-3
+};
+
+struct CrossBilateralResult {
+  CrossBilateralMethod method = CrossBilateralMethod::label_sums;
+  float relative_error_bound = 0.0F;  // holds for every pixel that has a result
+};
+
+[[nodiscard]] inline int cross_bilateral_radius(const CrossBilateralParams& params, Shape shape) noexcept {
+  const int side = shape.width > shape.height ? shape.width : shape.height;
+  if (params.radius_px >= 0) return params.radius_px < side ? params.radius_px : side;
+  const float radius = std::ceil(3.0F * params.sigma_s_px);  // a window wider than the image adds nothing
+  return radius < static_cast<float>(side) ? static_cast<int>(radius) : side;
+}
+
+namespace cross_bilateral_detail {
+
+[[nodiscard]] constexpr bool uses_colour(const CrossBilateralParams& params) noexcept {
+  return params.use_colour && params.mu > 0;
+}
+
+[[nodiscard]] inline Status validate(const CrossBilateralParams& params) noexcept {
+  const auto in_range = [](float v, float low, float high) { return v >= low && v <= high; };  // false for NaN
+  if (!in_range(params.mu, 0.0F, 1e6F)) {
+    return {StatusCode::invalid_argument, "cross_bilateral: mu must lie in 0..1e6"};
+  }
+  if (!in_range(params.sigma_s_px, 1e-3F, 1e6F) || !in_range(params.sigma_c, 1e-3F, 1e6F)) {
+    return {StatusCode::invalid_argument, "cross_bilateral: sigma_s_px and sigma_c must lie in 1e-3..1e6"};
+  }
+  if (!(params.max_relative_error > 0.0F)) {
+    return {StatusCode::invalid_argument, "cross_bilateral: max_relative_error must be positive"};
+  }
+  if (!params.use_labels && !uses_colour(params)) {
+    return {StatusCode::invalid_argument, "cross_bilateral: neither labels nor colour would be used"};
+  }
+  return {};
+}
+
+struct CrossBilateralPlan {
+  bool possible = false;
+  int degree = 0;          // of the polynomial for 2^x; 0 without colour
+  double prune_error = 0;  // of either sum, relative; 0: nothing is left out
+  CrossBilateralResult result;
+};
+
+// The largest mean of -x over n weights 2^x next to one of weight 1: x0 - 1 / ln 2 with n 2^-x0 = x0 ln 2 - 1.
+[[nodiscard]] inline double mean_exponent(double n) noexcept {
+  constexpr double kLn2 = 0.6931471805599453;
+  double x = 4 + std::log2(n + 1);
+  for (int i = 0; i < 20; ++i) x = std::log2((n + 1) / (x * kLn2 > 1.1 ? x * kLn2 - 1 : 0.1));
+  return (x > 2 ? x - 1 / kLn2 : 1.0) + 0.1;
+}
+
+[[nodiscard]] inline CrossBilateralPlan cross_bilateral_plan(const CrossBilateralParams& params, Shape shape) noexcept {
+  constexpr double kRounding = 0x1p-24;
+  constexpr double kExponentError = 7 * kRounding * 0.6931471805599453;  // of a weight, by its exponent
+  constexpr double kDepthRatio = 1000;                                   // of the depths in a window
+  const int radius = cross_bilateral_radius(params, shape);
+  const ColourGrid g = colour_grid(shape, radius);
+  const double allowed = static_cast<double>(params.max_relative_error);
+  const double label = params.use_labels ? 2 * label_chain(label_grid(shape, radius)) * kRounding : 0.0;
+  const double last = 8 * kRounding;  // both terms together, mu, the division
+  CrossBilateralPlan plan;
+  double bound = label + last;
+  if (!uses_colour(params)) {
+    plan.possible = bound <= allowed;
+    plan.result = {CrossBilateralMethod::label_sums, static_cast<float>(bound)};
+    return plan;
+  }
+  const double taps = static_cast<double>(2 * g.rx + 1) * static_cast<double>(2 * g.ry + 1);
+  const double exponents = mean_exponent(taps) + mean_exponent(taps * kDepthRatio);
+  for (int degree = kMinDegree; degree <= kMaxDegree; ++degree) {
+    const double colour = 2 * kExp2Error[degree] + kExponentError * exponents + 2 * colour_chain(g) * kRounding;
+    bound = (colour > label ? colour : label) * (1 + 4 * kExp2Error[degree]) + last;
+    if (bound > (degree < kMaxDegree ? 0.95 : 1.0) * allowed) continue;
+    const double left = (allowed - bound) / (1 + allowed);
+    plan.possible = true;
+    plan.degree = degree;
+    plan.prune_error = left / (1 + left);
+    constexpr CrossBilateralMethod kMethods[] = {
+        CrossBilateralMethod::quadratic_weights, CrossBilateralMethod::cubic_weights,
+        CrossBilateralMethod::quartic_weights, CrossBilateralMethod::quintic_weights};
+    plan.result = {kMethods[degree - kMinDegree], params.max_relative_error};
+    return plan;
+  }
+  return plan;
+}
+
+[[nodiscard]] inline std::size_t label_plane_elements(const ColourGrid& g) noexcept {
+  return static_cast<std::size_t>(g.width) * static_cast<std::size_t>(g.shape.height);
+}
+[[nodiscard]] inline std::size_t label_scratch_elements(const LabelGrid& g) noexcept {
+  return static_cast<std::size_t>(g.strips()) * g.scratch_elements();
+}
+[[nodiscard]] inline std::size_t colour_block_count(const ColourGrid& g) noexcept {
+  return static_cast<std::size_t>(g.block_columns()) * static_cast<std::size_t>(g.block_rows());
+}
+[[nodiscard]] inline std::size_t spatial_elements(const ColourGrid& g) noexcept {
+  return static_cast<std::size_t>(2 * g.rx + 1) * static_cast<std::size_t>(g.ry + 1);
+}
+[[nodiscard]] inline std::size_t colour_sums_elements(const ColourGrid& g) noexcept {
+  return g.sums_rows() * 4 * static_cast<std::size_t>(g.width);
+}
+[[nodiscard]] inline std::size_t colour_scratch_elements(const ColourGrid& g) noexcept {
+  return static_cast<std::size_t>(g.strips) * (kOwnSums + g.skew_elements());
+}
+
+}  // namespace cross_bilateral_detail
+
+[[nodiscard]] inline std::size_t cross_bilateral_workspace_bytes(const CrossBilateralParams& params,
+                                                                 Shape shape) noexcept {
+  using namespace cross_bilateral_detail;
+  if (shape.empty()) return kWorkspaceAlignment;
+  const int radius = cross_bilateral_radius(params, shape);
+  const ColourGrid g = colour_grid(shape, radius);
+  const auto side = static_cast<std::size_t>(2 * radius);
+  std::size_t bytes = kWorkspaceAlignment + allocation_bytes<float>(g.samples());
+  if (params.use_labels) {
+    bytes += allocation_bytes<std::int32_t>(g.samples()) + allocation_bytes<float>(2 * label_plane_elements(g)) +
+             allocation_bytes<float>(label_scratch_elements(label_grid(shape, radius))) +
+             allocation_bytes<float>(side + 2 * kKernelPadding + 1) + allocation_bytes<double>(side + 2);
+  }
+  if (uses_colour(params)) {
+    bytes += 3 * allocation_bytes<float>(g.samples()) + allocation_bytes<ColourBlock>(colour_block_count(g)) +
+             allocation_bytes<float>(spatial_elements(g)) + allocation_bytes<float>(colour_sums_elements(g)) +
+             allocation_bytes<float>(colour_scratch_elements(g));
+  }
+  return bytes;
+}
+
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_DEPTH_CROSS_BILATERAL_PARAMS_HPP
