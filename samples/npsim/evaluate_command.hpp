@@ -46,22 +46,35 @@ inline constexpr double kNone = std::numeric_limits<double>::quiet_NaN();  // a 
 
 [[nodiscard]] inline OrderedJson to_json(const std::optional<DepthErrors>& e) {
   if (!e) return nullptr;
-  return {{"pixels", e->pixels},         {"abs_rel", e->abs_rel},   {"median_abs_rel", e->median_abs_rel},
-          {"rmse_m", e->rmse_m},         {"rmse_log", e->rmse_log}, {"si_log", e->si_log},
-          {"scale", std::exp(e->mean_log)}, {"delta_1", e->delta[0]},  {"delta_2", e->delta[1]},
+  return {{"pixels", e->pixels},
+          {"abs_rel", e->abs_rel},
+          {"median_abs_rel", e->median_abs_rel},
+          {"rmse_m", e->rmse_m},
+          {"rmse_log", e->rmse_log},
+          {"si_log", e->si_log},
+          {"scale", std::exp(e->mean_log)},
+          {"delta_1", e->delta[0]},
+          {"delta_2", e->delta[1]},
           {"delta_3", e->delta[2]}};
 }
 
 [[nodiscard]] inline OrderedJson to_json(const std::optional<NormalErrors>& e) {
   if (!e) return nullptr;
-  return {{"pixels", e->pixels},         {"rms_deg", e->rms_deg},       {"mean_deg", e->mean_deg},
-          {"median_deg", e->median_deg}, {"below_5", e->share_below[0]}, {"below_11.5", e->share_below[1]},
-          {"below_22.5", e->share_below[2]}, {"below_30", e->share_below[3]}};
+  return {{"pixels", e->pixels},
+          {"rms_deg", e->rms_deg},
+          {"mean_deg", e->mean_deg},
+          {"median_deg", e->median_deg},
+          {"below_5", e->share_below[0]},
+          {"below_11.5", e->share_below[1]},
+          {"below_22.5", e->share_below[2]},
+          {"below_30", e->share_below[3]}};
 }
 
 [[nodiscard]] inline OrderedJson to_json(const std::optional<EdgeErrors>& e) {
   if (!e) return nullptr;
-  return {{"true_pixels", e->truth_pixels}, {"pixels", e->pixels}, {"accuracy_px", e->accuracy_px},
+  return {{"true_pixels", e->truth_pixels},
+          {"pixels", e->pixels},
+          {"accuracy_px", e->accuracy_px},
           {"completeness_px", e->completeness_px}};
 }
 
@@ -109,8 +122,10 @@ inline constexpr double kNone = std::numeric_limits<double>::quiet_NaN();  // a 
           {"settings", {{"preset", options.preset}, {"width", scene.image.width()}, {"height", scene.image.height()}}},
           {"pixels", {{"surface", e.surface_pixels}, {"judged", e.pixels}}},
           {"edges",
-           {{"min_step", e.edge_params.min_step}, {"reach_px", e.edge_params.reach_px},
-            {"max_distance_px", e.distance_params.max_distance_px}, {"near_px", e.near_edges_px}}},
+           {{"min_step", e.edge_params.min_step},
+            {"reach_px", e.edge_params.reach_px},
+            {"max_distance_px", e.distance_params.max_distance_px},
+            {"near_px", e.near_edges_px}}},
           {"steps", std::move(steps)},
           {"normals",
            {{"given", to_json(e.given_normals)},
@@ -141,8 +156,9 @@ void print_with_ratio(int width, int digits, const std::optional<Errors>& of, co
   print_cell(6, 3, of && input ? ratio((*of).*member, (*input).*member) : kNone);
 }
 
-inline void print_normals(const char* name, const std::optional<NormalErrors>& e, const std::optional<NormalErrors>& input) {
-  std::printf("%-26s", name);
+inline void print_normals(const char* name, const std::optional<NormalErrors>& e,
+                          const std::optional<NormalErrors>& input) {
+  std::printf("%-30s", name);
   print_with_ratio(7, 2, e, input, &NormalErrors::rms_deg);
   print_with_ratio(7, 2, e, input, &NormalErrors::mean_deg);
   print_with_ratio(7, 2, e, input, &NormalErrors::median_deg);
@@ -154,11 +170,11 @@ inline void print_table(const Evaluation& e, const io::Scene& scene, const Evalu
   std::printf("%s, %d x %d, preset %s: judged on %zu pixels, %.1f %% of the surface with a true depth\n\n",
               scene.name.c_str(), scene.image.width(), scene.image.height(), options.preset.c_str(), e.pixels,
               100 * share(e.pixels, e.surface_pixels));
-  std::printf("%-26s %7s %6s %7s %6s %7s %6s %7s %7s %6s %6s %6s\n", "depth", "AbsRel", "ratio", "RMSE m", "ratio",
+  std::printf("%-30s %7s %6s %7s %6s %7s %6s %7s %7s %6s %6s %6s\n", "depth", "AbsRel", "ratio", "RMSE m", "ratio",
               "SI-log", "ratio", "d<1.25", "at edge", "ratio", "off px", "miss px");
   const StepErrors& input = e.steps.front();
   for (const StepErrors& s : e.steps) {
-    std::printf("%-26s", s.name.c_str());
+    std::printf("%-30s", s.name.c_str());
     print_with_ratio(7, 4, s.depth, input.depth, &DepthErrors::abs_rel);
     print_with_ratio(7, 3, s.depth, input.depth, &DepthErrors::rmse_m);
     print_with_ratio(7, 4, s.depth, input.depth, &DepthErrors::si_log);
@@ -168,8 +184,8 @@ inline void print_table(const Evaluation& e, const io::Scene& scene, const Evalu
     print_cell(7, 2, s.edges ? s.edges->completeness_px : kNone);
     std::printf("\n");
   }
-  std::printf("\n%-26s %7s %6s %7s %6s %7s %6s %6s %6s %6s %6s\n", "normals of depth, degrees", "RMS", "ratio", "mean", "ratio",
-              "median", "ratio", "<5", "<11.5", "<22.5", "<30");
+  std::printf("\n%-30s %7s %6s %7s %6s %7s %6s %6s %6s %6s %6s\n", "normals of depth, degrees", "RMS", "ratio", "mean",
+              "ratio", "median", "ratio", "<5", "<11.5", "<22.5", "<30");
   for (const StepErrors& s : e.steps) print_normals(s.name.c_str(), s.normals, input.normals);
   print_normals("true depth", e.true_depth_normals, input.normals);
   print_normals("normals as given", e.given_normals, input.normals);
@@ -179,7 +195,8 @@ inline void print_table(const Evaluation& e, const io::Scene& scene, const Evalu
   const MaskOverlap& front = e.uncertain_on_foreground_edges;
   const MaskOverlap& near = e.uncertain_near_edges;
   std::printf(
-      "\nuncertain map: marks %.1f %% of the pixels, of those %.1f %% within a window of a true edge; hits %.1f %% of %zu\n"
+      "\nuncertain map: marks %.1f %% of the pixels, of those %.1f %% within a window of a true edge; hits %.1f %% of "
+      "%zu\n"
       "true edge pixels, %.1f %% of the %zu on vehicles, persons, poles, lights and signs\n",
       percent(all.second, e.pixels), percent(near.both, near.second), percent(all.both, all.first), all.first,
       percent(front.both, front.first), front.first);
@@ -241,12 +258,14 @@ inline int run_evaluate(const EvaluateOptions& options) {
   Evaluation evaluation;
   const Status status = evaluate(view_of(scene), truth, params.depth, pool, console, evaluation);
   if (status.code() == StatusCode::no_valid_input) {
-    return fail(io::Error{scene.file, "depth", "has no usable sample on any surface: expected depth of 1e-3 m to 1e5 m "
-                                               "on pixels that are not labelled as sky"});
+    return fail(io::Error{scene.file, "depth",
+                          "has no usable sample on any surface: expected depth of 1e-3 m to 1e5 m "
+                          "on pixels that are not labelled as sky"});
   }
   if (!status.ok()) return fail(options.scene, status);
   if (evaluation.pixels == 0) {
-    return fail(io::Error{scene.file, "truth.depth", "is known on no pixel of a surface that has depth, expected some"});
+    return fail(
+        io::Error{scene.file, "truth.depth", "is known on no pixel of a surface that has depth, expected some"});
   }
   print_table(evaluation, scene, options);
   if (options.output.empty()) return kExitDone;

@@ -42,7 +42,7 @@ struct StepErrors {
 
 struct LabelErrors {
   Label label = 0;
-  std::vector<std::optional<DepthErrors>> depth;      // in the order of Evaluation::steps
+  std::vector<std::optional<DepthErrors>> depth;  // in the order of Evaluation::steps
   std::vector<std::optional<NormalErrors>> normals;
 };
 
@@ -110,7 +110,8 @@ class Judge {
   }
   [[nodiscard]] MaskOverlap overlap(Mask first, Mask second) {
     MaskOverlap sums;
-    return taken(sums, [&](Workspace& w) { return mask_overlap(first, second, sums, w, pool_); }).value_or(MaskOverlap{});
+    return taken(sums, [&](Workspace& w) { return mask_overlap(first, second, sums, w, pool_); })
+        .value_or(MaskOverlap{});
   }
   [[nodiscard]] io::Image<std::uint8_t> edges_of(const DepthEdgeParams& params, ImageView<const float> z, Mask mask) {
     io::Image<std::uint8_t> out(shape_);
@@ -130,7 +131,8 @@ class Judge {
     }
     io::Image<Vec3f> out(shape_);
     Workspace none;
-    (void)normals_from_depth(NormalsParams{}, ImageView<const float>(kept.view()), camera, out.view(), none, pool_).ok();
+    (void)normals_from_depth(NormalsParams{}, ImageView<const float>(kept.view()), camera, out.view(), none, pool_)
+        .ok();
     return out;
   }
 
@@ -162,10 +164,13 @@ template <class Holds>
   return n;
 }
 
+// "normal-guided refinement" is the key normal_guided_refinement.
 [[nodiscard]] inline StepErrors step_after(Stage stage) {
   StepErrors step;
-  step.name = stage == Stage::fill ? "after fill" : stage == Stage::cross_bilateral ? "after filter" : "after refinement";
-  step.key = stage == Stage::fill ? "fill" : stage == Stage::cross_bilateral ? "cross_bilateral" : "refine";
+  step.name = std::string("after ") + stage_name(stage);
+  step.key = stage_name(stage);
+  std::replace_if(
+      step.key.begin(), step.key.end(), [](char c) { return c == ' ' || c == '-'; }, '_');
   return step;
 }
 
@@ -193,10 +198,12 @@ inline Status evaluate(const SceneView& scene, const Truth& truth, const RefineD
   const ImageView<const float> true_depth = truth.depth.view();
   const ImageView<const Vec3f> true_normals = truth.normals.view();
   const auto on_surface = [&](int x, int y) {
-    return is_valid_depth(true_depth(x, y)) && !(!scene.labels.empty() && kNoSurfaceLabels.contains(scene.labels(x, y)));
+    return is_valid_depth(true_depth(x, y)) &&
+           !(!scene.labels.empty() && kNoSurfaceLabels.contains(scene.labels(x, y)));
   };
   const io::Image<std::uint8_t> common_mask = mask_where(shape, [&](int x, int y) {
-    return on_surface(x, y) && std::all_of(depths.begin(), depths.end(), [&](const auto& z) { return is_valid_depth(z(x, y)); });
+    return on_surface(x, y) &&
+           std::all_of(depths.begin(), depths.end(), [&](const auto& z) { return is_valid_depth(z(x, y)); });
   });
   out.surface_pixels = marked(mask_where(shape, on_surface));
   out.pixels = marked(common_mask);
@@ -223,16 +230,17 @@ inline Status evaluate(const SceneView& scene, const Truth& truth, const RefineD
     normals.push_back(judge.normals_of(depths[i], common, scene.camera));
     step.depth = judge.depth(depths[i], true_depth, common);
     step.near_edges = judge.depth(depths[i], true_depth, near_edges.view());
-    step.edges = judge.edges(out.distance_params, judge.edges_of(out.edge_params, depths[i], common).view(), true_edges.view());
+    step.edges =
+        judge.edges(out.distance_params, judge.edges_of(out.edge_params, depths[i], common).view(), true_edges.view());
     step.normals = judge.normals(normals.back().view(), true_normals, with_normals.view());
   }
 
   const io::Image<std::uint8_t> uncertain =
       mask_where(shape, [&](int x, int y) { return common(x, y) != 0 && refined.uncertain(x, y) != 0; });
-  const io::Image<std::uint8_t> foreground_edges = mask_where(shape, [&](int x, int y) {
-    return true_edges(x, y) != 0 && kForegroundLabels.contains(refined.labels(x, y));
-  });
-  const io::Image<std::uint8_t> window = judge.near(true_edges.view(), std::clamp(params.uncertainty.window_px - 1, 0, 64));
+  const io::Image<std::uint8_t> foreground_edges = mask_where(
+      shape, [&](int x, int y) { return true_edges(x, y) != 0 && kForegroundLabels.contains(refined.labels(x, y)); });
+  const io::Image<std::uint8_t> window =
+      judge.near(true_edges.view(), std::clamp(params.uncertainty.window_px - 1, 0, 64));
   out.uncertain_on_edges = judge.overlap(true_edges.view(), uncertain.view());
   out.uncertain_on_foreground_edges = judge.overlap(foreground_edges.view(), uncertain.view());
   out.uncertain_near_edges = judge.overlap(window.view(), uncertain.view());
