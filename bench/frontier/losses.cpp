@@ -59,7 +59,7 @@ Comparison losses_case(const Options& options) {
     for (std::size_t i = 0; i < shape.pixels(); ++i) {
       sum.add((static_cast<double>(given.data()[i]) - exact.data()[i]) / largest);
     }
-    return std::vector<Error>{sum.error("of the largest gradient")};
+    return std::vector<Error>{sum.error("share of the largest gradient")};
   };
   const auto ours = [&](const char* setting, const LossParams& params) {
     struct Problem {

@@ -204,6 +204,27 @@ void normals(benchmark::State& state) {
   return input;
 }
 
+void losses_and_gradient(benchmark::State& state) {
+  struct Problem {
+    explicit Problem(std::size_t bytes) : arena(bytes) {}
+    Arena arena;
+    depth_detail::LossProblem<float> problem;
+    ImageView<float> depth, gradient;
+  };
+  run(state, [](const Scene& s, Shape shape) {
+    const auto p = std::make_shared<Problem>(depth_losses_workspace_bytes<float>({}, shape));
+    SerialExecutor executor;
+    must(depth_detail::prepare_losses({}, loss_input(s), p->arena.workspace(), executor, p->problem));
+    must(depth_detail::allocate_loss_plane(shape, p->arena.workspace(), p->depth));
+    must(depth_detail::allocate_loss_plane(shape, p->arena.workspace(), p->gradient));
+    std::copy_n(p->problem.estimate.data(), loss_plane_elements(shape), p->depth.data());
+    return [p](ThreadPool& pool) {
+      LossValues values;
+      depth_detail::evaluate_losses<float>(p->problem, p->depth, p->gradient, values, pool);
+    };
+  });
+}
+
 void losses_with_preparation(benchmark::State& state) {
   run(state, [](const Scene& s, Shape shape) {
     return [&s, out = std::make_shared<io::Image<float>>(shape),
@@ -240,6 +261,7 @@ BENCHMARK(cross_bilateral_label_term)->Apply(sizes);
 BENCHMARK(uncertainty_mask)->Apply(sizes);
 BENCHMARK(lab_from_8_bits)->Apply(sizes);
 BENCHMARK(normals)->Apply(sizes);
+BENCHMARK(losses_and_gradient)->Apply(sizes);
 BENCHMARK(losses_with_preparation)->Apply(sizes);
 BENCHMARK(refine_default)->Apply(sizes);
 
