@@ -213,6 +213,8 @@ TEST_CASE(
       s.randomise(9, holes);
       for (std::size_t i = 0; i < s.normals.size() / 2; ++i) s.normals[i] = s.normals[i] * -2.0F;
       check_against_reference(s, p, kLossError, kGradientError);
+      s.k.fx = s.k.fy = 0x1.FFFFFEp+8F;  // its reciprocal is as far from a float as one can be
+      check_against_reference(s, p, kLossError, kGradientError);
     }
   }
 }

@@ -2,16 +2,16 @@
 // The pass over the image that evaluates the losses of loss_params.hpp and their gradient; see there for the equations.
 //
 // With the pixel's ray r = (a / fx, b / fy, 1), p = fx s_x and q = fy s_y the equations become short:
-//   m = (p, q, -(1 + (r . (p, q, 0)))),  n = m / |m|,  X = (1, 0, 0) + p r,  Y = (0, 1, 0) + q r,
-// so that X . N = N_x + p c with c = N . r, and |X|^2 = 1 + p (2 r_x + p |r|^2). The thesis' tangents have r = (0, 0,
-// 1).
+//   m = (p, q, -(1 + p r_x + q r_y)),  n = m / |m|,  X = (1, 0, 0) + p r,  Y = (0, 1, 0) + q r,
+// so that X . N = N_x + p c with c = N . r, and |X|^2 = 1 + p (2 r_x + p |r|^2). For the thesis' tangents r_x = r_y =
+// 0.
 //
 // A row is evaluated 16 pixels at a time, in batches of whatever width; losses are summed in 16 lanes by x mod 16, so
 // the bits do not depend on the width. A pixel's gradient is its own part, then the part of its left and of its upper
 // neighbour; the former stays in a register and the latter in a buffer of one row. A chunk leaves its last row's part
 // in its buffer, for a short second pass over the rows where chunks begin.
-// Cost: about 55 multiplications, 2 or 3 divisions and a square root per pixel, with unit tangents 2 divisions more;
-// and 36 bytes: 8 planes read, 1 written. It takes 1.2 to 1.5 times as long as merely reading and writing them.
+// Cost: about 55 multiplications, 3 divisions and a square root per pixel, with unit tangents 2 divisions more; and 36
+// bytes: 8 planes read, 1 written. It takes 1.2 to 1.5 times as long as merely reading and writing them.
 #ifndef NPSIM_DEPTH_LOSS_KERNEL_HPP
 #define NPSIM_DEPTH_LOSS_KERNEL_HPP
 
@@ -162,9 +162,7 @@ void evaluate_row(LossProblem<T>& p, ImageView<const T> depth, int y, T* gradien
                        scale(p.params.lambda.normal, p.normal_count),
                        scale(p.params.lambda.continuity, p.normal_count),
                        scale(p.params.lambda.depth, p.depth_count)};
-  // 1 / fx as a sum, so that r_x is as good as a quotient.
   const T inverse_fx = static_cast<T>(1 / fx);
-  const T inverse_fx_rest = static_cast<T>(1 / fx - static_cast<double>(inverse_fx));
   const T* z_row = depth.row(y);
   const T* below_row = depth.row(y + 1);  // the plane has one more row than the image
   const T* estimate = p.estimate.row(y);
@@ -188,7 +186,7 @@ void evaluate_row(LossProblem<T>& p, ImageView<const T> depth, int y, T* gradien
       at.below = V::load(below_row + x);
       if constexpr (kTangents == TangentForm::perspective) {
         const V a = V(static_cast<T>(x)) + pixel_centre - V(static_cast<T>(p.k.cx));
-        at.ray_x = fma(a, V(inverse_fx), a * V(inverse_fx_rest));
+        at.ray_x = a * V(inverse_fx);
       } else {
         at.ray_x = V(T(0));
       }
