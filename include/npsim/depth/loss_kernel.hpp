@@ -3,8 +3,7 @@
 //
 // With the pixel's ray r = (a / fx, b / fy, 1), p = fx s_x and q = fy s_y the equations become short:
 //   m = (p, q, -(1 + p r_x + q r_y)),  n = m / |m|,  X = (1, 0, 0) + p r,  Y = (0, 1, 0) + q r,
-// so that X . N = N_x + p c with c = N . r, and |X|^2 = 1 + p (2 r_x + p |r|^2). For the thesis' tangents r_x = r_y =
-// 0.
+// so that X . N = N_x + p c with c = N . r, and |X|^2 = 1 + p (2 r_x + p |r|^2). The thesis' form has r = (0, 0, 1).
 //
 // A row is evaluated 16 pixels at a time, in batches of whatever width; losses are summed in 16 lanes by x mod 16, so
 // the bits do not depend on the width. A pixel's gradient is its own part, then the part of its left and of its upper
