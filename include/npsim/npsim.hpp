@@ -16,6 +16,7 @@
 #include "npsim/core/workspace.hpp"
 
 #include "npsim/simd/batch.hpp"
+#include "npsim/simd/bytes.hpp"
 #include "npsim/simd/isa.hpp"
 #include "npsim/simd/math.hpp"
 #include "npsim/simd/native.hpp"
@@ -50,6 +51,9 @@
 #include "npsim/depth/refine_params.hpp"
 #include "npsim/depth/smooth_normals.hpp"
 #include "npsim/depth/uncertainty.hpp"
+#include "npsim/depth/uncertainty_labels.hpp"
+#include "npsim/depth/uncertainty_moments.hpp"
+#include "npsim/depth/uncertainty_variance.hpp"
 
 #include "npsim/mesh/check.hpp"
 #include "npsim/mesh/complete_background.hpp"

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "npsim/core/random.hpp"
+#include "reference/uncertainty.hpp"
 
 using namespace npsim;
 
@@ -27,12 +28,13 @@ struct Images {
   float& z(int x, int y) { return depth[static_cast<std::size_t>(y * shape.width + x)]; }
   Label& h(int x, int y) { return labels[static_cast<std::size_t>(y * shape.width + x)]; }
 
-  template <class Executor>
-  Status run(const UncertaintyParams& p, Executor& executor) {
+  template <class F = simd::F32, class Executor>
+  Status run(const UncertaintyParams& p, Executor& executor, bool with_variance = true) {
     std::vector<unsigned char> bytes(uncertainty_workspace_bytes(p, shape));
     Workspace workspace(bytes.data(), bytes.size());
-    const UncertaintyOutput out{{mask.data(), shape}, {windows.data(), shape}, {variance.data(), shape}};
-    const Status status = uncertainty(p, {depth.data(), shape}, {labels.data(), shape}, out, workspace, executor);
+    UncertaintyOutput out{{mask.data(), shape}, {windows.data(), shape}, {variance.data(), shape}};
+    if (!with_variance) out.variance_m2 = {};
+    const Status status = uncertainty<F>(p, {depth.data(), shape}, {labels.data(), shape}, out, workspace, executor);
     CHECK(workspace.used() == 0);
     return status;
   }
@@ -243,6 +245,193 @@ TEST_CASE("uncertainty on strided sub-views writes inside them only, and outputs
       const bool inside = x >= 5 && x < 26 && y >= 6 && y < 19;
       CHECK(mask(x, y) == (inside ? copy.mask[static_cast<std::size_t>((y - 6) * 21 + x - 5)] : 7));
     }
+  }
+}
+
+namespace {
+
+// Depth and labels that take every path: flat stretches, slopes, steps from 2 m to 80 m, noise, labels in patches.
+Images varied(Shape shape, std::uint32_t seed, float holes) {
+  Images im(shape);
+  RandomStream random(7, RandomPurpose::test, seed, 0, 0, 0);
+  const Label classes[] = {label::road, label::building, label::pole, label::car, label::sky, 77};
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const int patch = x / 37 + 5 * (y / 23);
+      float z = patch % 4 == 0 ? 2.0F : (patch % 4 == 1 ? 80.0F : 10.0F + 0.01F * static_cast<float>(x + y));
+      z += random.uniform(-1.0F, 1.0F) * (patch % 3 == 0 ? 0.001F : 0.06F);
+      if (random.uniform() < holes) z = random.uniform() < 0.5F ? kNaN : 0.0F;
+      im.z(x, y) = z;
+      im.h(x, y) = classes[(x / 61 + y / 45 * 2) % 6];
+    }
+  }
+  return im;
+}
+
+}  // namespace
+
+TEST_CASE(
+    "uncertainty over many tiles equals the reference; one lane, any order of chunks and no outputs but the mask") {
+  for (const int l : {8, 3, 16, 17, 70}) {
+    for (const float holes : {0.0F, 0.002F, 0.8F}) {
+      const Shape shape = l == 8 ? Shape{1111, 67} : Shape{303, 100};
+      Images im = varied(shape, static_cast<std::uint32_t>(l), holes);
+      UncertaintyParams p;
+      p.window_px = l;
+      const reference::Uncertainty expected =
+          reference::uncertainty({im.depth.data(), shape}, {im.labels.data(), shape}, l, p.variance_m2, p.foreground);
+      REQUIRE(im.run(p).ok());
+      CHECK(im.mask == expected.mask);
+      CHECK(im.windows == expected.windows);
+      double worst = 0;
+      for (std::size_t i = 0; i < im.variance.size(); ++i) {
+        const double off = std::abs(static_cast<double>(im.variance[i]) - expected.variance[i]);
+        worst = std::max(worst, expected.variance[i] > 0 ? off / expected.variance[i] : (off > 0 ? 1.0 : 0.0));
+      }
+      CHECK(worst <= 5e-7);
+      const auto variance = im.variance;
+      BackwardExecutor backward;
+      REQUIRE(im.run<simd::scalar::F32>(p, backward).ok());
+      CHECK(im.mask == expected.mask);
+      CHECK(im.variance == variance);
+      im.windows.assign(im.windows.size(), 7);
+      REQUIRE(im.run(p, backward, false).ok());  // the fast path, where l is 8
+      CHECK(im.mask == expected.mask);
+      CHECK(im.windows == expected.windows);
+      REQUIRE(im.run<simd::scalar::F32>(p, backward, false).ok());
+      CHECK(im.mask == expected.mask);
+    }
+  }
+}
+
+TEST_CASE("no wrong decision at 80 m +- 1 mm and none a millionth from the threshold, with the threshold anywhere") {
+  const Shape shape{260, 40};
+  Images im(shape);
+  RandomStream random(12, RandomPurpose::test, 0, 0, 0, 0);
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      im.z(x, y) = x < 30 ? 2.0F : 80.0F + random.uniform(-0.001F, 0.001F);
+      im.h(x, y) = static_cast<Label>((7 * x + 13 * y) % kLabelCount);  // every pixel has its own class
+    }
+  }
+  UncertaintyParams p;
+  p.foreground = LabelSet::all();
+  const reference::Uncertainty exact =
+      reference::uncertainty({im.depth.data(), shape}, {im.labels.data(), shape}, 8, 0, p.foreground);
+  SerialExecutor serial;
+  int textbook_wrong = 0;
+  int decided = 0;
+  for (int k = 0; k < 12; ++k) {
+    const std::size_t chosen = static_cast<std::size_t>((3 + 2 * k) * shape.width + 40 + 15 * k);
+    for (const double factor : {1 - 1e-6, 1.0, 1 + 1e-6}) {
+      p.variance_m2 = exact.variance[chosen] * factor;
+      REQUIRE(im.run(p, serial, false).ok());
+      int wrong = 0;
+      for (std::size_t i = 0; i < im.windows.size(); ++i) {
+        if (std::abs(exact.variance[i] - p.variance_m2) <= 1e-9 * p.variance_m2) continue;
+        if (exact.edge[i] == 0) continue;
+        ++decided;
+        if (im.windows[i] != (exact.variance[i] > p.variance_m2 ? 1 : 0)) ++wrong;
+      }
+      CHECK(wrong == 0);
+    }
+    // What single precision makes of the mean square less the squared mean there.
+    for (int x = 31; x + 8 < shape.width; ++x) {
+      float sum = 0;
+      float squares = 0;
+      for (int i = 0; i < 64; ++i) {
+        const float z = im.z(x + i % 8, 2 * k + i / 8);
+        sum += z;
+        squares += z * z;
+      }
+      const float variance = squares / 64 - (sum / 64) * (sum / 64);
+      const double truth = exact.variance[static_cast<std::size_t>(2 * k * shape.width + x)];
+      textbook_wrong += (static_cast<double>(variance) > p.variance_m2) != (truth > p.variance_m2) ? 1 : 0;
+    }
+  }
+  CHECK(decided > 250000);
+  CHECK(textbook_wrong > 500);  // of 2,650: the case is as hard as it is meant to be
+}
+
+TEST_CASE("merged moments know the standard deviation within the stated bound, and seldom doubt") {
+  using F = simd::F32;
+  const Shape shape{140, 24};
+  for (const float spread : {0.0F, 1e-3F, 0.05F, 1.0F, 70.0F}) {
+    Images im(shape);
+    RandomStream random(13, RandomPurpose::test, 0, 0, 0, 0);
+    for (float& z : im.depth) z = 80.0F + random.uniform(-spread, spread);
+    const reference::Uncertainty exact =
+        reference::uncertainty({im.depth.data(), shape}, {im.labels.data(), shape}, 8, 0, LabelSet::all());
+    depth_detail::MergedMoments<F> moments;
+    REQUIRE(moments.read({im.depth.data(), shape}, {2, 0, 128, 16}, {~std::uint64_t{0}, ~std::uint64_t{0}}));
+    int doubts = 0;
+    int wrong = 0;
+    int thresholds = 0;
+    for (int y = 0; y < 16; ++y) {
+      for (int x = 0; x < 128; x += 9) {
+        // Twice the bound of the header from a window's own standard deviation: it must be certain, and right.
+        const double variance = exact.variance[static_cast<std::size_t>(y * shape.width + 2 + x)];
+        const double sigma = std::sqrt(variance);
+        const double bound = 2 * 16 * 0x1p-24 * (151.0 + 1.01 * sigma);
+        for (const double side : {-1.0, 1.0}) {
+          const double limit = sigma + side * bound;
+          if (limit < 0) continue;
+          moments.set_threshold(limit * limit);
+          depth_detail::VarianceBits bits;
+          moments.decide(y, 0, 127, bits);
+          const auto bit = [x](const std::uint64_t(&word)[2]) { return (word[x / 64] >> (x % 64) & 1U) != 0; };
+          doubts += bit(bits.doubtful) ? 1 : 0;
+          wrong += !bit(bits.doubtful) && bit(bits.above) != (side < 0) ? 1 : 0;
+          ++thresholds;
+        }
+      }
+    }
+    CHECK(thresholds > 200);
+    CHECK(doubts == 0);
+    CHECK(wrong == 0);
+  }
+}
+
+TEST_CASE("classes that touch at one corner, depth near 0 and depth near the largest float") {
+  Images im({24, 24});
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 24; ++x) im.h(x, y) = (x < 12) == (y < 12) ? label::car : label::road;
+  }
+  UncertaintyParams p;
+  for (const float scale : {1e-44F, 1e-25F, 1e-12F, 1.0F, 1e14F, 1e16F, 3e38F}) {
+    for (const int l : {2, 8}) {
+      p.window_px = l;
+      for (const double threshold : {0.0, 0.01, 1e30}) {
+        p.variance_m2 = threshold;
+        for (int y = 0; y < 24; ++y) {
+          for (int x = 0; x < 24; ++x) im.z(x, y) = scale * (x + y < 24 ? 0.5F : 1.0F);
+        }
+        SerialExecutor serial;
+        REQUIRE(im.run(p, serial, false).ok());
+        const reference::Uncertainty expected = reference::uncertainty(
+            {im.depth.data(), im.shape}, {im.labels.data(), im.shape}, l, threshold, p.foreground);
+        CHECK(im.mask == expected.mask);
+        if (threshold == 0.0 && l == 2) CHECK(im.windows[11 * 24 + 11] == 1);  // the corner itself
+      }
+    }
+  }
+}
+
+TEST_CASE("bits are widened as pixel loops would, for every window") {
+  RandomStream random(14, RandomPurpose::test, 0, 0, 0, 0);
+  for (int l = 1; l <= 256; ++l) {
+    std::vector<std::uint64_t> bits(7);
+    std::vector<int> expected(7 * 64, 0);
+    for (int k = 0; k < 2; ++k) {
+      const int at = static_cast<int>(random.uniform(0, 447));
+      bits[static_cast<std::size_t>(at / 64)] |= std::uint64_t{1} << (at % 64);
+      for (int i = at; i < std::min(at + l, 448); ++i) expected[static_cast<std::size_t>(i)] = 1;
+    }
+    depth_detail::widen_bits(bits.data(), 7, l);
+    int wrong = 0;
+    for (std::size_t i = 0; i < expected.size(); ++i)
+      wrong += static_cast<int>(bits[i / 64] >> (i % 64) & 1U) != expected[i];
+    CHECK(wrong == 0);
   }
 }
 

@@ -8,10 +8,14 @@
 // the printed "variance of h" would depend on how classes are numbered. Invalid depths do not count, neither for
 // variance nor for labels; a window with fewer than two valid pixels does not fire.
 //
-// Variance is taken about one of the window's own samples, in double: the samples' distances to it cannot exceed
-// n times the spread, so cancellation costs at most a factor n = l^2.
-// Error: variance within 1e-12 relative at any depth, never negative. Cost: O(pixels l^2) for labels, and for variance
-// in the windows whose labels pass (everywhere if the variance is asked for). Memory: 9 bytes per pixel.
+// How: labels first, as bytes, in strips of 512 columns and bands of 16 rows; where no window of a band can hold a
+// foreground edge, depth is not read at all. Elsewhere variance is merged in single precision, and a window whose
+// variance lies too close to mu for that is decided in double (uncertainty_variance.hpp has the bounds). With holes, a
+// window other than 8 or the variance asked for, it is double from the start.
+// Error: every decision is that of the variance in double, which is within 1e-12 relative at any depth; variance_m2 is
+// within 5e-7 relative, and never negative. Same bytes for every instruction set and every number of threads.
+// Cost: with the default window, of the order of copying the depth. Memory: one bit per pixel, and 35 KiB of stack
+// (150 KiB for windows above 16).
 #ifndef NPSIM_DEPTH_UNCERTAINTY_HPP
 #define NPSIM_DEPTH_UNCERTAINTY_HPP
 
@@ -25,8 +29,11 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/uncertainty_labels.hpp"
+#include "npsim/depth/uncertainty_moments.hpp"
+#include "npsim/depth/uncertainty_variance.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/simd/bytes.hpp"
 
 namespace npsim {
 inline namespace v1 {
@@ -45,43 +52,216 @@ struct UncertaintyOutput {
 };
 
 [[nodiscard]] constexpr std::size_t uncertainty_workspace_bytes(const UncertaintyParams&, Shape shape) noexcept {
-  return kWorkspaceAlignment + allocation_bytes<std::uint64_t>(shape.pixels()) +
-         allocation_bytes<std::uint8_t>(shape.pixels());
+  const auto words = shape.empty() ? std::size_t{0} : (static_cast<std::size_t>(shape.width) + 63) / 64;
+  return kWorkspaceAlignment + allocation_bytes<std::uint64_t>(words * static_cast<std::size_t>(shape.height));
 }
 
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
-// Population variance of the valid depths in the window, about its first valid depth; 0 with fewer than two.
-[[nodiscard]] inline double window_variance(ImageView<const float> window) noexcept {
-  double shift = 0;
-  double sum = 0;
-  double sum_squared = 0;
-  int count = 0;
-  for (int y = 0; y < window.height(); ++y) {
-    const float* row = window.row(y);
-    for (int x = 0; x < window.width(); ++x) {
-      if (!is_valid_depth(row[x])) continue;
-      if (count == 0) shift = static_cast<double>(row[x]);
-      const double offset = static_cast<double>(row[x]) - shift;
-      sum += offset;
-      sum_squared += offset * offset;
-      ++count;
+// A row of bits as bytes 0 and 1.
+template <class F>
+void write_bits(const std::uint64_t* bits, std::uint8_t* out, int count) noexcept {
+  using U = simd::BytesOf<F>;
+  for (int x = 0; x < count; x += U::lanes) {
+    const U bytes = U::from_bits(bits[x / 64] >> static_cast<unsigned>(x % 64));
+    if (count - x >= U::lanes) {
+      bytes.store(out + x);
+    } else {
+      bytes.store(out + x, count - x);
     }
   }
-  if (count < 2) return 0;
-  const double variance = (sum_squared - sum * sum / count) / count;
-  return variance > 0 ? variance : 0;
 }
 
-// True if the set holds two labels, one of them in the foreground.
-[[nodiscard]] constexpr bool holds_foreground_edge(std::uint64_t labels, LabelSet foreground) noexcept {
-  return (labels & (labels - 1)) != 0 && (labels & foreground.bits()) != 0;
+// Sets the l - 1 bits that follow each set bit. In place, in log2(l) steps; the highest words first, because a word
+// depends on those below it.
+inline void widen_bits(std::uint64_t* bits, int words, int l) noexcept {
+  const int within = l < 64 ? l : 64;
+  for (int i = words - 1; i >= 0; --i) {
+    std::uint64_t own = bits[i];
+    std::uint64_t below = i > 0 ? bits[i - 1] : 0;
+    if ((own | below) == 0) continue;
+    const auto drag = [&](int by) {
+      own |= own << static_cast<unsigned>(by) | below >> static_cast<unsigned>(64 - by);
+      below |= below << static_cast<unsigned>(by);
+    };
+    int held = 1;
+    for (; 2 * held <= within; held *= 2) drag(held);
+    if (held < within) drag(within - held);
+    bits[i] = own;
+  }
+  for (int held = within; held < l;) {
+    const int by = 2 * held <= l ? held : l - held;
+    const int word = by / 64;
+    const auto shift = static_cast<unsigned>(by % 64);
+    for (int i = words - 1; i >= word; --i) {
+      const std::uint64_t below = shift != 0 && i > word ? bits[i - word - 1] >> (64 - shift) : 0;
+      bits[i] |= bits[i - word] << shift | below;
+    }
+    held += by;
+  }
+}
+
+// The windows of one image: everything that a band needs.
+template <class F, int kMaxWindow>
+struct WindowSearch {
+  ImageView<const float> depth;
+  ImageView<const Label> labels;
+  LabelCodes codes;
+  int l;
+  double threshold;
+  ImageView<std::uint64_t> fires;  // 64 windows a word
+  ImageView<float> variance;       // may be empty
+
+  // Decides the windows with upper-left pixels in the rows y .. end - 1. `fires` is zero there, and `variance` too.
+  void band(int y, int end) const noexcept {
+    const int right = depth.width() - l + 1;
+    for (int x = 0; x < right; x += kStripWindows) {
+      const WindowBlock strip{x, y, right - x < kStripWindows ? right - x : kStripWindows, end - y};
+      std::uint64_t columns[kStripWords];
+      StripCodes kept;
+      edge_columns<F, kMaxWindow>(codes, labels, strip, l, columns, kept);
+      for (int t = 0; t < strip.width; t += kTileWindows) {
+        const int width = strip.width - t < kTileWindows ? strip.width - t : kTileWindows;
+        if (!variance.empty()) {
+          tile_in_double({x + t, y, width, end - y});
+        } else if ((columns[t / 64] | columns[t / 64 + 1]) == 0) {
+          continue;
+        } else if (l == MergedMoments<F>::kWindow) {
+          tile_of_eights({x + t, y, width, end - y}, columns + t / 64, kept, t);
+        } else {
+          tile_in_double({x + t, y, width, end - y});
+        }
+      }
+    }
+  }
+
+ private:
+  static constexpr std::size_t kRows = kBandRows<kMaxWindow>;
+
+  // Windows of 8 x 8. Depth is read for the smallest block that holds all windows with edges.
+  void tile_of_eights(const WindowBlock& block, const std::uint64_t* columns, const StripCodes& kept,
+                      int x_in_strip) const noexcept {
+    std::uint64_t edges[kTileWords][kRows] = {};
+    std::uint64_t any[kTileWords] = {};
+    int first = block.height;
+    int last = -1;
+    for (int w = 0; w < kTileWords; ++w) {
+      if (columns[w] == 0) continue;
+      const int count = block.width - 64 * w < 64 ? block.width - 64 * w : 64;
+      edge_windows_8<F>(kept, x_in_strip + 64 * w, count, block.height, edges[w]);
+      for (int y = 0; y < block.height; ++y) {
+        if (edges[w][y] == 0) continue;
+        any[w] |= edges[w][y];
+        first = first < y ? first : y;
+        last = last > y ? last : y;
+      }
+    }
+    if (last < 0) return;
+    const WindowBlock trimmed{block.x, block.y + first, highest_bit(any) + 1, last - first + 1};
+    MergedMoments<F> moments;
+    if (!moments.read(depth, trimmed, any)) return tile_in_double(block);
+    moments.set_threshold(threshold);
+    for (int y = 0; y < trimmed.height; ++y) {
+      const std::uint64_t row[kTileWords] = {edges[0][first + y], edges[1][first + y]};
+      if ((row[0] | row[1]) == 0) continue;
+      VarianceBits bits;
+      moments.decide(y, lowest_bit(row), highest_bit(row), bits);
+      for (int w = 0; w < kTileWords; ++w) {
+        const std::uint64_t edge = row[w];
+        if (edge == 0) continue;
+        std::uint64_t above = edge & bits.above[w];
+        for (std::uint64_t doubt = edge & bits.doubtful[w]; doubt != 0; doubt &= doubt - 1) {
+          const int bit = lowest_bit(doubt);
+          const double exact = window_variance(depth.sub(trimmed.x + 64 * w + bit, trimmed.y + y, {l, l}));
+          if (exact > threshold) above |= doubt & (~doubt + 1);
+        }
+        fires(trimmed.x / 64 + w, trimmed.y + y) = above;
+      }
+    }
+  }
+
+  void tile_in_double(const WindowBlock& block) const noexcept {
+    WindowSums<kMaxWindow> sums(depth, block, l);
+    std::uint64_t edges[kRows][kTileWords];
+    const ImageView<const float>* holes = sums.has_holes() ? &depth : nullptr;
+    edge_windows<F, kMaxWindow>(codes, labels, holes, block, l, edges);
+    for (int y = 0; y < block.height; ++y) {
+      double count[kTileWindows];
+      double spread[kTileWindows];
+      sums.row(y, count, spread);
+      for (int i = 0; i < block.width; ++i) {
+        const bool edge = (edges[y][i / 64] >> static_cast<unsigned>(i % 64) & 1U) != 0;
+        if (!edge && variance.empty()) continue;
+        if (count[i] < 2) continue;
+        double value = spread[i] / count[i];
+        const bool known = variance.empty() ? std::abs(spread[i] - count[i] * threshold) > sums.error()
+                                            : sums.error() <= 4e-7 * spread[i];
+        if (!known) value = window_variance(depth.sub(block.x + i, block.y + y, {l, l}));
+        if (!variance.empty()) variance(block.x + i, block.y + y) = static_cast<float>(value);
+        if (edge && value > threshold) {
+          fires((block.x + i) / 64, block.y + y) |= std::uint64_t{1} << static_cast<unsigned>((block.x + i) % 64);
+        }
+      }
+    }
+  }
+
+  // Of words that are not 0.
+  [[nodiscard]] static int lowest_bit(std::uint64_t bits) noexcept {
+#if defined(__GNUC__) || defined(__clang__)
+    return __builtin_ctzll(bits);
+#else
+    int i = 0;
+    while ((bits >> static_cast<unsigned>(i) & 1U) == 0) ++i;
+    return i;
+#endif
+  }
+  [[nodiscard]] static int highest_bit(std::uint64_t bits) noexcept {
+#if defined(__GNUC__) || defined(__clang__)
+    return 63 - __builtin_clzll(bits);
+#else
+    int i = 63;
+    while ((bits >> static_cast<unsigned>(i) & 1U) == 0) --i;
+    return i;
+#endif
+  }
+  [[nodiscard]] static int lowest_bit(const std::uint64_t (&bits)[kTileWords]) noexcept {
+    return bits[0] != 0 ? lowest_bit(bits[0]) : 64 + lowest_bit(bits[1]);
+  }
+  [[nodiscard]] static int highest_bit(const std::uint64_t (&bits)[kTileWords]) noexcept {
+    return bits[1] != 0 ? 64 + highest_bit(bits[1]) : highest_bit(bits[0]);
+  }
+};
+
+template <class F, int kMaxWindow, class Executor>
+void find_windows(const UncertaintyParams& params, ImageView<const float> depth, ImageView<const Label> labels,
+                  ImageView<std::uint64_t> fires, const UncertaintyOutput& output, Executor& executor) noexcept {
+  const int l = params.window_px;
+  const WindowSearch<F, kMaxWindow> search{
+      depth, labels, LabelCodes(params.foreground), l, params.variance_m2, fires, output.variance_m2};
+  executor.for_chunks(static_cast<std::size_t>(depth.height()), kBandRows<kMaxWindow>,
+                      [&](std::size_t begin, std::size_t end) {
+                        const int first = static_cast<int>(begin);
+                        const int last = static_cast<int>(end);
+                        for (int y = first; y < last; ++y) {
+                          for (int w = 0; w < fires.width(); ++w) fires(w, y) = 0;
+                          if (output.variance_m2.empty()) continue;
+                          for (int x = 0; x < depth.width(); ++x) output.variance_m2(x, y) = 0;
+                        }
+                        const int bottom = depth.height() - l + 1;
+                        if (first < bottom) search.band(first, last < bottom ? last : bottom);
+                        for (int y = first; y < last; ++y) {
+                          if (!output.windows.empty())
+                            write_bits<F>(fires.row(y), output.windows.row(y), depth.width());
+                          widen_bits(fires.row(y), fires.width(), l);
+                        }
+                      });
 }
 
 }  // namespace depth_detail
 
-template <class Executor>
+// F: the float batch, simd::scalar::F32 for the one-lane twin.
+template <class F = simd::F32, class Executor>
 [[nodiscard]] Status uncertainty(const UncertaintyParams& params, ImageView<const float> depth,
                                  ImageView<const Label> labels, const UncertaintyOutput& output, Workspace& workspace,
                                  Executor& executor) noexcept {
@@ -99,58 +279,28 @@ template <class Executor>
   }
 
   const WorkspaceScope scope(workspace);
-  ImageView<std::uint64_t> label_bits;
-  ImageView<std::uint8_t> fires;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, label_bits));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, fires));
-  const auto rows = static_cast<std::size_t>(shape.height);
-
-  executor.for_chunks(rows, 16, [&](std::size_t begin, std::size_t end) {
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        const Label known = labels(x, y) < kLabelCount ? labels(x, y) : label::unlabeled;
-        label_bits(x, y) = is_valid_depth(depth(x, y)) ? std::uint64_t{1} << known : 0;
-      }
-    }
-  });
-
-  executor.for_chunks(rows, 16, [&](std::size_t begin, std::size_t end) {
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        fires(x, y) = 0;
-        double variance = 0;
-        if (x + l <= shape.width && y + l <= shape.height) {
-          std::uint64_t held = 0;
-          for (int j = 0; j < l; ++j) {
-            const std::uint64_t* bits = label_bits.row(y + j) + x;
-            for (int i = 0; i < l; ++i) held |= bits[i];
-          }
-          const bool edge = depth_detail::holds_foreground_edge(held, params.foreground);
-          if (edge || !output.variance_m2.empty()) variance = depth_detail::window_variance(depth.sub(x, y, {l, l}));
-          fires(x, y) = edge && variance > params.variance_m2 ? 1 : 0;
-        }
-        if (!output.windows.empty()) output.windows(x, y) = fires(x, y);
-        if (!output.variance_m2.empty()) output.variance_m2(x, y) = static_cast<float>(variance);
-      }
-    }
-  });
-
+  ImageView<std::uint64_t> fires;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(Shape{(shape.width - 1) / 64 + 1, shape.height}, fires));
+  if (l <= 16) {
+    depth_detail::find_windows<F, 16>(params, depth, labels, fires, output, executor);
+  } else {
+    depth_detail::find_windows<F, 256>(params, depth, labels, fires, output, executor);
+  }
   if (output.mask.empty()) return {};
-  // Each chunk paints into its own rows the windows that reach them, so no two chunks write the same pixel.
-  executor.for_chunks(rows, 16, [&](std::size_t begin, std::size_t end) {
-    const int first = static_cast<int>(begin);
-    const int last = static_cast<int>(end);
-    for (int y = first; y < last; ++y) {
-      for (int x = 0; x < shape.width; ++x) output.mask(x, y) = 0;
-    }
-    for (int wy = first - l + 1 > 0 ? first - l + 1 : 0; wy < last; ++wy) {
-      const int top = wy > first ? wy : first;
-      const int bottom = wy + l < last ? wy + l : last;
-      for (int wx = 0; wx < shape.width; ++wx) {
-        if (fires(wx, wy) == 0) continue;
-        for (int y = top; y < bottom; ++y) {
-          for (int x = wx; x < wx + l; ++x) output.mask(x, y) = 1;
+
+  // The bits are already as wide as their windows; here the rows of a window are joined.
+  executor.for_chunks(static_cast<std::size_t>(shape.height), 16, [&](std::size_t begin, std::size_t end) {
+    constexpr int kWords = 32;
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      for (int w = 0; w < fires.width(); w += kWords) {
+        const int n = fires.width() - w < kWords ? fires.width() - w : kWords;
+        std::uint64_t joined[kWords] = {};
+        for (int row = y - l + 1 > 0 ? y - l + 1 : 0; row <= y; ++row) {
+          const std::uint64_t* bits = fires.row(row) + w;
+          for (int i = 0; i < n; ++i) joined[i] |= bits[i];
         }
+        const int left = shape.width - 64 * w;
+        depth_detail::write_bits<F>(joined, output.mask.row(y) + 64 * w, left < 64 * kWords ? left : 64 * kWords);
       }
     }
   });

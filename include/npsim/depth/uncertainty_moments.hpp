@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: Apache-2.0
+// Variance of windows of 8 x 8 pixels by merging, in single precision, with a bound on its error. Part of
+// uncertainty.hpp.
+//
+// Mean and sum of squares of 1, 2, 4 .. 64 pixels come from merging equal halves (Chan, Golub and LeVeque 1979): the
+// squares of two halves add up and gain a multiple of the squared difference of the means. Nothing large is ever
+// subtracted from anything large, so at any depth the standard deviation is known to within
+//     |sigma' - sigma| <= 16 u z_max + 16 u sigma,  u = 2^-24,
+// where z_max is the greatest depth read. Derivation: the means after 0 .. 5 merges are off by at most 0, 1.5, 2.5, 4,
+// 5, 6.5 u z_max; as contributions to the sum of squares these are orthogonal directions, whose lengths add as squares,
+// sqrt(91.75) = 9.6; the roundings of the sums come to 7 u sigma (10 without a fused fma); the rest is slack.
+// A variance whose standard deviation lies further than that from the threshold's is decided; the others are in doubt.
+//
+// Cost: about 2 instructions of a register's width per register of windows and level of merging, 12 with loads and
+// stores. Memory: 30 KiB of stack.
+#ifndef NPSIM_DEPTH_UNCERTAINTY_MOMENTS_HPP
+#define NPSIM_DEPTH_UNCERTAINTY_MOMENTS_HPP
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+#include "npsim/core/image_view.hpp"
+#include "npsim/depth/uncertainty_labels.hpp"
+#include "npsim/simd/bytes.hpp"
+
+namespace npsim {
+inline namespace v1 {
+inline namespace NPSIM_ISA_NAMESPACE {
+namespace depth_detail {
+
+// What is known about the windows of a row: certainly above the threshold, or in doubt; the others are below.
+struct VarianceBits {
+  std::uint64_t above[kTileWords] = {};
+  std::uint64_t doubtful[kTileWords] = {};
+};
+
+// Mean and sum of squared deviations of some pixels, in the units that the level of merging calls for: after two and
+// after four levels the mean has become twice and four times the mean, and the spread is always twice the sum of
+// squares. That way no level needs a factor of its own.
+template <class F>
+struct Moments {
+  F mean;
+  F spread;
+};
+
+template <class F>
+[[nodiscard]] NPSIM_ALWAYS_INLINE Moments<F> merge_to_mean(const Moments<F>& a, const Moments<F>& b) noexcept {
+  const F apart = b.mean - a.mean;
+  return {fma(apart, F(0.5F), a.mean), fma(apart, apart, a.spread + b.spread)};
+}
+
+template <class F>
+[[nodiscard]] NPSIM_ALWAYS_INLINE Moments<F> merge_to_sum(const Moments<F>& a, const Moments<F>& b) noexcept {
+  const F apart = b.mean - a.mean;
+  return {a.mean + b.mean, fma(apart + apart, apart, a.spread + b.spread)};
+}
+
+template <class F>
+class MergedMoments {
+ public:
+  static constexpr int kWindow = 8;
+  static constexpr std::size_t kRows = kBandRows<kWindow> + kWindow + 1;  // read in fours, the last beyond the block
+
+  // Reads the columns of 8 pixels that the windows of `block` are made of, in those columns of windows that `wanted`
+  // has a bit for. False if a depth is missing, or so large or so small that squares might over- or underflow; then
+  // nothing else may be called.
+  [[nodiscard]] bool read(ImageView<const float> depth, const WindowBlock& block,
+                          const std::uint64_t (&wanted)[kTileWords]) noexcept {
+    batches_ = (block.width + kWindow - 1 + F::lanes - 1) / F::lanes;
+    Column column;
+    for (int c = 0; c < batches_; ++c) {
+      if (!is_wanted(wanted, c)) continue;
+      const int x = block.x + c * F::lanes;
+      const int available = depth.width() - x < F::lanes ? depth.width() - x : F::lanes;
+      column.begin(load(depth, x, block.y, available));
+      const int last_row = depth.height() - 1;
+      for (int y = 1; y < block.height + kWindow - 1; y += 4) {
+        const auto next = [&](int i) {
+          const int row = block.y + y + i;
+          return load(depth, x, row < last_row ? row : last_row, available);
+        };
+        column.template step<0>(next(0), &mean_[y - 1][c * F::lanes], &spread_[y - 1][c * F::lanes]);
+        column.template step<1>(next(1), &mean_[y][c * F::lanes], &spread_[y][c * F::lanes]);
+        column.template step<2>(next(2), &mean_[y + 1][c * F::lanes], &spread_[y + 1][c * F::lanes]);
+        column.template step<3>(next(3), &mean_[y + 2][c * F::lanes], &spread_[y + 2][c * F::lanes]);
+        column.check = column.check + column.eight;
+      }
+    }
+    float low[F::lanes];
+    float high[F::lanes];
+    column.low.store(low);
+    column.high.store(high);
+    z_max_ = 0;
+    bool usable = all(simd::is_finite(column.check));
+    for (int i = 0; i < F::lanes; ++i) {
+      usable = usable && low[i] > 0;
+      z_max_ = high[i] > z_max_ ? high[i] : z_max_;
+    }
+    return usable && z_max_ > 1e-10F && z_max_ < 1e15F;
+  }
+
+  // Sets the threshold that decide() compares with.
+  void set_threshold(double variance) noexcept {
+    constexpr double kError = 16 * 0x1p-24;
+    constexpr double kUnits = 2.0 * kWindow * kWindow;  // of a spread of 64 pixels per variance
+    const double sigma = std::sqrt(variance);
+    const double off = kError * static_cast<double>(z_max_);
+    const double high = (sigma + off) * (1 + kError);
+    const double low = (sigma - off) * (1 - kError);
+    above_ = static_cast<float>(kUnits * high * high * (1 + 0x1p-22));
+    below_ = low > 0 ? static_cast<float>(kUnits * low * low * (1 - 0x1p-22)) : -1.0F;
+  }
+
+  // The windows first .. last of one row of the block that was read, 0 <= row < block.height.
+  void decide(int row, int first, int last, VarianceBits& bits) const noexcept {
+    const int begin = first / F::lanes;
+    const int end = last / F::lanes + 1;
+    const float* mean = mean_[row + kLead];
+    const float* spread = spread_[row + kLead];
+    const auto put = [&](int batch, F s) {
+      const auto at = static_cast<unsigned>(batch * F::lanes);
+      const auto above = s > F(above_);
+      const auto doubtful = ~(above | (s < F(below_)));
+      bits.above[at >> 6] |= std::uint64_t{simd_bits(above)} << (at & 63U);
+      bits.doubtful[at >> 6] |= std::uint64_t{simd_bits(doubtful)} << (at & 63U);
+    };
+    if constexpr (F::lanes >= 4) {
+      // A batch of results needs the batches of columns to its right; what lies beyond the last column reaches no
+      // window that counts.
+      const auto column = [&](int batch) {
+        if (batch >= batches_) return Moments<F>{F(0.0F), F(0.0F)};
+        return Moments<F>{F::load(mean + batch * F::lanes), F::load(spread + batch * F::lanes)};
+      };
+      const Moments<F> c0 = column(begin);
+      const Moments<F> c1 = column(begin + 1);
+      Moments<F> c2 = column(begin + 2);
+      const Moments<F> first_pair = merge_to_sum(c0, ahead<1>(c0, c1));
+      Moments<F> pair = merge_to_sum(c1, ahead<1>(c1, c2));
+      Moments<F> quad = merge_to_mean(first_pair, ahead<2>(first_pair, pair));
+      for (int i = begin; i < end; ++i) {
+        const Moments<F> c3 = column(i + 3);
+        const Moments<F> next_pair = merge_to_sum(c2, ahead<1>(c2, c3));
+        const Moments<F> next_quad = merge_to_mean(pair, ahead<2>(pair, next_pair));
+        put(i, merge_to_sum(quad, ahead<4>(quad, next_quad)).spread);
+        c2 = c3;
+        pair = next_pair;
+        quad = next_quad;
+      }
+    } else {
+      for (int i = begin; i < end; ++i) {
+        const auto column = [&](int k) { return Moments<F>{F::load(mean + i + k), F::load(spread + i + k)}; };
+        const auto pair = [&](int k) { return merge_to_sum(column(k), column(k + 1)); };
+        const auto quad = [&](int k) { return merge_to_mean(pair(k), pair(k + 2)); };
+        put(i, merge_to_sum(quad(0), quad(4)).spread);
+      }
+    }
+  }
+
+ private:
+  static constexpr int kLead = 6;  // rows in which the first windows are not complete yet
+  static constexpr std::size_t kColumns =
+      (kTileWindows + kWindow - 1 + simd::kMaxLanes - 1) / simd::kMaxLanes * simd::kMaxLanes;
+
+  // A column of pixels (lanes of columns) on its way down: what the next merges need.
+  struct Column {
+    F low{std::numeric_limits<float>::infinity()};
+    F high{0.0F};
+    F check{0.0F};  // not finite once a depth is: low and high pass over a NaN
+    F eight{0.0F};
+    F above{0.0F};
+    Moments<F> pairs[2];
+    Moments<F> quads[4];
+
+    NPSIM_ALWAYS_INLINE void begin(F z) noexcept {
+      low = min(z, low);
+      high = max(z, high);
+      above = z;
+      for (Moments<F>& m : pairs) m = {F(0.0F), F(0.0F)};
+      for (Moments<F>& m : quads) m = {F(0.0F), F(0.0F)};
+    }
+    // Takes the next pixel down and writes the moments of the eight that end there (of garbage before the eighth).
+    template <int kPhase>
+    NPSIM_ALWAYS_INLINE void step(F z, float* mean, float* spread) noexcept {
+      low = min(z, low);
+      high = max(z, high);
+      const F apart = z - above;
+      const Moments<F> pair{fma(apart, F(0.5F), above), apart * apart};
+      above = z;
+      const Moments<F> quad = merge_to_sum(pairs[kPhase % 2], pair);
+      pairs[kPhase % 2] = pair;
+      const Moments<F> eights = merge_to_mean(quads[kPhase], quad);
+      quads[kPhase] = quad;
+      eight = eights.mean;
+      eights.mean.store(mean);
+      eights.spread.store(spread);
+    }
+  };
+
+  // Does a window with a bit need this batch of columns? The bits of kMaxLanes windows decide together.
+  static bool is_wanted(const std::uint64_t (&wanted)[kTileWords], int batch) noexcept {
+    const int last = batch * F::lanes + F::lanes - 1;
+    const int first = batch * F::lanes - (kWindow - 1);
+    for (int i = first < 0 ? 0 : first / simd::kMaxLanes; i <= last / simd::kMaxLanes; ++i) {
+      if (i < 4 * kTileWords && (wanted[i / 4] >> static_cast<unsigned>(i % 4 * simd::kMaxLanes) & 0xFFFFU) != 0)
+        return true;
+    }
+    return false;
+  }
+  // Lanes beyond the image repeat the first one: they change neither extreme.
+  static NPSIM_ALWAYS_INLINE F load(ImageView<const float> depth, int x, int y, int available) noexcept {
+    const float* p = depth.row(y) + x;
+    if (available == F::lanes) return F::load(p);
+    return select(F::MaskType::first(available), F::load(p, available), F(*p));
+  }
+  template <int K>
+  static NPSIM_ALWAYS_INLINE Moments<F> ahead(const Moments<F>& a, const Moments<F>& b) noexcept {
+    return {simd::slide<K>(a.mean, b.mean), simd::slide<K>(a.spread, b.spread)};
+  }
+  static std::uint32_t simd_bits(typename F::MaskType m) noexcept { return bits(m); }
+
+  int batches_ = 0;
+  float z_max_ = 0;
+  float above_ = 0;
+  float below_ = 0;
+  alignas(64) float mean_[kRows][kColumns];
+  alignas(64) float spread_[kRows][kColumns];
+};
+
+}  // namespace depth_detail
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_DEPTH_UNCERTAINTY_MOMENTS_HPP
