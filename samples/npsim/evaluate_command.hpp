@@ -70,6 +70,10 @@ inline constexpr double kNone = std::numeric_limits<double>::quiet_NaN();  // a 
           {"below_30", e->share_below[3]}};
 }
 
+[[nodiscard]] inline OrderedJson to_json(const NormalRow& row) {
+  return {{"all", to_json(row.all)}, {"smooth", to_json(row.smooth)}};
+}
+
 [[nodiscard]] inline OrderedJson to_json(const std::optional<EdgeErrors>& e) {
   if (!e) return nullptr;
   return {{"true_pixels", e->truth_pixels},
@@ -94,9 +98,10 @@ inline constexpr double kNone = std::numeric_limits<double>::quiet_NaN();  // a 
   add("abs_rel_near_edges", step.near_edges, input.near_edges, &DepthErrors::abs_rel);
   add("edge_accuracy_px", step.edges, input.edges, &EdgeErrors::accuracy_px);
   add("edge_completeness_px", step.edges, input.edges, &EdgeErrors::completeness_px);
-  add("normal_rms_deg", step.normals, input.normals, &NormalErrors::rms_deg);
-  add("normal_mean_deg", step.normals, input.normals, &NormalErrors::mean_deg);
-  add("normal_median_deg", step.normals, input.normals, &NormalErrors::median_deg);
+  add("normal_rms_deg", step.normals.all, input.normals.all, &NormalErrors::rms_deg);
+  add("normal_mean_deg", step.normals.all, input.normals.all, &NormalErrors::mean_deg);
+  add("normal_median_deg", step.normals.all, input.normals.all, &NormalErrors::median_deg);
+  add("normal_rms_deg_smooth", step.normals.smooth, input.normals.smooth, &NormalErrors::rms_deg);
   return json;
 }
 
@@ -156,12 +161,14 @@ void print_with_ratio(int width, int digits, const std::optional<Errors>& of, co
   print_cell(6, 3, of && input ? ratio((*of).*member, (*input).*member) : kNone);
 }
 
-inline void print_normals(const char* name, const std::optional<NormalErrors>& e,
-                          const std::optional<NormalErrors>& input) {
+inline void print_normals(const char* name, const NormalRow& row, const NormalRow& input_row) {
+  const std::optional<NormalErrors>& e = row.all;
+  const std::optional<NormalErrors>& input = input_row.all;
   std::printf("%-30s", name);
   print_with_ratio(7, 2, e, input, &NormalErrors::rms_deg);
   print_with_ratio(7, 2, e, input, &NormalErrors::mean_deg);
   print_with_ratio(7, 2, e, input, &NormalErrors::median_deg);
+  print_with_ratio(7, 2, row.smooth, input_row.smooth, &NormalErrors::rms_deg);
   for (std::size_t k = 0; k < 4; ++k) print_cell(6, 3, e ? e->share_below[k] : kNone);
   std::printf("\n");
 }
@@ -184,8 +191,8 @@ inline void print_table(const Evaluation& e, const io::Scene& scene, const Evalu
     print_cell(7, 2, s.edges ? s.edges->completeness_px : kNone);
     std::printf("\n");
   }
-  std::printf("\n%-30s %7s %6s %7s %6s %7s %6s %6s %6s %6s %6s\n", "normals of depth, degrees", "RMS", "ratio", "mean",
-              "ratio", "median", "ratio", "<5", "<11.5", "<22.5", "<30");
+  std::printf("\n%-30s %7s %6s %7s %6s %7s %6s %7s %6s %6s %6s %6s %6s\n", "normals of depth, degrees", "RMS", "ratio",
+              "mean", "ratio", "median", "ratio", "smooth", "ratio", "<5", "<11.5", "<22.5", "<30");
   for (const StepErrors& s : e.steps) print_normals(s.name.c_str(), s.normals, input.normals);
   print_normals("true depth", e.true_depth_normals, input.normals);
   print_normals("normals as given", e.given_normals, input.normals);

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -30,14 +31,21 @@
 
 namespace npsim::tool {
 
+inline constexpr float kSmooth_deg = 5.0F;
+
 // Errors that could not be taken, for want of a pixel, an edge or a true normal, are left empty.
+struct NormalRow {
+  std::optional<NormalErrors> all;
+  std::optional<NormalErrors> smooth;  // where the normals of the true depth are within kSmooth_deg of the true ones
+};
+
 struct StepErrors {
   std::string name;  // in the table
   std::string key;   // in JSON
   std::optional<DepthErrors> depth;
   std::optional<DepthErrors> near_edges;
   std::optional<EdgeErrors> edges;
-  std::optional<NormalErrors> normals;
+  NormalRow normals;
 };
 
 struct LabelErrors {
@@ -56,9 +64,9 @@ struct Evaluation {
   std::vector<LabelErrors> labels;
   // Other normals on the same pixels: of the scene, those that guided the refinement, and those of the true depth,
   // which no depth map can better.
-  std::optional<NormalErrors> given_normals;
-  std::optional<NormalErrors> guiding_normals;
-  std::optional<NormalErrors> true_depth_normals;
+  NormalRow given_normals;
+  NormalRow guiding_normals;
+  NormalRow true_depth_normals;
   MaskOverlap uncertain_on_edges;             // first: true edges, second: the uncertain map
   MaskOverlap uncertain_on_foreground_edges;  // the same for edges of vehicles, persons, poles and signs
   MaskOverlap uncertain_near_edges;           // first: within a window of a true edge
@@ -220,9 +228,16 @@ inline Status evaluate(const SceneView& scene, const Truth& truth, const RefineD
   const io::Image<Vec3f> best_normals = judge.normals_of(true_depth, common, scene.camera);
   const io::Image<std::uint8_t> with_normals =
       mask_where(shape, [&](int x, int y) { return best_normals(x, y) != Vec3f{}; });
-  out.true_depth_normals = judge.normals(best_normals.view(), true_normals, with_normals.view());
-  out.given_normals = judge.normals(scene.normals, true_normals, with_normals.view());
-  out.guiding_normals = judge.normals(refined.normals, true_normals, with_normals.view());
+  const float smooth_cosine = std::cos(kSmooth_deg * 0.017453293F);
+  const io::Image<std::uint8_t> smooth = mask_where(shape, [&](int x, int y) {
+    return !true_normals.empty() && dot(best_normals(x, y), normalized(true_normals(x, y))) > smooth_cosine;
+  });
+  const auto judged = [&](ImageView<const Vec3f> n) -> NormalRow {
+    return {judge.normals(n, true_normals, with_normals.view()), judge.normals(n, true_normals, smooth.view())};
+  };
+  out.true_depth_normals = judged(best_normals.view());
+  out.given_normals = judged(scene.normals);
+  out.guiding_normals = judged(refined.normals);
 
   std::vector<io::Image<Vec3f>> normals;
   for (std::size_t i = 0; i < depths.size(); ++i) {
@@ -232,7 +247,7 @@ inline Status evaluate(const SceneView& scene, const Truth& truth, const RefineD
     step.near_edges = judge.depth(depths[i], true_depth, near_edges.view());
     step.edges =
         judge.edges(out.distance_params, judge.edges_of(out.edge_params, depths[i], common).view(), true_edges.view());
-    step.normals = judge.normals(normals.back().view(), true_normals, with_normals.view());
+    step.normals = judged(normals.back().view());
   }
 
   const io::Image<std::uint8_t> uncertain =

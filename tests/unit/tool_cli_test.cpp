@@ -214,7 +214,7 @@ TEST_CASE("tool: evaluate judges every step by the truth, and says the same on a
   for (const nlohmann::json& step : steps) {
     const double abs_rel = step["depth"]["abs_rel"].get<double>();
     CHECK(step["depth"]["pixels"] == json["pixels"]["judged"]);
-    CHECK(step["normals_of_depth"]["pixels"] == steps.front()["normals_of_depth"]["pixels"]);
+    CHECK(step["normals_of_depth"]["all"]["pixels"] == steps.front()["normals_of_depth"]["all"]["pixels"]);
     CHECK(abs_rel > 0.001);
     CHECK(abs_rel < 0.2);
     CHECK(step["ratio_to_given"]["abs_rel"].get<double>() == doctest::Approx(abs_rel / given));
@@ -223,7 +223,7 @@ TEST_CASE("tool: evaluate judges every step by the truth, and says the same on a
     CHECK(json["labels"]["road"].contains(step["step"].get<std::string>()));
   }
   CHECK(steps.back()["ratio_to_given"]["normal_mean_deg"].get<double>() < 0.8);
-  CHECK(json["normals"]["given"]["below_30"].get<double>() > 0.5);
+  CHECK(json["normals"]["given"]["all"]["below_30"].get<double>() > 0.5);
   CHECK(json["uncertain"]["foreground_edges"]["hit_rate"].get<double>() > 0.5);
   CHECK(!json["labels"].contains("sky"));
   REQUIRE(run_tool("evaluate '" + fixture().street + "' -o '" + file + "3' --quiet --threads 3").status == 0);
@@ -249,7 +249,8 @@ TEST_CASE("tool: evaluate finds no error in the truth itself") {
   CHECK(given["edges"]["accuracy_px"] == 0);
   CHECK(given["edges"]["completeness_px"] == 0);
   CHECK(given["normals_of_depth"] == json["normals"]["of_true_depth"]);
-  CHECK(json["normals"]["given"]["rms_deg"] == doctest::Approx(0).epsilon(1e-3));
+  CHECK(json["normals"]["given"]["all"]["rms_deg"] == doctest::Approx(0).epsilon(1e-3));
+  CHECK(given["normals_of_depth"]["smooth"]["rms_deg"].get<double>() < 5);
   CHECK(json["steps"].back()["ratio_to_given"]["abs_rel"].is_null());
   CHECK(run.output.find(" -") != std::string::npos);
 }
@@ -265,7 +266,7 @@ TEST_CASE("tool: evaluate takes a size and a preset, and does without true norma
   const std::string file = fixture().out("no_true_normals.json");
   const Run run = run_tool("evaluate '" + scene + "' -o '" + file + "' --size 160x90 --quiet");
   REQUIRE_MESSAGE(run.status == 0, run.output);
-  CHECK(json_of(file)["steps"].back()["normals_of_depth"].is_null());
+  CHECK(json_of(file)["steps"].back()["normals_of_depth"]["all"].is_null());
   CHECK(json_of(file)["steps"].back()["depth"]["abs_rel"].is_number());
 }
 
