@@ -244,6 +244,7 @@ template <class LabelPixel>
     const double r = dy / sigma_s;
     total[1] += (dy == 0 ? 1 : 2) * std::exp(-0.5 * r * r);
   }
+  t.spatial[at] = -1e30F;
   t.scale = static_cast<float>(0.5 * kLog2E / (sigma_c * sigma_c));
   t.prune = prune_error > 0;
   // Rounded up, by more than what the logarithms of the blocks and the squared gap can be off.

@@ -230,19 +230,32 @@ inline void weigh_chunk(const PairRows& s, int chunk, const F (&lp)[N], const F 
   const float* spatial[N];
   unrolled<N>([&](std::size_t i) { spatial[i] = s.spatial - static_cast<std::ptrdiff_t>(i) * s.spatial_stride; });
   unrolled<N>([&](std::size_t i) { n[i] = d[i] = zero; });
-  for (int k = begin > 0 ? begin : 0; k < kChunkPx && k <= last; ++k) {
+  const auto exponent = [&](std::size_t i, F lq, F aq, F bq, int dx) {
+    const F dl = lq - lp[i];
+    const F da = aq - ap[i];
+    const F db = bq - bp[i];
+    return fma(fma(db, db, fma(da, da, dl * dl)), minus_scale, F(spatial[i][dx]));
+  };
+  const int first = begin > 0 ? begin : 0;
+  const int end = last + 1 < kChunkPx ? last + 1 : kChunkPx;
+  F t[N];
+  {
+    const int dx = chunk * kChunkPx + first;
+    unrolled<N>(
+        [&](std::size_t i) { t[i] = exponent(i, F::load(s.ql + dx), F::load(s.qa + dx), F::load(s.qb + dx), dx); });
+  }
+  for (int k = first; k < end; ++k) {
+    // The exponents of the next offset fill the wait for the weights of this one. The last of them are not used.
     const int dx = chunk * kChunkPx + k;
-    const F lq = F::load(s.ql + dx);
-    const F aq = F::load(s.qa + dx);
-    const F bq = F::load(s.qb + dx);
+    const F lq = F::load(s.ql + dx + 1);
+    const F aq = F::load(s.qa + dx + 1);
+    const F bq = F::load(s.qb + dx + 1);
     const F zq = F::load(s.qz + dx);
     F w[N];
     unrolled<N>([&](std::size_t i) {
-      const F dl = lq - lp[i];
-      const F da = aq - ap[i];
-      const F db = bq - bp[i];
-      const F squared = fma(db, db, fma(da, da, dl * dl));
-      w[i] = fast_exp2<kDegree>(fma(squared, minus_scale, F(spatial[i][dx])));
+      const F x = t[i];
+      t[i] = exponent(i, lq, aq, bq, dx + 1);
+      w[i] = fast_exp2<kDegree>(x);
       n[i] = fma(w[i], zq, n[i]);
       if constexpr (kHoles) {
         d[i] = fma(w[i], select(zq > zero, one, zero), d[i]);

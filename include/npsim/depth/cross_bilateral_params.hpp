@@ -141,7 +141,7 @@ struct CrossBilateralPlan {
   return static_cast<std::size_t>(g.block_columns()) * static_cast<std::size_t>(g.block_rows());
 }
 [[nodiscard]] inline std::size_t spatial_elements(const ColourGrid& g) noexcept {
-  return static_cast<std::size_t>(2 * g.rx + 1) * static_cast<std::size_t>(g.ry + 1);
+  return static_cast<std::size_t>(2 * g.rx + 1) * static_cast<std::size_t>(g.ry + 1) + 1;  // one is read beyond
 }
 [[nodiscard]] inline std::size_t colour_sums_elements(const ColourGrid& g) noexcept {
   return g.sums_rows() * 4 * static_cast<std::size_t>(g.width);
