@@ -170,8 +170,8 @@ template <class V, class Executor>
   for (int k = 0; k < cap; ++k) {
     const bool first = k == 0;
     const bool continues = k + 1 < cap;
-    v_cycle<V>(grid, ImageView<const float>(v.rhs), StoreAndDot<V>(first ? v.direction : v.corrected, v.row_sums),
-               executor);
+    multigrid_cycle<V>(grid, ImageView<const float>(v.rhs),
+                       StoreAndDot<V>(first ? v.direction : v.corrected, v.row_sums), executor);
     const double now = sum_of_rows(v.row_sums);
     if (!(now > 0)) return step;  // the residual is 0, or not a number
     const float beta = first ? 0.0F : static_cast<float>(now / before);

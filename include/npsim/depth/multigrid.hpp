@@ -32,6 +32,9 @@ inline namespace v1 {
 
 inline constexpr std::size_t kGridChunkRows = 32;  // even: a coarse row belongs to one chunk
 inline constexpr int kGridMaxLevels = 32;
+// Levels that are solved twice in a cycle, the second time for what the first left.
+inline constexpr int kGridFirstTwice = 2;
+inline constexpr int kGridLastTwice = 6;
 inline constexpr std::size_t kGridRowBuffers = 4;  // per chunk
 
 [[nodiscard]] constexpr std::size_t grid_plane_elements(Shape shape) noexcept {
@@ -48,7 +51,7 @@ inline constexpr std::size_t kGridRowBuffers = 4;  // per chunk
       allocation_bytes<float>(chunks * kGridRowBuffers * row) + 5 * allocation_bytes<float>(grid_plane_elements(shape));
   while (shape.width > 1 || shape.height > 1) {
     shape = coarse_shape(shape);
-    bytes += 7 * allocation_bytes<float>(grid_plane_elements(shape));
+    bytes += 8 * allocation_bytes<float>(grid_plane_elements(shape));
   }
   return bytes;
 }
@@ -58,8 +61,8 @@ namespace depth_detail {
 
 struct GridLevel {
   ImageView<float> wxx, wxy, wyy, diagonal;
-  ImageView<float> smoother;       // the reciprocal of the enlarged diagonal; 0 where H has none
-  ImageView<float> rhs, solution;  // of coarse levels
+  ImageView<float> smoother;             // the reciprocal of the enlarged diagonal; 0 where H has none
+  ImageView<float> rhs, solution, kept;  // of coarse levels
   [[nodiscard]] Shape shape() const noexcept { return wxx.shape(); }
   [[nodiscard]] int end() const noexcept { return static_cast<int>(wxx.stride()) - kLossBlock; }
   // The row buffers of a chunk, their padding 0.
@@ -99,8 +102,9 @@ struct Multigrid {
       NPSIM_RETURN_IF_ERROR(allocate_grid_plane(shape, workspace, *plane));
     }
     if (grid.levels > 0) {
-      NPSIM_RETURN_IF_ERROR(allocate_grid_plane(shape, workspace, level.rhs));
-      NPSIM_RETURN_IF_ERROR(allocate_grid_plane(shape, workspace, level.solution));
+      for (ImageView<float>* plane : {&level.rhs, &level.solution, &level.kept}) {
+        NPSIM_RETURN_IF_ERROR(allocate_grid_plane(shape, workspace, *plane));
+      }
     }
     ++grid.levels;
     if (shape.width == 1 && shape.height == 1) return {};
@@ -330,15 +334,65 @@ struct StoreRow {
   void end_row(int) noexcept {}
 };
 
-// `done` gets the V-cycle's approximate solution of H x = rhs on the finest level.
+// Keeps the level's solution and makes its right-hand side what is left of it.
+template <class V, class Executor>
+void keep_solution(const Multigrid& grid, int l, Executor& executor) noexcept {
+  const GridLevel& level = grid.level[l];
+  const int height = level.shape().height;
+  executor.for_chunks(static_cast<std::size_t>(height), kGridChunkRows, [&](std::size_t begin, std::size_t end) {
+    float* from_above = level.buffer(grid.buffers, begin / kGridChunkRows);
+    const int first = static_cast<int>(begin);
+    if (first == 0) {
+      for (int x = 0; x < level.end(); ++x) from_above[x] = 0.0F;
+    } else {
+      links_below<V>(level, first - 1, level.solution.row(first - 1), level.solution.row(first), from_above);
+    }
+    for (int y = first; y < static_cast<int>(end); ++y) {
+      const float* solution = level.solution.row(y);
+      float* rhs = level.rhs.row(y);
+      float* kept = level.kept.row(y);
+      apply_row<V>(level, y, solution, level.solution.row(y + 1 < height ? y + 1 : y), from_above,
+                   [&](int x, V product) {
+                     (V::load(rhs + x) - product).store(rhs + x);
+                     V::load(solution + x).store(kept + x);
+                   });
+    }
+  });
+}
+template <class V, class Executor>
+void add_kept(const GridLevel& level, Executor& executor) noexcept {
+  executor.for_chunks(static_cast<std::size_t>(level.shape().height), kGridChunkRows,
+                      [&](std::size_t begin, std::size_t end) {
+                        for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+                          float* solution = level.solution.row(y);
+                          for (int x = 0; x < level.end(); x += V::lanes) {
+                            (V::load(solution + x) + V::load(level.kept.row(y) + x)).store(solution + x);
+                          }
+                        }
+                      });
+}
+
+// `done` gets the cycle's approximate solution of H x = rhs on the finest level.
 template <class V, class Done, class Executor>
-void v_cycle(const Multigrid& grid, const ImageView<const float>& rhs, const Done& done, Executor& executor) noexcept {
-  for (int l = 0; l + 1 < grid.levels; ++l) {
-    restrict_level<V>(grid, l, l == 0 ? rhs : ImageView<const float>(grid.level[l].rhs), executor);
-  }
-  for (int l = grid.levels - 1; l > 0; --l) {
-    prolong_level<V>(grid, l, ImageView<const float>(grid.level[l].rhs), StoreRow<V>{grid.level[l].solution, nullptr},
-                     executor);
+void multigrid_cycle(const Multigrid& grid, const ImageView<const float>& rhs, const Done& done,
+                     Executor& executor) noexcept {
+  bool second[kGridMaxLevels] = {};
+  int l = 0;
+  while (true) {
+    for (; l + 1 < grid.levels; ++l) {
+      restrict_level<V>(grid, l, l == 0 ? rhs : ImageView<const float>(grid.level[l].rhs), executor);
+    }
+    bool again = false;
+    for (; l > 0 && !again; l -= again ? 0 : 1) {
+      const GridLevel& level = grid.level[l];
+      prolong_level<V>(grid, l, ImageView<const float>(level.rhs), StoreRow<V>{level.solution, nullptr}, executor);
+      if (l < kGridFirstTwice || l > kGridLastTwice || l + 1 == grid.levels) continue;
+      if (second[l]) add_kept<V>(level, executor);
+      second[l] = !second[l];
+      again = second[l];
+      if (again) keep_solution<V>(grid, l, executor);
+    }
+    if (!again) break;
   }
   prolong_level<V>(grid, 0, rhs, done, executor);
 }

@@ -30,7 +30,7 @@ struct GaussNewtonParams {
   int inner_steps = 20;             // conjugate gradient iterations per outer step at most
   float inner_decrease = 0.05F;     // end them when one lowers the model by less than this share of what all did
   int halvings = 8;                 // of a step that does not lower the loss, before giving up
-  float grid_stiffness = 0.65F;     // of coarse grids, see multigrid.hpp
+  float grid_stiffness = 0.7F;      // of coarse grids, see multigrid.hpp
 };
 
 [[nodiscard]] constexpr LossParams default_refine_losses() noexcept {
