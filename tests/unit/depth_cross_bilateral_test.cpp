@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "npsim/core/random.hpp"
+#include "npsim/exec/thread_pool.hpp"
 
 using namespace npsim;
 
@@ -88,17 +89,22 @@ struct Scene {
   }
 
   // Largest relative error; validity must agree, except within a factor 2 of the weight that counts as none.
-  double worst(const CrossBilateralParams& p) const {
+  double worst(const CrossBilateralParams& p) {
     double worst = 0;
+    double squares = 0;
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
         double weight = 0;
         const double expected = naive(p, x, y, weight);
         const float got = out[at(x, y)];
         if (weight < 0.5e-12) CHECK(got == 0.0F);
-        if (weight > 2e-12) worst = std::max(worst, std::abs(static_cast<double>(got) - expected) / expected);
+        if (weight < 2e-12) continue;
+        const double error = std::abs(static_cast<double>(got) - expected);
+        worst = std::max(worst, error / expected);
+        squares += error * error;
       }
     }
+    rmse_m = std::sqrt(squares / static_cast<double>(shape.pixels()));
     return worst;
   }
 
@@ -108,16 +114,134 @@ struct Scene {
   std::vector<Vec3f> lab;
   std::vector<float> out;
   CrossBilateralResult result;
+  double rmse_m = 0;  // set by worst()
 };
 
 }  // namespace
 
-TEST_CASE("cross-bilateral at the thesis' settings is as near to double precision as the header says") {
+TEST_CASE("cross-bilateral at the thesis' settings is far nearer to double precision than the bound") {
   Scene<std::uint8_t> s({90, 66});
   s.randomise(1, 0.1F);
   const CrossBilateralParams p;
   REQUIRE(s.run(p).ok());
-  CHECK(s.worst(p) < 1.2e-6);
+  CHECK(s.result.method == CrossBilateralMethod::quartic_weights);
+  CHECK(s.result.relative_error_bound <= 2e-5F);
+  CHECK(s.worst(p) < 3e-6);
+  CHECK(s.rmse_m < 1e-4);
+}
+
+TEST_CASE("cross-bilateral keeps every bound it is given, and says which") {
+  // Colours from uniform to unrelated, so that blocks are left out where it is allowed, next to depths that differ
+  // by 40.
+  for (const float contrast : {5.0F, 40.0F, 120.0F}) {
+    Scene<std::uint8_t> s({100, 40});
+    s.randomise(7, 0.05F);
+    for (int y = 0; y < 40; ++y) {
+      for (int x = 0; x < 100; ++x) {
+        if ((x / 16 + y / 8) % 2 == 0) s.lab[s.at(x, y)].x += contrast;
+        if (x % 37 == 5) s.labels[s.at(x, y)] = 200;  // thin: little weight of its own
+      }
+    }
+    for (const float bound : {1.6e-5F, 2e-5F, 1e-4F, 1e-3F, 1e-2F, 0.1F, 1.0F}) {
+      for (const bool labels : {true, false}) {
+        CrossBilateralParams p;
+        p.max_relative_error = bound;
+        p.use_labels = labels;
+        p.mu = contrast < 50 ? 5.0F : 0.1F;
+        REQUIRE(s.run(p).ok());
+        CHECK(s.result.relative_error_bound <= bound);
+        CHECK(s.worst(p) <= static_cast<double>(s.result.relative_error_bound));
+      }
+    }
+  }
+  Scene<std::uint8_t> s({40, 40});
+  CrossBilateralParams p;
+  const auto method = [&](float bound) {
+    p.max_relative_error = bound;
+    REQUIRE(s.run(p).ok());
+    return s.result.method;
+  };
+  CHECK(method(1.5e-5F) == CrossBilateralMethod::quintic_weights);
+  CHECK(method(1e-3F) == CrossBilateralMethod::cubic_weights);
+  CHECK(method(1e-2F) == CrossBilateralMethod::quadratic_weights);
+  p.use_colour = false;
+  CHECK(method(1e-5F) == CrossBilateralMethod::label_sums);
+  CHECK(s.result.relative_error_bound < 1e-5F);
+  p.use_colour = true;
+  p.max_relative_error = 1e-7F;
+  CHECK(s.run(p).code() == StatusCode::invalid_argument);
+}
+
+TEST_CASE("cross-bilateral: a 2 m to 80 m step followed by a flat stretch") {
+  Scene<std::uint8_t> s({128, 32});
+  for (int y = 0; y < 32; ++y) {
+    for (int x = 0; x < 128; ++x) {
+      s.depth[s.at(x, y)] = x < 50 ? 2.0F : 80.0F;
+      s.labels[s.at(x, y)] = x < 52 ? 1 : 2;               // the label's edge lies elsewhere
+      s.lab[s.at(x, y)] = {x < 49 ? 20.0F : 80.0F, 0, 0};  // and so does the colour's
+    }
+  }
+  const CrossBilateralParams p;
+  REQUIRE(s.run(p).ok());
+  CHECK(s.worst(p) < 3e-6);
+  for (int y = 0; y < 32; ++y) CHECK(std::abs(s.out[s.at(127, y)] - 80.0F) < 1e-4F);
+}
+
+TEST_CASE("cross-bilateral: depth near 0 and inverse depth keep the relative bound") {
+  for (const float scale : {1e-20F, 1e-6F, 1e20F}) {
+    Scene<std::uint8_t> s({40, 24});
+    s.randomise(8, 0.1F);
+    for (float& z : s.depth) z *= scale;
+    CrossBilateralParams p;
+    p.sigma_s_px = 4.0F;
+    REQUIRE(s.run(p).ok());
+    CHECK(s.worst(p) < 3e-6);
+  }
+  Scene<std::uint8_t> s({40, 24});
+  s.randomise(9, 0.1F);
+  for (float& z : s.depth) z = 1.0F / z;
+  const CrossBilateralParams p;
+  REQUIRE(s.run(p).ok());
+  CHECK(s.worst(p) < 3e-6);
+}
+
+TEST_CASE("cross-bilateral: radii and sizes around blocks, chunks, tiles, strips and sweeps") {
+  struct Size {
+    Shape shape;
+    int radius;
+    float sigma;
+  };
+  const Size sizes[] = {{{63, 5}, 15, 6},    {{64, 15}, 16, 6},  {{65, 16}, 17, 6},   {{127, 3}, 31, 10},
+                        {{128, 17}, 32, 10}, {{129, 4}, 33, 10}, {{16, 63}, 20, 8},   {{17, 64}, 40, 12},
+                        {{15, 65}, 70, 30},  {{5, 150}, 66, 30}, {{300, 3}, 140, 60}, {{600, 2}, 599, 900},
+                        {{1, 200}, 200, 50}, {{200, 1}, 3, 1},   {{66, 131}, 0, 1}};
+  for (const Size& size : sizes) {
+    Scene<std::uint16_t> s(size.shape);
+    s.randomise(static_cast<std::uint32_t>(size.radius), 0.2F);
+    CrossBilateralParams p;
+    p.radius_px = size.radius;
+    p.sigma_s_px = size.sigma;
+    REQUIRE(s.run(p).ok());
+    CHECK_MESSAGE(s.worst(p) < 4e-6, size.shape.width << 'x' << size.shape.height << " R " << size.radius);
+    p.use_colour = false;
+    REQUIRE(s.run(p).ok());
+    CHECK_MESSAGE(s.worst(p) < 3e-6, size.shape.width << 'x' << size.shape.height << " R " << size.radius);
+  }
+}
+
+TEST_CASE("cross-bilateral: few classes in pieces and many classes at random, as labels and as instances") {
+  for (const int classes : {1, 2, 5, 60, 300, 60000}) {
+    Scene<std::uint16_t> s({150, 70});
+    s.randomise(3, 0.1F);
+    RandomStream random(5, RandomPurpose::test, 0, 0, 0, 0);
+    for (std::uint16_t& l : s.labels) l = static_cast<std::uint16_t>(random.uniform() * static_cast<float>(classes));
+    CrossBilateralParams p;
+    p.use_colour = false;
+    p.sigma_s_px = 4.0F;
+    REQUIRE(s.run(p).ok());
+    CHECK(s.worst(p) < 1e-6);
+    CHECK(s.result.relative_error_bound < 1e-5F);
+  }
 }
 
 TEST_CASE("cross-bilateral: every combination of terms, instances, widths around the lane count, many settings") {
@@ -239,9 +363,9 @@ TEST_CASE("cross-bilateral gives the same bits with one lane, with chunks backwa
   SerialExecutor serial;
   s.out.assign(s.out.size(), -1.0F);
   REQUIRE(depth_detail::cross_bilateral_with<simd::scalar::F32>(
-              p, cross_bilateral_detail::cross_bilateral_plan(p, s.shape), ImageView<const float>(s.depth.data(), s.shape),
-              ImageView<const std::uint8_t>(s.labels.data(), s.shape), ImageView<const Vec3f>(s.lab.data(), s.shape),
-              ImageView<float>(s.out.data(), s.shape), workspace, serial)
+              p, cross_bilateral_detail::cross_bilateral_plan(p, s.shape),
+              ImageView<const float>(s.depth.data(), s.shape), ImageView<const std::uint8_t>(s.labels.data(), s.shape),
+              ImageView<const Vec3f>(s.lab.data(), s.shape), ImageView<float>(s.out.data(), s.shape), workspace, serial)
               .ok());
   CHECK(s.out == expected);
 

@@ -232,25 +232,22 @@ template <class LabelPixel>
   const double sigma_s = static_cast<double>(params.sigma_s_px);
   const double sigma_c = static_cast<double>(params.sigma_c);
   constexpr double kLog2E = 1.4426950408889634;
-  double total[2] = {0, 0};
   std::size_t at = 0;
   for (int dy = 0; dy <= g.ry; ++dy) {
     for (int dx = -g.rx; dx <= g.rx; ++dx) {
       const double exponent = -0.5 * kLog2E / (sigma_s * sigma_s) * (double(dx) * dx + double(dy) * dy);
       const bool other_way = dy == 0 && dx <= 0;
       t.spatial[at++] = other_way || exponent < -1e30 ? -1e30F : static_cast<float>(exponent);
-      if (dy == 0) total[0] += std::exp2(exponent);
     }
-    const double r = dy / sigma_s;
-    total[1] += (dy == 0 ? 1 : 2) * std::exp(-0.5 * r * r);
   }
   t.spatial[at] = -1e30F;
   t.scale = static_cast<float>(0.5 * kLog2E / (sigma_c * sigma_c));
+  t.spatial_scale = static_cast<float>(0.5 * kLog2E / (sigma_s * sigma_s));
   t.prune = prune_error > 0;
-  // Rounded up, by more than what the logarithms of the blocks and the squared gap can be off.
+  // Rounded up, by more than what the logarithms of the blocks and the exponents of the pairs can be off.
+  const double taps = static_cast<double>(2 * g.rx + 1) * static_cast<double>(2 * g.ry + 1);
   t.log_threshold =
-      t.prune ? log2_of(static_cast<float>(static_cast<double>(params.mu) * total[0] * total[1] / prune_error)) + 0.01F
-              : 0.0F;
+      t.prune ? log2_of(static_cast<float>(static_cast<double>(params.mu) * taps / prune_error)) + 0.01F : 0.0F;
   return {};
 }
 

@@ -135,7 +135,8 @@ struct ColourTerm {
   Span<float> sums;         // rows of 4 x grid.width: sum w z and its rest, sum w and its rest; strips' tails follow
   Span<float> scratch;      // by strip
   float scale = 0;          // of a squared colour distance, in powers of two
-  float log_threshold = 0;  // log2 of mu times all spatial weights over the error that pruning may make
+  float spatial_scale = 0;  // of a squared distance in pixels
+  float log_threshold = 0;  // log2 of mu times the taps of a window over the error that pruning may make
   bool prune = true;
 
   [[nodiscard]] float* sums_row(int strip, int y) const noexcept {
@@ -149,8 +150,10 @@ struct ColourTerm {
   }
 };
 
-// May the pairs of these two blocks be left out?
-[[nodiscard]] inline bool negligible(const ColourTerm& term, const ColourBlock& p, const ColourBlock& q) noexcept {
+// May the pairs of these two blocks be left out? They are at least `distance_squared` pixels apart. Every tap of a
+// window may lose the same share of prune_error, so what all lose together is bounded.
+[[nodiscard]] inline bool negligible(const ColourTerm& term, const ColourBlock& p, const ColourBlock& q,
+                                     float distance_squared) noexcept {
   if (!p.any || !q.any || !(p.source || q.source)) return true;
   if (!term.prune) return false;
   float squared = 0;
@@ -164,7 +167,7 @@ struct ColourTerm {
     const float by_depth = from.log_depth - to.log_sums;
     return by_depth > -to.log_weight ? by_depth : -to.log_weight;
   };
-  const float exponent = squared * term.scale;
+  const float exponent = squared * term.scale + distance_squared * term.spatial_scale;
   return (!q.source || exponent >= term.log_threshold + needed(p, q)) &&
          (!p.source || exponent >= term.log_threshold + needed(q, p));
 }
@@ -179,7 +182,7 @@ void add_compensated(float* hi, float* lo, F x) noexcept {
 
 // 2^x within kExp2Error: relative minimax polynomials on [0, 1].
 template <int kDegree, class F>
-[[nodiscard]] F fast_exp2(F x) noexcept {
+[[nodiscard]] NPSIM_ALWAYS_INLINE F fast_exp2(F x) noexcept {
   const F r = x - floor(x);
   if constexpr (kDegree == 2) {
     return scale_by_floor(fma(fma(F(0x1.594830p-2F), r, F(0x1.50b5b4p-1F)), r, F(0x1.007108p+0F)), x);
@@ -196,7 +199,7 @@ template <int kDegree, class F>
 }
 
 template <std::size_t N, class Function>
-inline void unrolled(Function&& f) noexcept {
+NPSIM_ALWAYS_INLINE void unrolled(Function&& f) noexcept {
   if constexpr (N > 0) f(std::size_t{0});
   if constexpr (N > 1) f(std::size_t{1});
   if constexpr (N > 2) f(std::size_t{2});
@@ -219,8 +222,8 @@ struct PairRows {
 };
 
 template <class F, std::size_t N, int kDegree, bool kHoles>
-inline void weigh_chunk(const PairRows& s, int chunk, const F (&lp)[N], const F (&ap)[N], const F (&bp)[N],
-                        const F (&zp)[N], F (&num)[N], F (&den)[N]) noexcept {
+NPSIM_ALWAYS_INLINE void weigh_chunk(const PairRows& s, int chunk, const F (&lp)[N], const F (&ap)[N], const F (&bp)[N],
+                                     const F (&zp)[N], F (&num)[N], F (&den)[N]) noexcept {
   const F zero(0.0F);
   const F one(1.0F);
   const F minus_scale(s.minus_scale);
@@ -359,7 +362,9 @@ void weigh_tile(const ColourTerm& term, int strip, int x0, int y0, int rows, flo
               bool here_holes = false;
               if (at >= 0 && at < g.block_columns()) {
                 const ColourBlock& q = term.block(at, qy / kGroupRows);
-                here = !negligible(term, p, q);
+                const int dx = kChunkPx * (chunk < 0 ? -chunk : chunk) - (kChunkPx - 1);
+                const int dy = qy - (y0 + group * kGroupRows) - (kGroupRows - 1);
+                here = !negligible(term, p, q, static_cast<float>((dx > 0 ? dx * dx : 0) + (dy > 0 ? dy * dy : 0)));
                 here_holes = q.holes;
               }
               if (chunk > sweep) {
