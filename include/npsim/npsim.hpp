@@ -17,6 +17,7 @@
 
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/bytes.hpp"
+#include "npsim/simd/interleave.hpp"
 #include "npsim/simd/isa.hpp"
 #include "npsim/simd/math.hpp"
 #include "npsim/simd/native.hpp"

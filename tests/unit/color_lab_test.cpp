@@ -8,6 +8,7 @@
 
 #include "npsim/color/lab.hpp"
 #include "npsim/core/executor.hpp"
+#include "npsim/core/random.hpp"
 
 namespace {
 
@@ -64,6 +65,33 @@ TEST_CASE("8-bit colours reach the stated Delta E over a dense subset of the cub
   MESSAGE("largest Delta E " << worst);
   CHECK(worst <= kDeltaEBound);
   CHECK(unequal == 0);  // the single-colour form has the bits of the image form
+}
+
+TEST_CASE("encoded floats reach the stated Delta E, and both parts of the decoding function meet") {
+  const npsim::SerialExecutor executor;
+  std::vector<npsim::Vec3f> coded;
+  npsim::RandomStream random(5, npsim::RandomPurpose::test, 0, 0, 0, 0);
+  for (int i = 0; i < 100000; ++i) coded.push_back({random.uniform(), random.uniform(), random.uniform()});
+  for (int i = 0; i <= 4000; ++i) {
+    const float v = static_cast<float>(i) / 4000.0F;
+    coded.push_back({v, v, v});
+    coded.push_back({v, 0.0F, 1.0F});
+    coded.push_back({0.0F, 1.0F, v});
+  }
+  for (const float v : {0.04045F, 0.040449996F, 0.040450003F}) coded.push_back({v, v, v});
+  std::vector<npsim::Vec3f> lab(coded.size());
+  const npsim::Shape shape{static_cast<int>(coded.size()), 1};
+  REQUIRE(npsim::srgb_to_lab(npsim::ImageView<const npsim::Vec3f>(coded.data(), shape),
+                             npsim::ImageView<npsim::Vec3f>(lab.data(), shape), executor)
+              .ok());
+  double worst = 0;
+  for (std::size_t i = 0; i < coded.size(); ++i) {
+    const npsim::Vec3d c = npsim::vec_cast<double>(coded[i]);
+    worst = std::fmax(
+        worst, difference(lab[i], exact_lab_of_linear({exact_decode(c.x), exact_decode(c.y), exact_decode(c.z)})));
+  }
+  MESSAGE("largest Delta E " << worst);
+  CHECK(worst <= kDeltaEBound);
 }
 
 TEST_CASE("published CIELAB values of the sRGB primaries") {

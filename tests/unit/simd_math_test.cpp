@@ -119,6 +119,30 @@ TEST_CASE("every function stays within its stated bound over all exponents, with
       });
 }
 
+TEST_CASE(
+    "the cube root of positive values stays within its bounds for every normal float, with equal bits in one lane") {
+  double worst = 0;
+  double worst_near_one = 0;
+  int unequal = 0;
+  for (std::uint32_t u = 0x00800000U; u < 0x7F800000U - 997U * Native::lanes; u += 997U * Native::lanes) {
+    float x[Native::lanes];
+    float y[Native::lanes];
+    for (std::uint32_t i = 0; i < Native::lanes; ++i) x[i] = float_of(u + 997U * i);
+    simd::cbrt_of_positive(Native::load(x)).store(y);
+    for (int i = 0; i < Native::lanes; ++i) {
+      const double error = ulp_error(y[i], std::cbrt(static_cast<double>(x[i])));
+      worst = std::fmax(worst, error);
+      if (x[i] >= 0x1p-16F && x[i] <= 0x1p16F) worst_near_one = std::fmax(worst_near_one, error);
+      if (bits_of(simd::cbrt_of_positive(One(x[i])).value) != bits_of(y[i])) ++unequal;
+    }
+  }
+  MESSAGE("cbrt_of_positive " << worst << ", near one " << worst_near_one);
+  CHECK(worst <= 4.0);
+  CHECK(worst_near_one <= 1.1);
+  CHECK(unequal == 0);
+  CHECK(std::isnan(simd::cbrt_of_positive(One(kNan)).value));
+}
+
 TEST_CASE("exp and log keep their bound where they are used most") {
   // Densely, where the strided sweep has few values: exponents of a Gaussian and arguments round one.
   for (std::uint32_t u = bits_of(-90.0F); u > bits_of(-0x1p-10F); u -= 211) {

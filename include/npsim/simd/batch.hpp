@@ -36,10 +36,12 @@
 
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 
 #include "npsim/simd/isa.hpp"
 #include "npsim/simd/scalar.hpp"
 #if !defined(NPSIM_SIMD_SCALAR)
+#include "npsim/simd/interleave.hpp"
 #include "npsim/simd/native.hpp"
 #endif
 
@@ -112,6 +114,15 @@ struct F32x3 {
 // n interleaved triples (Vec3f pixels, as floats) to three batches; the other lanes are 0.
 template <class F>
 [[nodiscard]] F32x3<F> load3(const float* p, int n = F::lanes) noexcept {
+#if !defined(NPSIM_SIMD_SCALAR)
+  if constexpr (std::is_same_v<F, native::F32>) {
+    if (n == F::lanes) {
+      F32x3<F> v;
+      native::load_triples(p, v.x, v.y, v.z);
+      return v;
+    }
+  }
+#endif
   float x[F::lanes] = {};
   float y[F::lanes] = {};
   float z[F::lanes] = {};
@@ -127,6 +138,11 @@ template <class F>
 
 template <class F>
 void store3(float* p, const F32x3<F>& v, int n = F::lanes) noexcept {
+#if !defined(NPSIM_SIMD_SCALAR)
+  if constexpr (std::is_same_v<F, native::F32>) {
+    if (n == F::lanes) return native::store_triples(p, v.x, v.y, v.z);
+  }
+#endif
   float x[F::lanes];
   float y[F::lanes];
   float z[F::lanes];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Elementary functions on batches: exp, exp2, log, log2, pow, cbrt, rsqrt.
+// Elementary functions on batches: exp, exp2, log, log2, pow, cbrt (also for positive values only), rsqrt.
 //
 // Templates on the float batch: the native and the one-lane batch run the same sequence of IEEE operations and return
 // the same bits in every lane. Results are denormal where the exact value is; nothing is flushed. A NaN that goes in
@@ -191,6 +191,23 @@ template <class F>
   const F scaled_back = root * select(tiny, F(0x1p-8F), select(huge, F(0x1p8F), F(1.0F)));
   const F value = copysign(select((size > F(0.0F)) & is_finite(size), scaled_back, size), x);
   return select(is_nan(x), quiet_nan<F>(), value);
+}
+
+// Cube root of a positive normal x in 15 instructions without a division: within 1.1 units in the last place for x in
+// [2^-16, 2^16], within 4 elsewhere. Of a NaN or infinity a NaN, of anything else a number without meaning. An inverse
+// cube root guessed from the bits (3.5 % off), made better by a polynomial in its defect (5e-5), and one step of
+// Newton's method on the root.
+template <class F>
+[[nodiscard]] F cbrt_of_positive(F x) noexcept {
+  using I = typename F::Int;
+  const F guess = bitcast_float(I(0x54A0C000) - (bitcast_int(x) >> 12) * I(1365));
+  const F defect = fma(-(x * guess * guess), guess, F(1.0F));
+  const F p = fma(fma(F(0x1.CA8706p-3F), defect, F(0x1.56CB9Ep-2F)), defect, F(0x1.FFFFA8p-1F));
+  const F r = guess * p;
+  const F square = r * r;
+  const F root = x * square;
+  const F missing = fma(-(root * root), root, x);
+  return fma(missing * F(1.0F / 3.0F), square, root);
 }
 
 // 1 / sqrt(x), as two correctly rounded operations. Infinity (of its sign) at zero, 0 at infinity, NaN below 0.
