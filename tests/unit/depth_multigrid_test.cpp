@@ -16,6 +16,7 @@ using namespace npsim::depth_detail;
 
 namespace {
 
+constexpr double kNoLimit = 1e300;
 constexpr float kStiffness = GaussNewtonParams{}.grid_stiffness;
 
 // A grid with its own memory; the planes of the finest level are zero at first.
@@ -165,7 +166,7 @@ TEST_CASE("conjugate gradients agree with a dense solution in double, at widths 
       const GridLevel& level = g.grid.level[0];
       std::vector<double> b = Grid::plane(g.v.rhs);
       g.build();
-      const NewtonStep step = conjugate_gradients<simd::F32>(g.grid, 200, 0.0, g.v, serial);
+      const NewtonStep step = conjugate_gradients<simd::F32>(g.grid, 200, 0.0, kNoLimit, g.v, serial);
       REQUIRE(step.iterations > 0);
       const std::vector<double> found = solution_of(step);
       const std::vector<double> exact = dense_solution(g, b);
@@ -201,7 +202,7 @@ TEST_CASE("the number of iterations grows by at most two with each doubling of t
     Grid g({size, size});
     g.randomise(6, 0.5F, 1e-4F, 0.0F);
     g.build();
-    const NewtonStep step = conjugate_gradients<simd::F32>(g.grid, 60, 1e-4, g.v, serial);
+    const NewtonStep step = conjugate_gradients<simd::F32>(g.grid, 60, 1e-4, kNoLimit, g.v, serial);
     CHECK(step.iterations <= before + 2);
     CHECK(step.iterations <= 14);
     before = step.iterations;
@@ -213,11 +214,11 @@ TEST_CASE("a system without a diagonal, or without anything, gives finite number
   Grid singular({40, 30});
   singular.randomise(7, 1.0F, 0.0F, 0.3F);
   singular.build();
-  const NewtonStep step = conjugate_gradients<simd::F32>(singular.grid, 20, 0.0, singular.v, serial);
+  const NewtonStep step = conjugate_gradients<simd::F32>(singular.grid, 20, 0.0, kNoLimit, singular.v, serial);
   if (step.iterations > 0) {
     for (const double u : solution_of(step)) CHECK(std::isfinite(u));
   }
   Grid empty({40, 30});
   empty.build();
-  CHECK(conjugate_gradients<simd::F32>(empty.grid, 20, 0.0, empty.v, serial).iterations == 0);
+  CHECK(conjugate_gradients<simd::F32>(empty.grid, 20, 0.0, kNoLimit, empty.v, serial).iterations == 0);
 }

@@ -26,9 +26,9 @@ struct AdamParams {
 struct GaussNewtonParams {
   int steps = 20;                   // outer steps at most
   float relative_decrease = 1e-3F;  // stop when a step lowers the loss by less than this share of it; 0: never
-  float target_loss = 0;            // stop at or below it
+  float target_loss = 0;            // stop at or below it; inner iterations end when the model says it is reached
   int inner_steps = 20;             // conjugate gradient iterations per outer step at most
-  float inner_decrease = 0.05F;     // end them when one lowers the model by less than this share of what all did
+  float inner_decrease = 0.02F;     // end them when one lowers the model by less than this share of what all did
   int halvings = 8;                 // of a step that does not lower the loss, before giving up
   float grid_stiffness = 0.7F;      // of coarse grids, see multigrid.hpp
 };
