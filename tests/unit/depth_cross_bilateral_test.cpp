@@ -390,6 +390,68 @@ TEST_CASE("cross-bilateral gives the same bits with one lane, with chunks backwa
   }
 }
 
+TEST_CASE("cross-bilateral: the bits depend on neither lanes, threads nor the order of strips, holes or not") {
+  for (const float holes : {0.0F, 0.3F}) {
+    Scene<std::uint16_t> s({150, 140});  // three strips of rows, three tiles of columns
+    s.randomise(11, holes);
+    for (std::size_t i = 0; i < s.lab.size(); i += 3) s.lab[i].x += 90.0F;
+    for (int y = 40; y < 60; ++y) {
+      for (int x = 30; x < 90; ++x) s.lab[s.at(x, y)] = {150, 100, 100};  // blocks far from all others
+    }
+    CrossBilateralParams p;
+    p.radius_px = 9;
+    p.max_relative_error = holes > 0 ? 1e-3F : 2e-5F;
+    REQUIRE(s.run(p).ok());
+    const std::vector<float> expected = s.out;
+    CHECK(s.worst(p) <= static_cast<double>(p.max_relative_error));
+    ThreadPool pool(4);
+    REQUIRE(s.run(p, pool).ok());
+    CHECK(s.out == expected);
+    const BackwardExecutor backward;
+    REQUIRE(s.run(p, backward).ok());
+    CHECK(s.out == expected);
+
+    std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, s.shape));
+    Workspace workspace(bytes.data(), bytes.size());
+    SerialExecutor serial;
+    s.out.assign(s.out.size(), -1.0F);
+    REQUIRE(depth_detail::cross_bilateral_with<simd::scalar::F32>(
+                p, cross_bilateral_detail::cross_bilateral_plan(p, s.shape),
+                ImageView<const float>(s.depth.data(), s.shape),
+                ImageView<const std::uint16_t>(s.labels.data(), s.shape), ImageView<const Vec3f>(s.lab.data(), s.shape),
+                ImageView<float>(s.out.data(), s.shape), workspace, serial)
+                .ok());
+    CHECK(s.out == expected);
+  }
+}
+
+TEST_CASE("cross-bilateral takes exactly the workspace it states, and leaves the output alone without it") {
+  for (const int variant : {0, 1, 2}) {
+    Scene<std::uint8_t> s({70, 20});
+    s.randomise(12, 0.1F);
+    CrossBilateralParams p;
+    if (variant == 1) p.use_labels = false;
+    if (variant == 2) p.use_colour = false;
+    const std::size_t needed = cross_bilateral_workspace_bytes(p, s.shape);
+    std::vector<unsigned char> bytes(needed + 2 * kWorkspaceAlignment, 0xA5);
+    unsigned char* aligned = bytes.data();
+    while (reinterpret_cast<std::uintptr_t>(aligned) % kWorkspaceAlignment != 0) ++aligned;
+    SerialExecutor serial;
+    const auto run = [&](std::size_t size) {
+      Workspace workspace(aligned, size);
+      return cross_bilateral(p, ImageView<const float>(s.depth.data(), s.shape),
+                             ImageView<const std::uint8_t>(s.labels.data(), s.shape),
+                             ImageView<const Vec3f>(s.lab.data(), s.shape), ImageView<float>(s.out.data(), s.shape),
+                             s.result, workspace, serial);
+    };
+    const std::size_t used = needed - kWorkspaceAlignment;  // the rest is for a pointer that is not aligned
+    CHECK(run(used - 1).code() == StatusCode::workspace_exhausted);
+    for (const float z : s.out) CHECK(z == -5.0F);
+    CHECK(run(used).ok());
+    for (std::size_t i = used; i < used + kWorkspaceAlignment; ++i) CHECK(aligned[i] == 0xA5);
+  }
+}
+
 TEST_CASE("cross-bilateral refuses bad arguments") {
   Scene<std::uint8_t> s({8, 8});
   const auto code = [&](CrossBilateralParams p) { return s.run(p).code(); };
@@ -408,6 +470,12 @@ TEST_CASE("cross-bilateral refuses bad arguments") {
   p.use_labels = false;
   p.use_colour = false;
   CHECK(code(p) == StatusCode::invalid_argument);
+  p = {};
+  p.max_relative_error = 0.0F;
+  CHECK(code(p) == StatusCode::invalid_argument);
+  p.max_relative_error = kNaN;
+  CHECK(code(p) == StatusCode::invalid_argument);
+  for (const float z : s.out) CHECK(z == -5.0F);
   p = {};
   Workspace none;
   SerialExecutor serial;
