@@ -79,7 +79,14 @@ Comparison lab_case(const Options& options) {
              must(srgb8_to_lab(image, out->view(), e));
            })
       .errors = errors(from_float);
-  //@FLOAT@
+  must(srgb_to_lab(std::as_const(*colours_float).view(), small.view(), executor));
+  comparison
+      .add("npsim", "from float",
+           [=] {
+             SerialExecutor e;
+             must(srgb_to_lab(std::as_const(*image_float).view(), out->view(), e));
+           })
+      .errors = errors(from_float);
 
   if (wanted(options, "opencv cvtColor")) {
     if (!opencv::available()) {

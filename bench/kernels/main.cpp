@@ -186,6 +186,14 @@ void lab_from_8_bits(benchmark::State& state) {
   });
 }
 
+void lab_from_float(benchmark::State& state) {
+  run(state, [](const Scene& s, Shape shape) {
+    return [&s, out = std::make_shared<io::Image<Vec3f>>(shape)](ThreadPool& pool) {
+      must(srgb_to_lab(s.srgb.view(), out->view(), pool));
+    };
+  });
+}
+
 void normals(benchmark::State& state) {
   run(state, [](const Scene& s, Shape shape) {
     return [&s, out = std::make_shared<io::Image<Vec3f>>(shape),
@@ -260,6 +268,7 @@ BENCHMARK(cross_bilateral_within_1e_3)->Apply(sizes);
 BENCHMARK(cross_bilateral_label_term)->Apply(sizes);
 BENCHMARK(uncertainty_mask)->Apply(sizes);
 BENCHMARK(lab_from_8_bits)->Apply(sizes);
+BENCHMARK(lab_from_float)->Apply(sizes);
 BENCHMARK(normals)->Apply(sizes);
 BENCHMARK(losses_and_gradient)->Apply(sizes);
 BENCHMARK(losses_with_preparation)->Apply(sizes);
