@@ -15,6 +15,7 @@ namespace npsim::tool {
 [[nodiscard]] inline SceneView view_of(const io::Scene& scene) {
   SceneView view;
   view.camera = scene.intrinsics;
+  view.camera_height_m = static_cast<float>(scene.camera_height_m);
   view.image = scene.image.view();
   view.depth = scene.depth.view();
   view.labels = scene.labels.view();

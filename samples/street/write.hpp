@@ -47,9 +47,10 @@ inline const char* state_name(SignalState s) {
 inline std::string scene_json(const Street& s) {
   const Intrinsics& k = s.intrinsics;
   char camera[200];
-  std::snprintf(
-      camera, sizeof camera, "{\"fx\": %.9g, \"fy\": %.9g, \"cx\": %.9g, \"cy\": %.9g, \"pixel_centre\": 0.5}",
-      static_cast<double>(k.fx), static_cast<double>(k.fy), static_cast<double>(k.cx), static_cast<double>(k.cy));
+  std::snprintf(camera, sizeof camera,
+                "{\"fx\": %.9g, \"fy\": %.9g, \"cx\": %.9g, \"cy\": %.9g, \"pixel_centre\": 0.5, \"height_m\": %.2f}",
+                static_cast<double>(k.fx), static_cast<double>(k.fy), static_cast<double>(k.cx),
+                static_cast<double>(k.cy), static_cast<double>(s.camera_height_m));
   return std::string("{\n  \"npsim_scene\": 1,\n  \"name\": \"street\",\n  \"image\": \"image.png\",\n") +
          "  \"depth\": {\"file\": \"depth.pfm\", \"encoding\": \"metres\"},\n  \"camera\": " + camera + ",\n" +
          "  \"labels\": {\"file\": \"labels.png\", \"encoding\": \"cityscapes_label_ids\"},\n" +

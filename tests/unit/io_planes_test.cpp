@@ -233,12 +233,18 @@ TEST_CASE("camera: three forms, and pixel centres at +0.5 in all of them") {
   CHECK(camera.value().intrinsics.fx == doctest::Approx(100.0));
   CHECK(camera.value().intrinsics.cy == 50.0F);
 
-  put(folder / "camera.json", R"({"extrinsic": {"baseline": 0.21, "pitch": 0.03}, "intrinsic": )"
+  CHECK(camera.value().height_m == 0);
+
+  put(folder / "camera.json", R"({"extrinsic": {"baseline": 0.21, "pitch": 0.03, "z": 1.22}, "intrinsic": )"
                               R"({"fx": 90, "fy": 91, "u0": 100, "v0": 40}})");
   camera = camera_from(folder, R"({"cityscapes": "camera.json"})");
   require_ok(camera);
   CHECK(camera.value().intrinsics.cx == 100.5F);
   CHECK(camera.value().baseline_m == 0.21);
+  CHECK(camera.value().height_m == 1.22);
+  camera = camera_from(folder, R"({"cityscapes": "camera.json", "height_m": 1.3})");
+  require_ok(camera);
+  CHECK(camera.value().height_m == 1.3);
 }
 
 TEST_CASE("camera: what is missing, misspelt or impossible is named") {
@@ -253,6 +259,8 @@ TEST_CASE("camera: what is missing, misspelt or impossible is named") {
   refused(R"({"fx": 1e300, "fy": 1, "cx": 1, "cy": 1})", "camera.fx");
   refused(R"({"fx": 1, "fy": 1, "cx": 1, "cy": 1, "pixel_centre": 1})", "camera.pixel_centre");
   refused(R"({"fx": 1, "fy": 1, "cx": 1, "cy": 1, "baseline": -1})", "camera.baseline");
+  refused(R"({"fx": 1, "fy": 1, "cx": 1, "cy": 1, "height_m": 0})", "camera.height_m");
+  refused(R"({"horizontal_fov_deg": 60, "height_m": 1400})", "camera.height_m");
   refused(R"({"horizontal_fov_deg": 180})", "camera.horizontal_fov_deg");
   refused(R"({"horizontal_fov_deg": null})", "camera.horizontal_fov_deg");
   refused(R"({"horizontal_fov_deg": 60, "cityscapes": "camera.json"})", "camera.cityscapes");

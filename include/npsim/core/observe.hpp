@@ -3,7 +3,7 @@
 //
 // An observer O offers  o.begin(stage), o.progress(done, total), o.end(stage), o.depth(stage, depth)  and  o.cancelled().
 // begin/end come in pairs from the calling thread; progress may come from any thread. depth shows the z-depth (m, 0 where
-// there is no surface) as the fill, the cross-bilateral filter and the refinement left it, from the calling thread after
+// there is no surface) as each step that changes it left it, from the calling thread after
 // end(stage); the view holds for the length of the call. Observing never changes a result.
 #ifndef NPSIM_CORE_OBSERVE_HPP
 #define NPSIM_CORE_OBSERVE_HPP
@@ -18,13 +18,15 @@ namespace npsim {
 inline namespace v1 {
 
 enum class Stage : std::uint8_t {
-  fill, cross_bilateral, uncertainty, refine, sheet, prune, complete, material, lights, build_trace,
+  fill, sharpen, ground, cross_bilateral, uncertainty, refine, sheet, prune, complete, material, lights, build_trace,
   render, denoise, camera, count_
 };
 
 [[nodiscard]] constexpr const char* stage_name(Stage stage) noexcept {
   switch (stage) {
     case Stage::fill: return "depth fill";
+    case Stage::sharpen: return "edge sharpening";
+    case Stage::ground: return "ground";
     case Stage::cross_bilateral: return "cross-bilateral filter";
     case Stage::uncertainty: return "variance filter";
     case Stage::refine: return "normal-guided refinement";

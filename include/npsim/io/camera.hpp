@@ -2,7 +2,7 @@
 // Cameras in: fx fy cx cy, a horizontal field of view, or a Cityscapes camera file.
 //
 // The result has pixel centres at +0.5. "pixel_centre": 0 says that a file counts from the centre of the first pixel;
-// then 0.5 is added to cx and cy. Cityscapes camera files count that way.
+// then 0.5 is added to cx and cy. Cityscapes camera files count that way. Their extrinsic z is the height over the road.
 #ifndef NPSIM_IO_CAMERA_HPP
 #define NPSIM_IO_CAMERA_HPP
 
@@ -22,6 +22,7 @@ namespace io {
 struct Camera {
   Intrinsics intrinsics;
   double baseline_m = 0;  // of a stereo pair; 0 where there is none
+  double height_m = 0;    // above the road; 0 where it is not known
   std::string note;       // what was assumed or converted
 };
 
@@ -71,6 +72,11 @@ inline Expected<Camera> read_cityscapes_camera(const std::string& path, const Re
     const Expected<double> baseline = detail::positive_number(extrinsic.value(), "baseline");
     if (!baseline) return baseline.error();
     camera.value().baseline_m = baseline.value();
+    if (extrinsic.value().has("z")) {
+      const Expected<double> height = extrinsic.value().number("z");
+      if (!height) return height.error();
+      if (height.value() > 0) camera.value().height_m = height.value();
+    }
     return camera;
   });
 }
@@ -83,9 +89,9 @@ inline Expected<Camera> camera_from_json(const JsonObject& object, Shape shape, 
     if (from_fov && from_file) {
       return Error{object.file(), object.field("cityscapes"), "stands beside horizontal_fov_deg, expected one of them"};
     }
-    Outcome known = from_file  ? object.allow_only({"cityscapes", "baseline"})
-                    : from_fov ? object.allow_only({"horizontal_fov_deg", "baseline"})
-                               : object.allow_only({"fx", "fy", "cx", "cy", "pixel_centre", "baseline",
+    Outcome known = from_file  ? object.allow_only({"cityscapes", "baseline", "height_m"})
+                    : from_fov ? object.allow_only({"horizontal_fov_deg", "baseline", "height_m"})
+                               : object.allow_only({"fx", "fy", "cx", "cy", "pixel_centre", "baseline", "height_m",
                                                     "horizontal_fov_deg", "cityscapes"});
     if (!known) return known.error();
     Expected<Camera> camera = Camera{};
@@ -120,6 +126,14 @@ inline Expected<Camera> camera_from_json(const JsonObject& object, Shape shape, 
       const Expected<double> baseline = detail::positive_number(object, "baseline");
       if (!baseline) return baseline.error();
       camera.value().baseline_m = baseline.value();
+    }
+    if (object.has("height_m")) {
+      const Expected<double> height = detail::positive_number(object, "height_m");
+      if (!height) return height.error();
+      if (height.value() > 1000) {
+        return Error{object.file(), object.field("height_m"), "is beyond 1000, expected metres above the road"};
+      }
+      camera.value().height_m = height.value();
     }
     if (!validate(camera.value().intrinsics)) {
       return Error{object.file(), object.field("horizontal_fov_deg"),

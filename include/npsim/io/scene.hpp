@@ -89,9 +89,17 @@ inline Expected<Scene> scene_from_json(const JsonObject& root, const ReadLimits&
   if (!camera) return camera.error();
   scene.intrinsics = camera.value().intrinsics;
   scene.baseline_m = camera.value().baseline_m;
+  scene.camera_height_m = camera.value().height_m;
   if (!camera.value().note.empty()) scene.notes.push_back(camera.value().note);
   const Outcome depth = read_scene_depth(depth_entry.value(), limits, scene);
   if (!depth) return depth.error();
+  // Stereo is to scale, and better than a height that changes with load and tyres.
+  if (const Expected<std::string> how = depth_entry.value().text("encoding"); how.value() == "cityscapes_disparity") {
+    scene.camera_height_m = 0;
+  } else if (scene.camera_height_m > 0) {
+    scene.notes.push_back("camera: " + number_text("%.2f m", scene.camera_height_m) +
+                          " above the road, which puts the depth to scale");
+  }
 
   LabelEncoding encoding = LabelEncoding::cityscapes_label_ids;
   Outcome read =

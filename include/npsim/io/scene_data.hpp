@@ -36,6 +36,7 @@ struct Scene {
   Image<float> depth;  // z-depth, m
   Intrinsics intrinsics;
   double baseline_m = 0;             // of a stereo pair; 0 where unknown
+  double camera_height_m = 0;        // above the road, to put estimated depth to scale; 0 where unknown or not needed
   Image<Label> labels;               // Cityscapes label ids
   Image<std::uint16_t> instances;    // 0 = no object
   Image<Vec3f> normals;              // camera frame, facing the camera

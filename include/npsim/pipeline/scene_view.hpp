@@ -21,6 +21,7 @@ inline namespace v1 {
 
 struct SceneView {
   Intrinsics camera;
+  float camera_height_m = 0.0F;                  // above the road, where the depth is an estimate; 0: not known
   ImageView<const Rgb8> image;                   // sRGB
   ImageView<const float> depth;                  // z-depth, m; invalid where not finite or not positive
   ImageView<const Label> labels;                 // Cityscapes label ids

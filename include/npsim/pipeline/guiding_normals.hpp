@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+// The normals that guide the refinement and shade the surface: given ones, else those of the depth; smoothed within
+// surfaces, and set upright on the ground.
+//
+// Where a given normal is missing the depth's stands in. Invariant: unit length, or zero where there is no surface.
+// Cost: 25 taps per pixel and iteration of smoothing. Memory: see guiding_normals_workspace_bytes().
+#ifndef NPSIM_PIPELINE_GUIDING_NORMALS_HPP
+#define NPSIM_PIPELINE_GUIDING_NORMALS_HPP
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "npsim/core/camera.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/depth/normals.hpp"
+#include "npsim/depth/smooth_normals.hpp"
+#include "npsim/labels/cityscapes.hpp"
+#include "npsim/light/ground.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+// Predicted normals are worst on roads, which are the plainest surface there is. On these labels they are smoothed far
+// more than elsewhere, and where they still lean away from the ground plane's (robustly fitted to depth) they turn into
+// it: not at all below min_rad, which is the road's own shape, fully from twice that to max_rad; more is a kerb's face.
+struct GroundNormalsParams {
+  bool enabled = true;
+  LabelSet labels = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground);
+  SmoothNormalsParams smoothing{5};
+  float min_rad = 0.02F;
+  float max_rad = 0.90F;
+};
+
+struct GuidingNormalsParams {
+  NormalsParams form;
+  // Of normals that come from depth, which carry its noise many times over: over 125 px. Stereo noise is as wide as its
+  // windows.
+  SmoothNormalsParams derived_smoothing{5};
+  SmoothNormalsParams given_smoothing{2};  // of given ones
+  GroundNormalsParams ground;              // of both, after smoothing
+};
+
+[[nodiscard]] constexpr std::size_t guiding_normals_workspace_bytes(const GuidingNormalsParams& params,
+                                                                    Shape shape) noexcept {
+  return kWorkspaceAlignment + allocation_bytes<Vec3f>(shape.pixels()) +
+         smooth_normals_workspace_bytes(params.derived_smoothing, shape);
+}
+
+namespace refine_detail {
+
+inline void straighten_ground(const GroundNormalsParams& params, const GroundPlane& ground,
+                              ImageView<const Label> labels, ImageView<const Vec3f> smooth, ImageView<Vec3f> normals) {
+  const bool known = ground.inlier_share > 0.0F;  // a guess is no evidence against what was predicted
+  for (int y = 0; y < normals.height(); ++y) {
+    for (int x = 0; x < normals.width(); ++x) {
+      if (!params.labels.contains(labels(x, y)) || normals(x, y) == Vec3f{}) continue;
+      const float cosine = dot(smooth(x, y), ground.up);
+      const float off = std::sqrt(std::max(0.0F, 2.0F - 2.0F * cosine));  // the chord; nearly the angle
+      if (off > params.max_rad) continue;
+      const float towards = known ? std::clamp((off - params.min_rad) / params.min_rad, 0.0F, 1.0F) : 0.0F;
+      normals(x, y) = normalized(smooth(x, y) * (1.0F - towards) + ground.up * towards);
+    }
+  }
+}
+
+// The normals that guide the refinement and shade the surface: given ones, else those of the filtered depth.
+}  // namespace refine_detail
+
+// given: the scene's normals, may be empty. ground: the ground plane of the depth; inlier_share 0: none.
+template <class Executor>
+[[nodiscard]] Status guiding_normals(const GuidingNormalsParams& params, ImageView<const Vec3f> given,
+                                     ImageView<const float> depth, ImageView<const Label> labels,
+                                     const Intrinsics& camera, const GroundPlane& ground, ImageView<Vec3f> normals,
+                                     Workspace& workspace, Executor& executor) noexcept {
+  const Shape shape = depth.shape();
+  NPSIM_RETURN_IF_ERROR(normals_from_depth(params.form, depth, camera, normals, workspace, executor));
+  for (int y = 0; y < (given.empty() ? 0 : shape.height); ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const Vec3f n = given(x, y);
+      if (is_finite(n) && dot(n, n) > 0.25F) normals(x, y) = normalized(n);
+    }
+  }
+  NPSIM_RETURN_IF_ERROR(smooth_normals(given.empty() ? params.derived_smoothing : params.given_smoothing, depth, labels,
+                                       normals, workspace, executor));
+  if (!params.ground.enabled) return {};
+  const WorkspaceScope scope(workspace);
+  ImageView<Vec3f> smooth;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, smooth));
+  copy_pixels(normals, smooth);
+  NPSIM_RETURN_IF_ERROR(smooth_normals(params.ground.smoothing, depth, labels, smooth, workspace, executor));
+  refine_detail::straighten_ground(params.ground, ground, labels, smooth, normals);
+  return {};
+}
+
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_PIPELINE_GUIDING_NORMALS_HPP
