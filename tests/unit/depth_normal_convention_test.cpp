@@ -94,6 +94,46 @@ TEST_CASE("depth quantised in steps of 2 % still tells the convention") {
   CHECK(agreement > 0.5F);
 }
 
+TEST_CASE("every convention is recognised with wrong normals on half the road, 8-bit depth or 80 % of it missing") {
+  const std::vector<float> exact = canyon();
+  const std::vector<Vec3f> truth = normals_of(exact);
+  const int permutations[6][3] = {{0, 1, 2}, {0, 2, 1}, {1, 0, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}};
+  for (int hard = 0; hard < 5; ++hard) {
+    RandomStream random(2, RandomPurpose::test, 0, 0, 0, static_cast<std::uint32_t>(hard));
+    std::vector<float> z = exact;
+    std::vector<Vec3f> estimated = truth;
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        const auto at = static_cast<std::size_t>(y * kShape.width + x);
+        const bool road = truth[at].y < -0.9F;
+        if (hard == 0 && road && x < 80) estimated[at] = {0, 0, -1};                     // taken for a wall
+        if (hard == 1 && road && x < 50) estimated[at] = -truth[at];                     // turned over
+        if (hard == 2) z[at] = std::round(z[at] * (255.0F / 60.0F)) * (60.0F / 255.0F);  // steps of 24 cm
+        if (hard == 3) z[at] = std::round(z[at] * 256.0F * 0.011F) / (256.0F * 0.011F);  // steps of 36 cm
+        if (hard == 4 && random.uniform() < 0.8F) z[at] = 0;
+      }
+    }
+    int wrong = 0;
+    float least = 1;
+    for (const auto& p : permutations) {
+      for (int s = 0; s < 8; ++s) {
+        NormalConvention c;
+        for (int i = 0; i < 3; ++i) {
+          c.axis[i] = static_cast<std::int8_t>(p[i]);
+          c.sign[i] = static_cast<std::int8_t>((s >> i & 1) != 0 ? -1 : 1);
+        }
+        std::vector<Vec3f> raw(z.size());
+        for (std::size_t i = 0; i < raw.size(); ++i) raw[i] = encode(c, estimated[i]);
+        float agreement = 0;
+        wrong += detect_normal_convention({raw.data(), kShape}, {z.data(), kShape}, kCamera, agreement) != c ? 1 : 0;
+        least = std::min(least, agreement);
+      }
+    }
+    CHECK_MESSAGE(wrong == 0, "case " << hard);
+    CHECK_MESSAGE(least > 0.5F, "case " << hard);
+  }
+}
+
 TEST_CASE("a fronto-parallel wall says nothing about x and y and keeps them") {
   std::vector<float> z(kShape.pixels(), 20.0F);
   std::vector<Vec3f> raw(z.size(), Vec3f{0, 0, 1});

@@ -94,13 +94,87 @@ TEST_CASE("normals match the cross product of points: random depth with holes, s
       for (int x = 0; x < width; ++x) {
         const Vec3d expected = naive_normal(kCamera, depth, x, y);
         const Vec3d got = vec_cast<double>(normals(x, y));
-        CHECK(std::abs(got.x - expected.x) < 1e-7);
-        CHECK(std::abs(got.y - expected.y) < 1e-7);
-        CHECK(std::abs(got.z - expected.z) < 1e-7);
+        CHECK(std::abs(got.x - expected.x) < 2.5e-7);
+        CHECK(std::abs(got.y - expected.y) < 2.5e-7);
+        CHECK(std::abs(got.z - expected.z) < 2.5e-7);
       }
       CHECK(n[static_cast<std::size_t>(y * stride)].x == 9.0F);  // memory beside the sub-view is untouched
     }
   }
+}
+
+TEST_CASE("the angle to the normal in double stays within the stated bound: grazing, steep, near 0, far, wide angle") {
+  const Intrinsics wide{40.0F, 55.0F, 61.7F, 33.2F};  // half angles beyond 55 degrees
+  const Shape shape{131, 64};
+  std::vector<float> z(shape.pixels());
+  std::vector<Vec3f> n(shape.pixels());
+  std::vector<Vec3f> one_lane(shape.pixels());
+  for (int scene = 0; scene < 6; ++scene) {
+    RandomStream random(8, RandomPurpose::test, 0, 0, 0, static_cast<std::uint32_t>(scene));
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        double depth = 0;
+        switch (scene) {
+          case 0: depth = 1.7 / std::abs((y + 0.5 - 33.2) / 55.0); break;  // road and ceiling, to the horizon
+          case 1: depth = plane_depth(wide, normalized(Vec3d{0.3, 0.1, 1.0}), 30.0, x, y); break;
+          case 2:
+            depth = 80.0 + 1e-5 * static_cast<double>(random.uniform(-1, 1));
+            break;  // a few units in the last place
+          case 3: depth = x % 7 < 3 ? 2.0 : 80.0; break;
+          case 4: depth = 1e-30 * static_cast<double>(random.uniform(1, 1.01F)); break;
+          default: depth = static_cast<double>(random.uniform(0.01F, 500.0F)); break;
+        }
+        z[static_cast<std::size_t>(y * shape.width + x)] = depth > 0 && depth < 1e4 ? static_cast<float>(depth) : 0.0F;
+      }
+    }
+    const ImageView<const float> depth(z.data(), shape);
+    REQUIRE(compute(TangentForm::perspective, depth, {n.data(), shape}, wide).ok());
+    double worst = 0;  // in units of the bound
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        const Vec3d expected = naive_normal(wide, depth, x, y);
+        const Vec3d got = vec_cast<double>(n[static_cast<std::size_t>(y * shape.width + x)]);
+        if (length(expected) == 0) {
+          REQUIRE(length(got) == 0);
+          continue;
+        }
+        const double bound = 5e-7 * (1 + std::abs(x + 0.5 - 61.7) / 40.0 + std::abs(y + 0.5 - 33.2) / 55.0);
+        worst = std::max(worst, length(cross(got, expected)) / bound);
+        REQUIRE(dot(got, expected) > 0);
+      }
+    }
+    CHECK(worst <= 1.0);
+    SerialExecutor serial;
+    Workspace none;
+    for (const TangentForm form : {TangentForm::perspective, TangentForm::thesis}) {
+      REQUIRE(compute(form, depth, {n.data(), shape}, wide).ok());
+      REQUIRE(normals_from_depth<simd::scalar::F32>(NormalsParams{form}, depth, wide, {one_lane.data(), shape}, none,
+                                                    serial)
+                  .ok());
+      CHECK(n == one_lane);
+    }
+  }
+}
+
+TEST_CASE("80 % missing depth: a normal exactly where there is a neighbour along each axis") {
+  const Shape shape{97, 61};
+  std::vector<float> z(shape.pixels());
+  std::vector<Vec3f> n(shape.pixels());
+  RandomStream random(9, RandomPurpose::test, 0, 0, 0, 0);
+  for (float& v : z) v = random.uniform() < 0.8F ? 0.0F : random.uniform(3, 70);
+  const ImageView<const float> depth(z.data(), shape);
+  REQUIRE(compute(TangentForm::perspective, depth, {n.data(), shape}).ok());
+  int found = 0;
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const bool expected = valid(depth, x, y) && (valid(depth, x + 1, y) || valid(depth, x - 1, y)) &&
+                            (valid(depth, x, y + 1) || valid(depth, x, y - 1));
+      const float size = length(n[static_cast<std::size_t>(y * shape.width + x)]);
+      CHECK(std::abs(size - (expected ? 1.0F : 0.0F)) < 1e-6F);
+      found += expected ? 1 : 0;
+    }
+  }
+  CHECK(found > 100);
 }
 
 TEST_CASE("normals face the camera along every ray, also between 1e-38 and 1e38 metres") {
@@ -132,7 +206,7 @@ TEST_CASE("the thesis' tangents agree with the printed formula, turned towards t
       const auto at = [&](int i, int j) { return static_cast<double>(z[static_cast<std::size_t>(j * 17 + i)]); };
       const Vec3d printed = normalized(
           Vec3d{-500.0 * (at(x + 1, y) - at(x, y)) / at(x, y), -450.0 * (at(x, y + 1) - at(x, y)) / at(x, y), 1.0});
-      CHECK(length(printed + vec_cast<double>(n[static_cast<std::size_t>(y * 17 + x)])) < 1.5e-7);
+      CHECK(length(printed + vec_cast<double>(n[static_cast<std::size_t>(y * 17 + x)])) < 5e-7);
     }
   }
 }

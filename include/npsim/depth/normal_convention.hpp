@@ -6,8 +6,10 @@
 // from depth, over pixels where the depth is smooth; the best one wins. Scores of all 48 follow from the nine sums of
 // products between components, so the image is read once.
 //
-// Derivatives are central, over 4 pixels each way (1 in images under 16 px), in inverse depth: wide enough that
-// quantised depth still shows its slope. A pixel is smooth where inverse depth bends by less than 2 % of itself.
+// Derivatives are differences over 4 pixels each way (1 in images under 16 px), in inverse depth: wide enough that
+// quantised depth still shows its slope. Where a sample is missing the next one inwards serves, so that depth of which
+// only a fifth is there will do. A pixel is smooth where inverse depth bends by less than 2 % of itself.
+// Normals that are wrong on part of the image are outvoted, as long as the rest shows all three axes.
 // Invariant: deterministic; near-ties (1e-6) go to the convention nearest to identity in the order of enumeration, so
 // a fronto-parallel scene, which says nothing about x and y, keeps them.
 // Cost: one pass, serial, double. Memory: none. `agreement` lies in [-1, 1]; below about 0.5, doubt the file.
@@ -65,18 +67,41 @@ namespace depth_detail {
 // Smooth second difference of inverse depth, relative to inverse depth itself.
 inline constexpr double kSmoothBend = 0.02;
 
-// Reference normal at (x, y) by central differences `reach` pixels each way; false where depth is missing or bends.
+// Inverse depth at the valid pixel farthest from (x, y) along (step_x, step_y), but no farther than `reach`.
+[[nodiscard]] inline bool far_neighbour(ImageView<const float> depth, int x, int y, int step_x, int step_y, int reach,
+                                        double& inverse, int& distance) noexcept {
+  for (distance = reach; distance > 0; --distance) {
+    const float z = depth(x + distance * step_x, y + distance * step_y);
+    if (!is_valid_depth(z)) continue;
+    inverse = 1.0 / static_cast<double>(z);
+    return true;
+  }
+  return false;
+}
+
+// Reference normal at (x, y) by differences over at most `reach` pixels each way; false where depth is missing or
+// bends.
 [[nodiscard]] inline bool smooth_normal(ImageView<const float> depth, const Intrinsics& k, int x, int y, int reach,
                                         Vec3d& normal) noexcept {
-  const float z[5] = {depth(x, y), depth(x - reach, y), depth(x + reach, y), depth(x, y - reach), depth(x, y + reach)};
-  double w[5] = {};
-  for (int i = 0; i < 5; ++i) {
-    if (!is_valid_depth(z[i])) return false;
-    w[i] = 1.0 / static_cast<double>(z[i]);
+  if (!is_valid_depth(depth(x, y))) return false;
+  const double here = 1.0 / static_cast<double>(depth(x, y));
+  double slope[2] = {};
+  for (int axis = 0; axis < 2; ++axis) {
+    const int dx = axis == 0 ? 1 : 0;
+    const int dy = 1 - dx;
+    double before = 0;
+    double after = 0;
+    int to_before = 0;
+    int to_after = 0;
+    if (!far_neighbour(depth, x, y, -dx, -dy, reach, before, to_before) ||
+        !far_neighbour(depth, x, y, dx, dy, reach, after, to_after)) {
+      return false;
+    }
+    const double between = (before * to_after + after * to_before) / (to_before + to_after);
+    if (!(std::abs(between - here) < 0.5 * kSmoothBend * here)) return false;
+    slope[axis] = (after - before) / (to_before + to_after);
   }
-  if (!(std::abs(w[1] - 2 * w[0] + w[2]) < kSmoothBend * w[0] && std::abs(w[3] - 2 * w[0] + w[4]) < kSmoothBend * w[0]))
-    return false;
-  normal = perspective_normal(k, x + 0.5, y + 0.5, w[0], (w[2] - w[1]) / (2 * reach), (w[4] - w[3]) / (2 * reach));
+  normal = perspective_normal(k, x + 0.5, y + 0.5, here, slope[0], slope[1]);
   return true;
 }
 

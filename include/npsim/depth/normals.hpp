@@ -12,7 +12,12 @@
 // Differences are forward; backward in the last column and row and where the forward neighbour is missing. A pixel
 // whose depth is missing, or that has no neighbour along a row or along a column, gets the zero vector ("no normal").
 //
-// Cost: one pass, O(pixels). Memory: none. Error: evaluated in double; each component within 1e-7 of the exact value.
+// With p = z w_u = (z - z_u) / z_u and q = z w_v the perspective normal is (-fx p, -fy q, a p + b q - 1): differences
+// of depth and not of inverse depth, so nothing cancels that is not known to the last bit. A depth ratio above 1e12
+// between neighbours counts as 1e12. Error against double: angle below 5e-7 (1 + |a| / fx + |b| / fy) rad
+// (perspective), 5e-7 rad (thesis), at any depth and slope; the same bits for every number of lanes. Rounding of the
+// depth itself weighs more: fx 2^-24 rad and up. Cost: one pass, O(pixels), three divisions and a root per pixel.
+// Memory: none.
 #ifndef NPSIM_DEPTH_NORMALS_HPP
 #define NPSIM_DEPTH_NORMALS_HPP
 
@@ -27,7 +32,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/simd/batch.hpp"
 
 namespace npsim {
 inline namespace v1 {
@@ -55,32 +60,71 @@ namespace depth_detail {
   return normalized(Vec3d{-static_cast<double>(k.fx) * w_u, -static_cast<double>(k.fy) * w_v, a * w_u + b * w_v - w});
 }
 
-// Derivative of z (thesis) or 1/z (perspective) between a pixel and the neighbour one pixel further (step = 1) or one
-// pixel back (step = -1).
-[[nodiscard]] inline double pixel_derivative(TangentForm form, float here, float there, double step) noexcept {
-  const double z = static_cast<double>(here);
-  const double z_there = static_cast<double>(there);
-  return form == TangentForm::thesis ? (z_there - z) * step : (1.0 / z_there - 1.0 / z) * step;
+template <class F>
+struct Neighbour {
+  F depth;  // any positive number where there is none
+  F step;   // 1: the next pixel, -1: the previous one
+  typename F::MaskType found;
+};
+
+template <class F>
+[[nodiscard]] typename F::MaskType are_valid_depths(F z) noexcept {
+  return (z > F(0.0F)) & simd::is_finite(z);
 }
 
-// Along one axis: forward difference, else backward, else false. `next`/`previous` are null outside the image.
-[[nodiscard]] inline bool one_sided_derivative(TangentForm form, float here, const float* next, const float* previous,
-                                               double& derivative) noexcept {
-  if (next != nullptr && is_valid_depth(*next)) {
-    derivative = pixel_derivative(form, here, *next, 1.0);
-    return true;
+// The next pixel along an axis, the previous one where that is missing.
+template <class F>
+[[nodiscard]] Neighbour<F> one_sided_neighbour(F next, F previous) noexcept {
+  const auto forward = are_valid_depths(next);
+  const auto found = forward | are_valid_depths(previous);
+  return {select(found, select(forward, next, previous), F(1.0F)), select(forward, F(1.0F), F(-1.0F)), found};
+}
+
+// Pixels x .. x + lanes - 1 of a row of `width`, missing (0) where they lie outside or where there is no row.
+template <class F>
+[[nodiscard]] F row_or_missing(const float* row, int x, int width) noexcept {
+  if (row == nullptr) return F(0.0F);
+  if (x >= 0 && x + F::lanes <= width) return F::load(row + x);
+  float some[F::lanes];
+  for (int i = 0; i < F::lanes; ++i) some[i] = x + i >= 0 && x + i < width ? row[x + i] : 0.0F;
+  return F::load(some);
+}
+
+// Normals of the pixels x .. x + lanes - 1; `above` and `below` are null outside the image.
+template <class F>
+[[nodiscard]] simd::F32x3<F> row_normals(TangentForm form, const Intrinsics& k, const float* above, const float* row,
+                                         const float* below, int x, int y, int width) noexcept {
+  const F here = row_or_missing<F>(row, x, width);
+  const Neighbour<F> u =
+      one_sided_neighbour(row_or_missing<F>(row, x + 1, width), row_or_missing<F>(row, x - 1, width));
+  const Neighbour<F> v = one_sided_neighbour(row_or_missing<F>(below, x, width), row_or_missing<F>(above, x, width));
+  const auto usable = are_valid_depths(here) & u.found & v.found;
+  const F z = select(usable, here, F(1.0F));
+  const auto limited = [](F ratio) { return simd::clamp(ratio, -1e12F, 1e12F); };
+  F nx;
+  F ny;
+  F nz(-1.0F);
+  if (form == TangentForm::perspective) {
+    const F p = limited((z - u.depth) / u.depth) * u.step;
+    const F q = limited((z - v.depth) / v.depth) * v.step;
+    const F a = (F::iota() + F(static_cast<float>(x) + 0.5F)) - F(k.cx);
+    const F b((static_cast<float>(y) + 0.5F) - k.cy);
+    nx = p * F(-k.fx);
+    ny = q * F(-k.fy);
+    nz = fma(a, p, fma(b, q, nz));
+  } else {
+    nx = limited((u.depth - z) / z) * u.step * F(k.fx);
+    ny = limited((v.depth - z) / z) * v.step * F(k.fy);
   }
-  if (previous != nullptr && is_valid_depth(*previous)) {
-    derivative = pixel_derivative(form, here, *previous, -1.0);
-    return true;
-  }
-  return false;
+  const F scale = F(1.0F) / sqrt(fma(nx, nx, fma(ny, ny, nz * nz)));
+  const F none(0.0F);
+  return {select(usable, nx * scale, none), select(usable, ny * scale, none), select(usable, nz * scale, none)};
 }
 
 }  // namespace depth_detail
 
-// depth: z-depth in metres. normals: same shape, camera frame. They may not share memory.
-template <class Executor>
+// depth: z-depth in metres. normals: same shape, camera frame. They may not share memory. F: the float batch.
+template <class F = simd::F32, class Executor>
 [[nodiscard]] Status normals_from_depth(const NormalsParams& params, ImageView<const float> depth,
                                         const Intrinsics& intrinsics, ImageView<Vec3f> normals, Workspace&,
                                         Executor& executor) noexcept {
@@ -99,27 +143,10 @@ template <class Executor>
       const float* row = depth.row(y);
       const float* below = y + 1 < height ? depth.row(y + 1) : nullptr;
       const float* above = y > 0 ? depth.row(y - 1) : nullptr;
-      for (int x = 0; x < width; ++x) {
-        Vec3f& out = normals(x, y);
-        out = {};
-        if (!is_valid_depth(row[x])) continue;
-        double along_u = 0;
-        double along_v = 0;
-        if (!depth_detail::one_sided_derivative(params.tangents, row[x], x + 1 < width ? row + x + 1 : nullptr,
-                                                x > 0 ? row + x - 1 : nullptr, along_u) ||
-            !depth_detail::one_sided_derivative(params.tangents, row[x], below == nullptr ? nullptr : below + x,
-                                                above == nullptr ? nullptr : above + x, along_v)) {
-          continue;
-        }
-        const double z = static_cast<double>(row[x]);
-        if (params.tangents == TangentForm::perspective) {
-          out = vec_cast<float>(
-              depth_detail::perspective_normal(intrinsics, x + 0.5, y + 0.5, 1.0 / z, along_u, along_v));
-        } else {
-          const double fx = static_cast<double>(intrinsics.fx);
-          const double fy = static_cast<double>(intrinsics.fy);
-          out = vec_cast<float>(normalized(Vec3d{fx * along_u / z, fy * along_v / z, -1.0}));
-        }
+      for (int x = 0; x < width; x += F::lanes) {
+        simd::store3(&normals(x, y).x,
+                     depth_detail::row_normals<F>(params.tangents, intrinsics, above, row, below, x, y, width),
+                     width - x < F::lanes ? width - x : F::lanes);
       }
     }
   });
