@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+// The inner loop of the cross-bilateral filter's colour term: weights of pairs of pixels, and the sums of both sides.
+//
+// A few rows of neighbouring p meet one row of q at every offset dx. What a pair gives to p stays in registers for a
+// chunk of offsets; what it gives to q is added to one of 16 rows of sums, by dx mod 16, at an aligned place.
+// Error of a weight, relative: of 2^x kExp2Error[degree], and 7 2^-24 ln 2 per unit of its binary exponent. Colours are
+// subtracted before anything is scaled, so that it does not grow with their size.
+// Cost: 20 instructions per pair and batch, 10 of them fma (degree 4). No memory.
+#ifndef NPSIM_DEPTH_CROSS_BILATERAL_PAIRS_HPP
+#define NPSIM_DEPTH_CROSS_BILATERAL_PAIRS_HPP
+
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/config.hpp"
+#include "npsim/simd/batch.hpp"
+
+namespace npsim {
+inline namespace v1 {
+namespace cross_bilateral_detail {
+
+inline constexpr int kChunkPx = 16;   // columns of a block, offsets of a chunk; no batch is wider
+inline constexpr int kGroupRows = 4;  // rows of a block
+inline constexpr int kColourTilePx = 64;
+inline constexpr int kBandRows = 16;  // rows of p that a row of q meets before its sums are added up
+inline constexpr int kMinDegree = 2, kMaxDegree = 5;
+inline constexpr double kExp2Error[6] = {1, 1, 1.73e-3, 7.5e-5, 2.7e-6, 3e-7};  // by degree
+
+}  // namespace cross_bilateral_detail
+
+inline namespace NPSIM_ISA_NAMESPACE {
+namespace depth_detail {
+
+using namespace cross_bilateral_detail;
+
+// hi + lo += x, nearly exactly.
+template <class F>
+void add_compensated(float* hi, float* lo, F x) noexcept {
+  const simd::Pair<F> sum = simd::two_sum(F::load(hi), x);
+  sum.hi.store(hi);
+  (F::load(lo) + sum.lo).store(lo);
+}
+
+// 2^x within kExp2Error: relative minimax polynomials on [0, 1].
+template <int kDegree, class F>
+[[nodiscard]] NPSIM_ALWAYS_INLINE F fast_exp2(F x) noexcept {
+  const F r = x - floor(x);
+  if constexpr (kDegree == 2) {
+    return scale_by_floor(fma(fma(F(0x1.594830p-2F), r, F(0x1.50b5b4p-1F)), r, F(0x1.007108p+0F)), x);
+  } else if constexpr (kDegree == 3) {
+    const F p = fma(F(0x1.3f96a4p-4F), r, F(0x1.cefc4cp-3F));
+    return scale_by_floor(fma(fma(p, r, F(0x1.64444cp-1F)), r, F(0x1.fff632p-1F)), x);
+  } else if constexpr (kDegree == 4) {
+    const F p = fma(fma(F(0x1.bb7cd4p-7F), r, F(0x1.aa13f0p-5F)), r, F(0x1.ee798ap-3F));
+    return scale_by_floor(fma(fma(p, r, F(0x1.62d166p-1F)), r, F(0x1.00002cp+0F)), x);
+  } else {
+    const F p = fma(fma(F(0x1.ec320ap-10F), r, F(0x1.26900cp-7F)), r, F(0x1.c95446p-5F));
+    return scale_by_floor(fma(fma(fma(p, r, F(0x1.ebd5a8p-3F)), r, F(0x1.62e4f6p-1F)), r, F(0x1.fffffep-1F)), x);
+  }
+}
+
+template <std::size_t N, class Function>
+NPSIM_ALWAYS_INLINE void unrolled(Function&& f) noexcept {
+  if constexpr (N > 0) f(std::size_t{0});
+  if constexpr (N > 1) f(std::size_t{1});
+  if constexpr (N > 2) f(std::size_t{2});
+  if constexpr (N > 3) f(std::size_t{3});
+  static_assert(N <= std::size_t{kGroupRows});
+}
+
+// One batch of columns of N rows of p against one row of q. Pointers are to the first column of p: in the row of q, in
+// the first row of p, in the first row's sums.
+struct PairRows {
+  const float *pl, *pa, *pb, *pz;
+  const float *ql, *qa, *qb, *qz;
+  const float* spatial;  // of the first row of p at dx = 0; the next row's lies spatial_stride before
+  float* skew;           // at dx = 0 and k = 0: sum w z; sum w lies skew_stride behind
+  float* own;
+  std::ptrdiff_t stride, spatial_stride, skew_stride;
+  float minus_scale;
+  int rx, first_chunk, end_chunk;
+  std::uint32_t work, holes;  // by chunk, from first_chunk
+};
+
+template <class F, std::size_t N, int kDegree, bool kHoles>
+NPSIM_ALWAYS_INLINE void weigh_chunk(const PairRows& s, int chunk, const F (&lp)[N], const F (&ap)[N], const F (&bp)[N],
+                                     const F (&zp)[N], F (&num)[N], F (&den)[N]) noexcept {
+  const F zero(0.0F);
+  const F one(1.0F);
+  const F minus_scale(s.minus_scale);
+  const int begin = -s.rx - chunk * kChunkPx;
+  const int last = s.rx - chunk * kChunkPx;
+  F n[N], d[N];
+  const float* spatial[N];
+  unrolled<N>([&](std::size_t i) { spatial[i] = s.spatial - static_cast<std::ptrdiff_t>(i) * s.spatial_stride; });
+  unrolled<N>([&](std::size_t i) { n[i] = d[i] = zero; });
+  const auto exponent = [&](std::size_t i, F lq, F aq, F bq, int dx) {
+    const F dl = lq - lp[i];
+    const F da = aq - ap[i];
+    const F db = bq - bp[i];
+    return fma(fma(db, db, fma(da, da, dl * dl)), minus_scale, F(spatial[i][dx]));
+  };
+  const int first = begin > 0 ? begin : 0;
+  const int end = last + 1 < kChunkPx ? last + 1 : kChunkPx;
+  F t[N];
+  {
+    const int dx = chunk * kChunkPx + first;
+    unrolled<N>(
+        [&](std::size_t i) { t[i] = exponent(i, F::load(s.ql + dx), F::load(s.qa + dx), F::load(s.qb + dx), dx); });
+  }
+  for (int k = first; k < end; ++k) {
+    // The exponents of the next offset fill the wait for the weights of this one. The last of them are not used.
+    const int dx = chunk * kChunkPx + k;
+    const F lq = F::load(s.ql + dx + 1);
+    const F aq = F::load(s.qa + dx + 1);
+    const F bq = F::load(s.qb + dx + 1);
+    const F zq = F::load(s.qz + dx);
+    F w[N];
+    unrolled<N>([&](std::size_t i) {
+      const F x = t[i];
+      t[i] = exponent(i, lq, aq, bq, dx + 1);
+      w[i] = fast_exp2<kDegree>(x);
+      n[i] = fma(w[i], zq, n[i]);
+      if constexpr (kHoles) {
+        d[i] = fma(w[i], select(zq > zero, one, zero), d[i]);
+      } else {
+        d[i] = d[i] + w[i];
+      }
+    });
+    F to_n = w[0] * zp[0];
+    if constexpr (kHoles) {
+      unrolled<N>([&](std::size_t i) { w[i] = select(zp[i] > zero, w[i], zero); });
+    }
+    F to_d = w[0];
+    if constexpr (N > 1) to_d = to_d + w[1];
+    if constexpr (N == 3) to_d = to_d + w[2];
+    if constexpr (N == 4) to_d = to_d + (w[2] + w[3]);
+    if constexpr (N > 1) to_n = fma(w[1], zp[1], to_n);
+    if constexpr (N > 2) to_n = fma(w[2], zp[2], to_n);
+    if constexpr (N > 3) to_n = fma(w[3], zp[3], to_n);
+    float* skew = s.skew + (2 * k) * s.skew_stride + chunk * kChunkPx;
+    (F::load(skew) + to_n).store(skew);
+    (F::load(skew + s.skew_stride) + to_d).store(skew + s.skew_stride);
+  }
+  unrolled<N>([&](std::size_t i) {
+    num[i] = num[i] + n[i];
+    den[i] = den[i] + d[i];
+  });
+}
+
+template <class F, std::size_t N, int kDegree>
+void weigh_rows(const PairRows& s) noexcept {
+  F lp[N], ap[N], bp[N], zp[N], num[N], den[N];
+  unrolled<N>([&](std::size_t i) {
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(i) * s.stride;
+    lp[i] = F::load(s.pl + at);
+    ap[i] = F::load(s.pa + at);
+    bp[i] = F::load(s.pb + at);
+    zp[i] = F::load(s.pz + at);
+    num[i] = den[i] = F(0.0F);
+  });
+  for (int chunk = s.first_chunk; chunk < s.end_chunk; ++chunk) {
+    const std::uint32_t bit = 1U << static_cast<unsigned>(chunk - s.first_chunk);
+    if ((s.work & bit) == 0) continue;
+    if ((s.holes & bit) != 0) {
+      weigh_chunk<F, N, kDegree, true>(s, chunk, lp, ap, bp, zp, num, den);
+    } else {
+      weigh_chunk<F, N, kDegree, false>(s, chunk, lp, ap, bp, zp, num, den);
+    }
+  }
+  constexpr std::ptrdiff_t kPlane = kBandRows * kColourTilePx;
+  unrolled<N>([&](std::size_t i) {
+    float* own = s.own + i * std::size_t{kColourTilePx};
+    add_compensated(own, own + kPlane, num[i]);
+    add_compensated(own + 2 * kPlane, own + 3 * kPlane, den[i]);
+  });
+}
+
+}  // namespace depth_detail
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_DEPTH_CROSS_BILATERAL_PAIRS_HPP
