@@ -8,7 +8,7 @@
 // Sums have at most 16 terms before they join the next level, so an error is at most label_chain() 2^-24 relative; the
 // bits depend on neither lanes nor threads.
 // Cost: about 2 (4R + 18) multiplications per pixel and class; direct (2R + 1)^2. Memory: 12 bytes per pixel, and
-// 32 (144 + 2R) bytes per strip of 64 rows.
+// 64 (144 + 2R) bytes per strip of 64 rows.
 #ifndef NPSIM_DEPTH_CROSS_BILATERAL_LABEL_HPP
 #define NPSIM_DEPTH_CROSS_BILATERAL_LABEL_HPP
 
@@ -28,7 +28,7 @@ inline constexpr int kLabelTileWidth = 128;
 inline constexpr int kLabelTileHeight = 64;
 inline constexpr int kMaxTileClasses = 64;
 inline constexpr int kTermRun = 16;        // terms that are added up before their sum joins the next level
-inline constexpr int kLabelRows = 4;       // rows of p that share the loads of q
+inline constexpr int kLabelRows = 8;       // rows of p that share the loads of q
 inline constexpr int kKernelPadding = 32;  // zeros on either side of a Gaussian
 
 // The window, cut to what the image can hold.
@@ -160,12 +160,14 @@ void sum_columns(const LabelTerm<LabelPixel>& t, const TileClass& c, int x, int 
   const I label(c.label);
   const int begin = y - t.grid.ry > c.sources.y0 ? y - t.grid.ry : c.sources.y0;
   const int end = y + kLabelRows + t.grid.ry < c.sources.y1 ? y + kLabelRows + t.grid.ry : c.sources.y1;
-  F n[kLabelRows] = {zero, zero, zero, zero};
-  F d[kLabelRows] = {zero, zero, zero, zero};
+  F n[kLabelRows];
+  F d[kLabelRows];
+  for (int i = 0; i < kLabelRows; ++i) n[i] = d[i] = zero;
   for (int run = begin; run < end; run += kTermRun) {
     const int run_end = run + kTermRun < end ? run + kTermRun : end;
-    F run_n[kLabelRows] = {zero, zero, zero, zero};
-    F run_d[kLabelRows] = {zero, zero, zero, zero};
+    F run_n[kLabelRows];
+    F run_d[kLabelRows];
+    for (int i = 0; i < kLabelRows; ++i) run_n[i] = run_d[i] = zero;
     for (int q = run; q < run_end; ++q) {
       const auto mine = I::load(t.source.row(q) + x) == label;
       const F z = select(mine, F::load(t.depth.row(q) + x), zero);
@@ -198,12 +200,14 @@ void sum_rows(const LabelTerm<LabelPixel>& t, const TileClass& c, int x, int y, 
   const int highest = x + F::lanes - 1 + t.grid.rx;
   const int begin = lowest > c.sources.x0 ? lowest : c.sources.x0;
   const int end = highest + 1 < c.sources.x1 ? highest + 1 : c.sources.x1;
-  F n[kLabelRows] = {zero, zero, zero, zero};
-  F d[kLabelRows] = {zero, zero, zero, zero};
+  F n[kLabelRows];
+  F d[kLabelRows];
+  for (int i = 0; i < kLabelRows; ++i) n[i] = d[i] = zero;
   for (int q = begin; q < end;) {
     const int run_end = (q / kTermRun + 1) * kTermRun < end ? (q / kTermRun + 1) * kTermRun : end;
-    F run_n[kLabelRows] = {zero, zero, zero, zero};
-    F run_d[kLabelRows] = {zero, zero, zero, zero};
+    F run_n[kLabelRows];
+    F run_d[kLabelRows];
+    for (int i = 0; i < kLabelRows; ++i) run_n[i] = run_d[i] = zero;
     for (; q < run_end; ++q) {
       const F g = F::load(t.gaussian + (x - q));
       for (int i = 0; i < kLabelRows; ++i) {
