@@ -11,8 +11,8 @@
 // Error: conjugate gradients reach a dense solution in double within 1e-3; the loss reached is the kernel's own.
 // Convergence, on a generated street with lambda (1, 5, 1): one outer step of one or two inner ones goes below the loss
 // of Adam's step 1000 with printed continuity, 512 to 1920 px wide. With unit tangents, whose pull fades across depth
-// edges, it takes 5 to 10 steps of 8.
-// Cost per pixel, on one AVX-512 core from memory: 4 ns an outer step (evaluation, linearisation, coarse levels, move)
+// edges, it takes 5 to 11 steps of 5 to 10.
+// Cost per pixel, on one AVX-512 core from memory: 7 ns an outer step (evaluation, linearisation, coarse levels, move)
 // and 6 ns an inner one. Memory: 16 floats per pixel, and the problem's.
 #ifndef NPSIM_DEPTH_GAUSS_NEWTON_HPP
 #define NPSIM_DEPTH_GAUSS_NEWTON_HPP
