@@ -257,6 +257,25 @@ TEST_CASE("refine_depth brings depth and normals of the street nearer to the tru
   }
 }
 
+TEST_CASE("refine_depth runs in the memory it asks for, with either preset, with and without labels and instances") {
+  SerialExecutor serial;
+  NullObserver observer;
+  for (const bool thesis : {false, true}) {
+    for (int known = 0; known < 3; ++known) {
+      SceneView view = view_of(small_street());
+      if (known < 2) view.instances = {};
+      if (known < 1) view.labels = {};
+      RefineDepthParams params = thesis ? RefineDepthParams::thesis() : RefineDepthParams{};
+      params.refine.adam.steps = 1;
+      std::vector<unsigned char> memory(refine_depth_workspace_bytes(params, view.shape()));
+      Workspace workspace(memory.data(), memory.size());
+      RefinedDepth refined;
+      const Status status = refine_depth(params, view, workspace, serial, observer, refined);
+      CHECK_MESSAGE(status.ok(), status.message());
+    }
+  }
+}
+
 TEST_CASE("night: image, depth and camera alone are enough, and all light is the own headlamps' and the sky's") {
   Scene scene({64, 48});
   Keeper keeper;

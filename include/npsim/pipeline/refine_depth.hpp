@@ -57,7 +57,7 @@ struct RefinedDepth {
                     ground_workspace_bytes(params.ground, shape),
                 sharpen_edges_workspace_bytes(params.sharpen, shape) + allocation_bytes<float>(pixels),
                 anchor_ground_workspace_bytes(params.ground, shape),
-                allocation_bytes<Vec3f>(pixels) +
+                allocation_bytes<Vec3f>(pixels) + allocation_bytes<std::uint16_t>(pixels) +
                     cross_bilateral_workspace_bytes(refine_detail::scaled_filter(params, shape), shape),
                 uncertainty_workspace_bytes(params.uncertainty, shape),
                 guiding_normals_workspace_bytes(params.normals, shape), refine_workspace_bytes(params.refine, shape)});
