@@ -95,7 +95,7 @@ TEST_CASE("sharpening takes back most of what was mixed across borders, on slant
   CHECK(s.error(out, label::pole) < s.error(s.depth, label::pole));  // narrower than the mixing: only mixtures are left
   CHECK(std::fabs(out(31, 20) - 8.0F) <
         std::fabs(s.depth(30, 20) - 8.0F));  // the middle of the pole speaks for its rim
-  CHECK(out(29, 20) == doctest::Approx(s.truth(29, 20)).epsilon(0.03));
+  CHECK(out(29, 20) == doctest::Approx(static_cast<double>(s.truth(29, 20))).epsilon(0.03));
 }
 
 TEST_CASE("sharpening leaves sharp depth, deep inside and holes as they are") {
@@ -252,6 +252,6 @@ TEST_CASE("an extended field keeps what is known, stays within its range and is 
   std::vector<unsigned char> memory(extend_field_workspace_bytes({64, 32}));
   Workspace workspace(memory.data(), memory.size());
   REQUIRE(extend_field(static_cast<const io::Image<std::uint8_t>&>(known).view(), half.view(), workspace, serial).ok());
-  CHECK(half(40, 10) == doctest::Approx(5.0F));
-  CHECK(half(63, 31) == doctest::Approx(5.0F));
+  CHECK(half(40, 10) == doctest::Approx(5.0));
+  CHECK(half(63, 31) == doctest::Approx(5.0));
 }

@@ -87,7 +87,7 @@ TEST_CASE("anchoring without a height, or with the height switched off, leaves t
     AnchorGroundParams params;
     params.use_camera_height = false;
     REQUIRE(s.run(given ? params : AnchorGroundParams{}, given ? kHeight : 0.0F, serial).ok());
-    for (const Label l : {label::road, label::building}) CHECK(s.worst(l) == doctest::Approx(0.07F).epsilon(0.02));
+    for (const Label l : {label::road, label::building}) CHECK(s.worst(l) == doctest::Approx(0.07).epsilon(0.02));
   }
 }
 
@@ -116,8 +116,8 @@ TEST_CASE("a ramp on the road is shape, and stays") {
   AnchorGroundParams params;
   params.surroundings_px = 1;
   REQUIRE(s.run(params, kHeight, serial).ok());
-  CHECK(s.depth(45, 77) == doctest::Approx(s.truth(45, 77)).epsilon(0.01));
-  CHECK(s.depth(100, 77) == doctest::Approx(s.truth(100, 77)).epsilon(0.01));
+  CHECK(s.depth(45, 77) == doctest::Approx(static_cast<double>(s.truth(45, 77))).epsilon(0.01));
+  CHECK(s.depth(100, 77) == doctest::Approx(static_cast<double>(s.truth(100, 77))).epsilon(0.01));
 }
 
 TEST_CASE("what stands on the road moves with it") {
