@@ -35,6 +35,10 @@
 
 #include "npsim/depth/adam.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
+#include "npsim/depth/cross_bilateral_colour.hpp"
+#include "npsim/depth/cross_bilateral_label.hpp"
+#include "npsim/depth/cross_bilateral_pairs.hpp"
+#include "npsim/depth/cross_bilateral_params.hpp"
 #include "npsim/depth/extend_field.hpp"
 #include "npsim/depth/fill.hpp"
 #include "npsim/depth/fill_class.hpp"
