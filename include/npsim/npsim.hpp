@@ -61,6 +61,8 @@
 #include "npsim/depth/sharpen_edges.hpp"
 #include "npsim/depth/smooth_normals.hpp"
 #include "npsim/depth/uncertainty.hpp"
+#include "npsim/depth/uncertainty_bits.hpp"
+#include "npsim/depth/uncertainty_counted.hpp"
 #include "npsim/depth/uncertainty_labels.hpp"
 #include "npsim/depth/uncertainty_moments.hpp"
 #include "npsim/depth/uncertainty_variance.hpp"

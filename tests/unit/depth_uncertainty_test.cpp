@@ -392,6 +392,84 @@ TEST_CASE("merged moments know the standard deviation within the stated bound, a
   }
 }
 
+TEST_CASE("counted moments know the standard deviation among holes within the stated bound, and seldom doubt") {
+  using F = simd::F32;
+  const Shape shape{75, 24};
+  for (const float holes : {0.0F, 0.02F, 0.5F, 0.97F}) {
+    for (const float spread : {0.0F, 1e-3F, 0.05F, 1.0F, 79.0F}) {
+      Images im(shape);
+      RandomStream random(15, RandomPurpose::test, 0, 0, 0, 0);
+      for (float& z : im.depth) {
+        z = 80.0F + random.uniform(-spread, spread);
+        if (random.uniform() < holes) z = random.uniform() < 0.3F ? kNaN : (random.uniform() < 0.5F ? -3.0F : 0.0F);
+      }
+      for (int x = 20; x < 25; ++x) im.z(x, 9) = std::numeric_limits<float>::infinity();
+      const reference::Uncertainty exact =
+          reference::uncertainty({im.depth.data(), shape}, {im.labels.data(), shape}, 8, 0, LabelSet::all());
+      depth_detail::CountedMoments<F> moments;
+      REQUIRE(moments.read({im.depth.data(), shape}, {3, 0, 64, 16}, 0, 63));
+      int doubts = 0;
+      int wrong = 0;
+      int thresholds = 0;
+      for (int y = 0; y < 16; ++y) {
+        for (int x = 0; x < 64; x += 5) {
+          const double sigma = std::sqrt(exact.variance[static_cast<std::size_t>(y * shape.width + 3 + x)]);
+          const bool lonely = sigma == 0;  // perhaps no valid pixel: always in doubt
+          const double bound = 2 * 24 * 0x1p-24 * (160.0 + 1.01 * sigma);
+          for (const double side : {-1.0, 1.0}) {
+            const double limit = sigma + side * bound;
+            if (limit < 0) continue;
+            moments.set_threshold(limit * limit);
+            std::uint64_t above = 0;
+            std::uint64_t doubtful = 0;
+            moments.decide(y, 0, 63, above, doubtful);
+            const bool is_doubtful = (doubtful >> x & 1U) != 0;
+            doubts += is_doubtful && !lonely ? 1 : 0;
+            wrong += !is_doubtful && ((above >> x & 1U) != 0) != (side < 0) ? 1 : 0;
+            ++thresholds;
+          }
+        }
+      }
+      CHECK(thresholds > 200);
+      CHECK(doubts == 0);
+      CHECK(wrong == 0);
+      int misread = 0;
+      for (int y = 0; y < 23; ++y) {
+        for (int x = 0; x < 71; ++x) {
+          const bool valid = (moments.valid(y)[x / 64] >> (x % 64) & 1U) != 0;
+          misread += valid != is_valid_depth(im.z(x + 3, y)) ? 1 : 0;
+        }
+      }
+      CHECK(misread == 0);
+    }
+  }
+}
+
+TEST_CASE("a sky without depth behind poles: only what is valid counts, in every position of the border") {
+  for (const int width : {8, 9, 70, 71, 72, 135, 136, 137, 200}) {
+    const Shape shape{width, 41};
+    Images im(shape);
+    RandomStream random(16, RandomPurpose::test, static_cast<std::uint32_t>(width), 0, 0, 0);
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        const bool pole = x % 23 == 7;
+        const bool sky = y < 20 + x % 7 && !pole;
+        im.h(x, y) = pole ? label::pole : (sky ? label::sky : label::building);
+        im.z(x, y) = sky ? 0.0F : (pole ? 8.0F + 0.03F * random.uniform() : 8.0F + 0.1F * random.uniform());
+      }
+    }
+    const UncertaintyParams p;
+    const reference::Uncertainty expected =
+        reference::uncertainty({im.depth.data(), shape}, {im.labels.data(), shape}, 8, p.variance_m2, p.foreground);
+    SerialExecutor serial;
+    REQUIRE(im.run(p, serial, false).ok());
+    CHECK(im.mask == expected.mask);
+    CHECK(im.windows == expected.windows);
+    REQUIRE(im.run<simd::scalar::F32>(p, serial, false).ok());
+    CHECK(im.windows == expected.windows);
+  }
+}
+
 TEST_CASE("classes that touch at one corner, depth near 0 and depth near the largest float") {
   Images im({24, 24});
   for (int y = 0; y < 24; ++y) {

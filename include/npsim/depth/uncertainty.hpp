@@ -9,13 +9,14 @@
 // variance nor for labels; a window with fewer than two valid pixels does not fire.
 //
 // How: labels first, as bytes, in strips of 512 columns and bands of 16 rows; where no window of a band can hold a
-// foreground edge, depth is not read at all. Elsewhere variance is merged in single precision, and a window whose
-// variance lies too close to mu for that is decided in double (uncertainty_variance.hpp has the bounds). With holes, a
-// window other than 8 or the variance asked for, it is double from the start.
+// foreground edge, depth is not read at all. Elsewhere variance is merged in single precision, with or without holes,
+// and a window whose variance lies too close to mu for that is decided in double (uncertainty_variance.hpp has the
+// bounds). With a window other than 8 or the variance asked for, it is double from the start.
 // Error: every decision is that of the variance in double, which is within 1e-12 relative at any depth; variance_m2 is
 // within 5e-7 relative, and never negative. Same bytes for every instruction set and every number of threads.
-// Cost: with the default window, of the order of copying the depth. Memory: one bit per pixel, and 35 KiB of stack
-// (150 KiB for windows above 16).
+// Cost: with the default window, one to two copies of the depth, with holes or without; four to five where every pixel
+// is a class of its own, nine with holes as well. Memory: one bit per pixel, and 50 KiB of stack (150 KiB for windows
+// above 16).
 #ifndef NPSIM_DEPTH_UNCERTAINTY_HPP
 #define NPSIM_DEPTH_UNCERTAINTY_HPP
 
@@ -29,6 +30,8 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/uncertainty_bits.hpp"
+#include "npsim/depth/uncertainty_counted.hpp"
 #include "npsim/depth/uncertainty_labels.hpp"
 #include "npsim/depth/uncertainty_moments.hpp"
 #include "npsim/depth/uncertainty_variance.hpp"
@@ -58,49 +61,6 @@ struct UncertaintyOutput {
 
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
-
-// A row of bits as bytes 0 and 1.
-template <class F>
-void write_bits(const std::uint64_t* bits, std::uint8_t* out, int count) noexcept {
-  using U = simd::BytesOf<F>;
-  for (int x = 0; x < count; x += U::lanes) {
-    const U bytes = U::from_bits(bits[x / 64] >> static_cast<unsigned>(x % 64));
-    if (count - x >= U::lanes) {
-      bytes.store(out + x);
-    } else {
-      bytes.store(out + x, count - x);
-    }
-  }
-}
-
-// Sets the l - 1 bits that follow each set bit. In place, in log2(l) steps; the highest words first, because a word
-// depends on those below it.
-inline void widen_bits(std::uint64_t* bits, int words, int l) noexcept {
-  const int within = l < 64 ? l : 64;
-  for (int i = words - 1; i >= 0; --i) {
-    std::uint64_t own = bits[i];
-    std::uint64_t below = i > 0 ? bits[i - 1] : 0;
-    if ((own | below) == 0) continue;
-    const auto drag = [&](int by) {
-      own |= own << static_cast<unsigned>(by) | below >> static_cast<unsigned>(64 - by);
-      below |= below << static_cast<unsigned>(by);
-    };
-    int held = 1;
-    for (; 2 * held <= within; held *= 2) drag(held);
-    if (held < within) drag(within - held);
-    bits[i] = own;
-  }
-  for (int held = within; held < l;) {
-    const int by = 2 * held <= l ? held : l - held;
-    const int word = by / 64;
-    const auto shift = static_cast<unsigned>(by % 64);
-    for (int i = words - 1; i >= word; --i) {
-      const std::uint64_t below = shift != 0 && i > word ? bits[i - word - 1] >> (64 - shift) : 0;
-      bits[i] |= bits[i - word] << shift | below;
-    }
-    held += by;
-  }
-}
 
 // The windows of one image: everything that a band needs.
 template <class F, int kMaxWindow>
@@ -149,7 +109,8 @@ struct WindowSearch {
     for (int w = 0; w < kTileWords; ++w) {
       if (columns[w] == 0) continue;
       const int count = block.width - 64 * w < 64 ? block.width - 64 * w : 64;
-      edge_windows_8<F>(kept, x_in_strip + 64 * w, count, block.height, edges[w]);
+      const auto codes_of = [&](int y) { return kept.row[y] + x_in_strip + 64 * w; };
+      edge_windows_8<F>(codes_of, codes_of, count, block.height, edges[w]);
       for (int y = 0; y < block.height; ++y) {
         if (edges[w][y] == 0) continue;
         any[w] |= edges[w][y];
@@ -159,26 +120,73 @@ struct WindowSearch {
     }
     if (last < 0) return;
     const WindowBlock trimmed{block.x, block.y + first, highest_bit(any) + 1, last - first + 1};
+    if (block_without_holes(trimmed, any, &edges[0][first], &edges[1][first])) return;
+    for (int w = 0; w < kTileWords; ++w) {
+      if (any[w] == 0) continue;
+      const int count = block.width - 64 * w < 64 ? block.width - 64 * w : 64;
+      const WindowBlock word{trimmed.x + 64 * w, trimmed.y, count, trimmed.height};
+      const auto codes_of = [&](int y) { return kept.row[first + y] + x_in_strip + 64 * w; };
+      if (!word_with_holes(word, any[w], codes_of)) tile_in_double(word);
+    }
+  }
+
+  // Decides the windows of the block that have a bit in their row's left or right word; `any` is all rows' together.
+  // False, and nothing is done, if a depth is missing or out of range.
+  bool block_without_holes(const WindowBlock& block, const std::uint64_t (&any)[kTileWords], const std::uint64_t* left,
+                           const std::uint64_t* right) const noexcept {
     MergedMoments<F> moments;
-    if (!moments.read(depth, trimmed, any)) return tile_in_double(block);
+    if (!moments.read(depth, block, any)) return false;
     moments.set_threshold(threshold);
-    for (int y = 0; y < trimmed.height; ++y) {
-      const std::uint64_t row[kTileWords] = {edges[0][first + y], edges[1][first + y]};
+    for (int y = 0; y < block.height; ++y) {
+      const std::uint64_t row[kTileWords] = {left[y], right[y]};
       if ((row[0] | row[1]) == 0) continue;
       VarianceBits bits;
       moments.decide(y, lowest_bit(row), highest_bit(row), bits);
       for (int w = 0; w < kTileWords; ++w) {
         const std::uint64_t edge = row[w];
         if (edge == 0) continue;
-        std::uint64_t above = edge & bits.above[w];
-        for (std::uint64_t doubt = edge & bits.doubtful[w]; doubt != 0; doubt &= doubt - 1) {
-          const int bit = lowest_bit(doubt);
-          const double exact = window_variance(depth.sub(trimmed.x + 64 * w + bit, trimmed.y + y, {l, l}));
-          if (exact > threshold) above |= doubt & (~doubt + 1);
-        }
-        fires(trimmed.x / 64 + w, trimmed.y + y) = above;
+        fires(block.x / 64 + w, block.y + y) =
+            (edge & bits.above[w]) | decide_exactly(block.x + 64 * w, block.y + y, edge & bits.doubtful[w]);
       }
     }
+    return true;
+  }
+
+  // The same where depths are missing, for 64 columns of windows. Those in `any` hold an edge among all their pixels in
+  // some row; codes_of(y) are the codes of a row. False, and nothing is done, if a depth is out of range.
+  template <class Codes>
+  bool word_with_holes(const WindowBlock& block, std::uint64_t any, const Codes& codes_of) const noexcept {
+    CountedMoments<F> moments;
+    if (!moments.read(depth, block, lowest_bit(any), highest_bit(any))) return false;
+    alignas(64) std::uint8_t least[StripCodes::kRows][2 * 64];
+    alignas(64) std::uint8_t greatest[StripCodes::kRows][2 * 64];
+    constexpr int kBytes = simd::BytesOf<F>::lanes;
+    const int read = (block.width + kBytes - 1) / kBytes * kBytes + l - 1;
+    for (int y = 0; y < block.height + l - 1; ++y)
+      mask_codes<F>(codes_of(y), moments.valid(y), read, least[y], greatest[y]);
+    std::uint64_t edges[kRows];
+    edge_windows_8<F>([&](int y) { return least[y]; }, [&](int y) { return greatest[y]; }, block.width, block.height,
+                      edges);
+    moments.set_threshold(threshold);
+    for (int y = 0; y < block.height; ++y) {
+      const std::uint64_t edge = edges[y] & any;
+      if (edge == 0) continue;
+      std::uint64_t above = 0;
+      std::uint64_t doubtful = 0;
+      moments.decide(y, lowest_bit(edge), highest_bit(edge), above, doubtful);
+      fires(block.x / 64, block.y + y) = (edge & above) | decide_exactly(block.x, block.y + y, edge & doubtful);
+    }
+    return true;
+  }
+
+  // Those of the windows from (x, y) on, one per bit, that fire.
+  [[nodiscard]] std::uint64_t decide_exactly(int x, int y, std::uint64_t doubtful) const noexcept {
+    std::uint64_t above = 0;
+    for (; doubtful != 0; doubtful &= doubtful - 1) {
+      const double exact = window_variance(depth.sub(x + lowest_bit(doubtful), y, {l, l}));
+      if (exact > threshold) above |= doubtful & (~doubtful + 1);
+    }
+    return above;
   }
 
   void tile_in_double(const WindowBlock& block) const noexcept {
@@ -204,32 +212,6 @@ struct WindowSearch {
         }
       }
     }
-  }
-
-  // Of words that are not 0.
-  [[nodiscard]] static int lowest_bit(std::uint64_t bits) noexcept {
-#if defined(__GNUC__) || defined(__clang__)
-    return __builtin_ctzll(bits);
-#else
-    int i = 0;
-    while ((bits >> static_cast<unsigned>(i) & 1U) == 0) ++i;
-    return i;
-#endif
-  }
-  [[nodiscard]] static int highest_bit(std::uint64_t bits) noexcept {
-#if defined(__GNUC__) || defined(__clang__)
-    return 63 - __builtin_clzll(bits);
-#else
-    int i = 63;
-    while ((bits >> static_cast<unsigned>(i) & 1U) == 0) --i;
-    return i;
-#endif
-  }
-  [[nodiscard]] static int lowest_bit(const std::uint64_t (&bits)[kTileWords]) noexcept {
-    return bits[0] != 0 ? lowest_bit(bits[0]) : 64 + lowest_bit(bits[1]);
-  }
-  [[nodiscard]] static int highest_bit(const std::uint64_t (&bits)[kTileWords]) noexcept {
-    return bits[1] != 0 ? 64 + highest_bit(bits[1]) : highest_bit(bits[0]);
   }
 };
 

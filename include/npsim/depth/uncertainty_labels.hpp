@@ -148,19 +148,23 @@ template <class U>
   return {min(a.low, b.low), max(a.high, b.high)};
 }
 
-// Windows of 8 x 8 that hold a foreground edge among all their pixels: `count` (at most 64) of them from column x of
-// the strip on, `height` rows. In registers: 8 pixels along a row are joined, then pairs, fours and eights of rows.
-template <class F>
-void edge_windows_8(const StripCodes& codes, int x, int count, int height, std::uint64_t* edges) noexcept {
+// Windows of 8 x 8 that hold a foreground edge: `count` (at most 64) of them, `height` rows. least(y) and greatest(y)
+// point to the codes of a row, or to the neutral element of each extreme. In registers: 8 pixels along a row are
+// joined, then pairs, fours and eights of rows.
+template <class F, class Least, class Greatest>
+void edge_windows_8(const Least& least, const Greatest& greatest, int count, int height,
+                    std::uint64_t* edges) noexcept {
   using U = simd::BytesOf<F>;
   using Pair = Extremes<U>;
   constexpr int kLead = StripCodes::kWindow - 1;
   for (int y = 0; y < height; ++y) edges[y] = 0;
   for (int c = 0; c < count; c += U::lanes) {
     const auto along_row = [&](int y) {
-      const std::uint8_t* p = codes.row[y < height + kLead ? y : height + kLead - 1] + x + c;
-      Pair e{U::load(p), U::load(p)};
-      for (int i = 1; i < StripCodes::kWindow; ++i) e = join(e, Pair{U::load(p + i), U::load(p + i)});
+      const int row = y < height + kLead ? y : height + kLead - 1;
+      const std::uint8_t* low = least(row) + c;
+      const std::uint8_t* high = greatest(row) + c;
+      Pair e{U::load(low), U::load(high)};
+      for (int i = 1; i < StripCodes::kWindow; ++i) e = join(e, Pair{U::load(low + i), U::load(high + i)});
       return e;
     };
     Pair above = along_row(0);
@@ -187,6 +191,23 @@ void edge_windows_8(const StripCodes& codes, int x, int count, int height, std::
   }
   if (count == 64) return;
   for (int y = 0; y < height; ++y) edges[y] &= (std::uint64_t{1} << static_cast<unsigned>(count)) - 1;
+}
+
+// Codes as the extremes of valid pixels see them: bit i of `valid` stands for codes[i], i < count <= 128.
+template <class F>
+void mask_codes(const std::uint8_t* codes, const std::uint64_t (&valid)[2], int count, std::uint8_t* least,
+                std::uint8_t* greatest) noexcept {
+  using U = simd::BytesOf<F>;
+  alignas(64) static constexpr std::uint8_t kLeast[64] = {255, 0};
+  alignas(64) static constexpr std::uint8_t kGreatest[64] = {0, 255};
+  const typename U::Table at_least(kLeast);
+  const typename U::Table at_most(kGreatest);
+  for (int c = 0; c < count; c += U::lanes) {
+    const U is_valid = U::from_bits(valid[c / 64] >> static_cast<unsigned>(c % 64));
+    const U code = U::load(codes + c);
+    max(code, lookup(at_least, is_valid)).store(least + c);
+    min(code, lookup(at_most, is_valid)).store(greatest + c);
+  }
 }
 
 // Per row of windows in a block (at most kTileWindows by kBandRows), the windows that hold a foreground edge among all

@@ -36,6 +36,25 @@ struct VarianceBits {
   std::uint64_t doubtful[kTileWords] = {};
 };
 
+// Sums of squares per pixel beyond which a variance is certainly above, or below, a threshold.
+struct VarianceLimits {
+  float above;
+  float below;
+};
+
+// `error`: that of the standard deviation, relative both to z_max and to itself. `units`: of a spread per variance.
+[[nodiscard]] inline VarianceLimits variance_limits(double variance, float z_max, double error, double units) noexcept {
+  const double sigma = std::sqrt(variance);
+  const double off = error * static_cast<double>(z_max);
+  const double high = (sigma + off) * (1 + error);
+  const double low = (sigma - off) * (1 - error);
+  return {static_cast<float>(units * high * high * (1 + 0x1p-22)),
+          low > 0 ? static_cast<float>(units * low * low * (1 - 0x1p-22)) : -1.0F};
+}
+
+// Can squares of depths up to z_max neither overflow nor lose, by underflow, what matters beside z_max?
+[[nodiscard]] inline bool moments_are_safe(float z_max) noexcept { return z_max > 1e-10F && z_max < 1e15F; }
+
 // Mean and sum of squared deviations of some pixels, in the units that the level of merging calls for: after two and
 // after four levels the mean has become twice and four times the mean, and the spread is always twice the sum of
 // squares. That way no level needs a factor of its own.
@@ -87,30 +106,18 @@ class MergedMoments {
         column.template step<3>(next(3), &mean_[y + 2][c * F::lanes], &spread_[y + 2][c * F::lanes]);
         column.check = column.check + column.eight;
       }
+      if (!all((column.low > F(0.0F)) & simd::is_finite(column.check))) return false;
     }
-    float low[F::lanes];
     float high[F::lanes];
-    column.low.store(low);
     column.high.store(high);
     z_max_ = 0;
-    bool usable = all(simd::is_finite(column.check));
-    for (int i = 0; i < F::lanes; ++i) {
-      usable = usable && low[i] > 0;
-      z_max_ = high[i] > z_max_ ? high[i] : z_max_;
-    }
-    return usable && z_max_ > 1e-10F && z_max_ < 1e15F;
+    for (const float z : high) z_max_ = z > z_max_ ? z : z_max_;
+    return moments_are_safe(z_max_);
   }
 
   // Sets the threshold that decide() compares with.
   void set_threshold(double variance) noexcept {
-    constexpr double kError = 16 * 0x1p-24;
-    constexpr double kUnits = 2.0 * kWindow * kWindow;  // of a spread of 64 pixels per variance
-    const double sigma = std::sqrt(variance);
-    const double off = kError * static_cast<double>(z_max_);
-    const double high = (sigma + off) * (1 + kError);
-    const double low = (sigma - off) * (1 - kError);
-    above_ = static_cast<float>(kUnits * high * high * (1 + 0x1p-22));
-    below_ = low > 0 ? static_cast<float>(kUnits * low * low * (1 - 0x1p-22)) : -1.0F;
+    limits_ = variance_limits(variance, z_max_, 16 * 0x1p-24, 2.0 * kWindow * kWindow);
   }
 
   // The windows first .. last of one row of the block that was read, 0 <= row < block.height.
@@ -121,8 +128,8 @@ class MergedMoments {
     const float* spread = spread_[row + kLead];
     const auto put = [&](int batch, F s) {
       const auto at = static_cast<unsigned>(batch * F::lanes);
-      const auto above = s > F(above_);
-      const auto doubtful = ~(above | (s < F(below_)));
+      const auto above = s > F(limits_.above);
+      const auto doubtful = ~(above | (s < F(limits_.below)));
       bits.above[at >> 6] |= std::uint64_t{simd_bits(above)} << (at & 63U);
       bits.doubtful[at >> 6] |= std::uint64_t{simd_bits(doubtful)} << (at & 63U);
     };
@@ -222,8 +229,7 @@ class MergedMoments {
 
   int batches_ = 0;
   float z_max_ = 0;
-  float above_ = 0;
-  float below_ = 0;
+  VarianceLimits limits_{};
   alignas(64) float mean_[kRows][kColumns];
   alignas(64) float spread_[kRows][kColumns];
 };

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The depth half of the dual-reference variance filter: three ways to the population variance of a window, from fast
+// The depth half of the dual-reference variance filter: four ways to the population variance of a window, from fast
 // to exact, each with a bound on its error that says when the next one has to be asked. Part of uncertainty.hpp.
 //
-// 1. MergedMoments (uncertainty_moments.hpp): windows of 8 x 8 without holes, in single precision.
+// 1. MergedMoments (uncertainty_moments.hpp): windows of 8 x 8 without holes, in single precision. CountedMoments
+//    (uncertainty_counted.hpp): the same with holes.
 // 2. WindowSums: any window, holes, in double. Sums of z - c and of its square for one sample c of the block, sliding
 //    down the columns. With D the greatest |z - c| the variance times the number of pixels is off by at most
 //        4 (l + 2 rows + 24) 2^-53 l^2 D^2.
