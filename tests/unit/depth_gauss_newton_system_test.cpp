@@ -124,7 +124,7 @@ struct System {
   void linearise_here() {
     evaluate();
     const SerialExecutor serial;
-    linearise<T, LossBatch<T>>(problem, ImageView<const T>(depth), ImageView<const T>(gradient), out, serial);
+    linearise<T, LossBatch<T>>(problem, ImageView<const T>(depth), ImageView<const T>(gradient), damping, out, serial);
   }
   std::vector<T> estimate;
   std::vector<Vec3<T>> normals;
@@ -133,6 +133,7 @@ struct System {
   LossProblem<T> problem;
   ImageView<T> depth, gradient;
   SystemPlanes<T> out;
+  T damping = 0;
 };
 
 }  // namespace
@@ -241,6 +242,53 @@ TEST_CASE("float agrees with double; blocks are positive semidefinite, also wher
         CHECK(xx >= 0);
         CHECK(yy >= 0);
         CHECK(xy * xy <= xx * yy * 1.00001);
+      }
+    }
+  }
+}
+
+TEST_CASE(
+    "a pixel at the end of its range is held while the gradient points outward, and freed when it points inward") {
+  for (const LossParams& form : all_forms()) {
+    LossParams p = form;
+    p.lambda.depth = 0;
+    const Surface s({14, 9});
+    for (const double end : {0.25, 4.0}) {
+      System<double> inside(p, s);
+      System<double> at_end(p, s);
+      inside.linearise_here();
+      for (std::size_t i = 0; i < loss_plane_elements(s.shape); ++i) at_end.problem.estimate.data()[i] /= end;
+      at_end.linearise_here();
+      int held = 0;
+      for (int y = 0; y < 9; ++y) {
+        for (int x = 0; x < 14; ++x) {
+          const double pull = inside.out.rhs(x, y);
+          const bool outward = end < 1 ? pull < 0 : pull > 0;
+          held += outward ? 1 : 0;
+          CHECK(at_end.out.rhs(x, y) == (outward ? 0.0 : pull));
+          CHECK(at_end.out.diagonal(x, y) == (outward ? static_cast<double>(kHeldDiagonal) : 0.0));
+          CHECK(at_end.out.wxx(x, y) == inside.out.wxx(x, y));
+        }
+      }
+      CHECK(held > 20);
+      CHECK(held < 106);
+    }
+  }
+}
+
+TEST_CASE("damping adds its share of the block's trace to the diagonal") {
+  for (const LossParams& p : all_forms()) {
+    const Surface s({14, 9});
+    System<double> plain(p, s);
+    System<double> damped(p, s);
+    damped.damping = 0.5;
+    plain.linearise_here();
+    damped.linearise_here();
+    for (int y = 0; y < 9; ++y) {
+      for (int x = 0; x < 14; ++x) {
+        const double expected = plain.out.diagonal(x, y) + 0.5 * (plain.out.wxx(x, y) + plain.out.wyy(x, y));
+        CHECK(std::abs(damped.out.diagonal(x, y) - expected) <= 1e-12 * expected);
+        CHECK(damped.out.rhs(x, y) == plain.out.rhs(x, y));
       }
     }
   }

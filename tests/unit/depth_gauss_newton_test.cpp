@@ -92,6 +92,45 @@ TEST_CASE("Gauss-Newton reaches the loss of Adam's step 1000 in a few steps, for
   }
 }
 
+TEST_CASE("by its own stop, with unit tangents and strong depth, it ends near or below Adam's 1000 steps") {
+  // Both end in a local minimum, and with noise of 13 degrees in the normals not in the same.
+  for (const float noise : {0.05F, 0.1F}) {
+    for (std::uint32_t seed = 21; seed <= 22; ++seed) {
+      Street s({240, 136}, seed, 0.01F, noise);
+      RefineParams p;
+      p.loss.continuity = ContinuityForm::unit_tangents;
+      p.loss.lambda = {1, 1, 500};
+      p.loss.normal_in_uncertain = false;
+      check_safe(s, p);
+      const double newton = s.result.last.total;
+      CHECK(s.result.reason == StopReason::small_decrease);
+      p.solver = RefineSolver::adam;
+      p.stop_relative_decrease = 0;
+      REQUIRE(s.run(p).ok());
+      CAPTURE(noise);
+      CAPTURE(newton);
+      CHECK(newton <= (noise < 0.1F ? 1.0 : 1.06) * s.result.last.total);
+    }
+  }
+}
+
+TEST_CASE("depth that is pulled to the end of its range does not end the solver early") {
+  // The upper part stands eight times too far, and continuity across the step pulls it by more than a factor of 4.
+  // Steps that are merely clamped end after 4, at a loss of 109.
+  Street s({160, 96}, 16, 0.01F, 0.05F);
+  for (int y = 0; y < 40; ++y) {
+    for (int x = 0; x < 160; ++x) s.estimate[s.at(x, y)] *= 8.0F;
+  }
+  s.uncertain.assign(s.uncertain.size(), 0);
+  RefineParams p = printed_params();
+  check_safe(s, p);
+  CHECK(s.result.reason != StopReason::no_descent);
+  CHECK(s.result.last.total < 10);
+  int at_end = 0;
+  for (std::size_t i = 0; i < s.out.size(); ++i) at_end += s.out[i] <= 0.2501F * s.estimate[i] ? 1 : 0;
+  CHECK(at_end > 10);  // else the case is not what its name says
+}
+
 TEST_CASE("the result has the same bits for one lane and for all, any order of chunks and any number of threads") {
   for (const Shape shape : {Shape{1, 40}, Shape{40, 1}, Shape{15, 33}, Shape{16, 34}, Shape{17, 70}, Shape{97, 65}}) {
     Street s(shape, 12, 0.02F, 0.1F);

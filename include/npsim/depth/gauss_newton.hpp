@@ -3,8 +3,10 @@
 //
 // Each outer step linearises the losses (gauss_newton_system.hpp), solves H step = -gradient by conjugate gradients
 // preconditioned with a multigrid cycle (multigrid.hpp), loosely, and moves each depth to z e^step. A step that does
-// not lower the loss, as loss_kernel.hpp evaluates it, is halved; when no fraction of it does, the solver stops with
-// what it had. So the loss never rises, and a divergent step costs time alone.
+// not lower the loss, as loss_kernel.hpp evaluates it, is halved; when no fraction of it does, the system is damped and
+// solved again, and after some such failures in a row the solver stops with what it had. So the loss never rises, and a
+// divergent step costs time alone. Pixels at the end of their range whose gradient points outward are held there by the
+// system, else one of them could spoil the step of all.
 // The result does not depend on the batch or the executor.
 //
 // Invariant: no pixel leaves a factor of 4 of its input.
@@ -46,6 +48,8 @@ inline namespace v1 {
          allocation_bytes<double>(static_cast<std::size_t>(shape.height));
 }
 
+inline constexpr int kNewtonFailures = 3;  // steps in a row that no halving mends, each damped more than the last
+
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
@@ -63,7 +67,7 @@ void take_step(const LossProblem<float>& problem, const GridLevel& level, ImageV
         V move = by_direction * V::load(step.direction.row(y) + x);
         if (!step.sum.empty()) move = fma(by_sum, V::load(step.sum.row(y) + x), move);
         move = simd::clamp(move, -8.0F, 8.0F);
-        const V moved = min(max(old * simd::exp(move), estimate * V(0.25F)), estimate * V(4.0F));
+        const V moved = min(max(old * simd::exp(move), estimate * V(1 / kDepthRange)), estimate * V(kDepthRange));
         const auto usable = (V::load(level.smoother.row(y) + x) > V(0.0F)) & (move == move);
         select(usable, moved, old).store(to.row(y) + x);
       }
@@ -117,10 +121,13 @@ template <class V, class Executor>
   record(0);
   const GridLevel& level = grid.level[0];
   const SystemPlanes<float> system{level.wxx, level.wxy, level.wyy, level.diagonal, v.rhs};
-  for (int step = 0;; ++step) {
+  float damping = 0;
+  int failures = 0;  // in a row
+  for (int step = 0;;) {
     if (done.last.total <= static_cast<double>(params.target_loss)) return stop(StopReason::target_reached);
     if (step == params.steps) return stop(StopReason::all_steps);
-    linearise<float, V>(problem, ImageView<const float>(depth), ImageView<const float>(gradient), system, executor);
+    linearise<float, V>(problem, ImageView<const float>(depth), ImageView<const float>(gradient), damping, system,
+                        executor);
     build_multigrid<V>(grid, params.grid_stiffness, executor);
     const double to_target = done.last.total - static_cast<double>(params.target_loss);
     const NewtonStep found =
@@ -138,13 +145,21 @@ template <class V, class Executor>
       lower = values.total < done.last.total;  // false for NaN
       share *= 0.5F;
     }
-    if (!lower) return stop(StopReason::no_descent);
+    if (!lower) {
+      if (++failures > kNewtonFailures) return stop(StopReason::no_descent);
+      damping = damping > 0.0F ? 8.0F * damping : 0.1F;
+      evaluate_losses<float, V>(problem, depth, gradient, values, executor);  // the gradient, which trials overwrote
+      ++done.evaluations;
+      continue;
+    }
+    failures = 0;
+    damping = damping > 0.01F ? 0.25F * damping : 0.0F;
     const double before = done.last.total;
     const ImageView<float> old = step == 0 ? spare : depth;  // the estimate stays as it is
     depth = trial;
     trial = old;
     done.last = values;
-    record(step + 1);
+    record(++step);
     if (before - values.total < static_cast<double>(params.relative_decrease) * before) {
       return stop(StopReason::small_decrease);
     }

@@ -30,6 +30,11 @@ inline namespace v1 {
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
+// No depth leaves this factor of its estimate. Where it has come there and the gradient points outward the diagonal
+// becomes so large that the pixel stays, and the right-hand side 0: clamped steps alone would not lower the loss.
+inline constexpr float kDepthRange = 4;
+inline constexpr float kHeldDiagonal = 0x1p50F;
+
 template <class T>
 struct SystemPlanes {
   ImageView<T> wxx, wxy, wyy, diagonal, rhs;  // rhs: minus the gradient by y
@@ -58,8 +63,8 @@ template <class V, class T>
 }
 
 template <TangentForm kTangents, ContinuityForm kContinuity, class V, class T>
-void linearise_row(const LossProblem<T>& problem, ImageView<const T> depth, ImageView<const T> gradient, int y,
-                   const SystemPlanes<T>& out) noexcept {
+void linearise_row(const LossProblem<T>& problem, ImageView<const T> depth, ImageView<const T> gradient, T damping,
+                   int y, const SystemPlanes<T>& out) noexcept {
   constexpr bool kPerspective = kTangents == TangentForm::perspective;
   const double count = static_cast<double>(problem.depth_count);
   const double normal_count = static_cast<double>(problem.normal_count > 0 ? problem.normal_count : 1);
@@ -79,7 +84,10 @@ void linearise_row(const LossProblem<T>& problem, ImageView<const T> depth, Imag
   const V fx2 = fx * fx;
   const V fy2 = fy * fy;
   const V fxy = fx * fy;
+  const V zero(0);
   const V one(1);
+  const V lowest(T(1.001 / static_cast<double>(kDepthRange)));
+  const V highest(T(0.999 * static_cast<double>(kDepthRange)));
   const V pixel_centre = V::iota() + V(T(0.5));
   const int end = static_cast<int>(depth.stride()) - kLossBlock;
   for (int x = 0; x < end; x += V::lanes) {
@@ -126,16 +134,24 @@ void linearise_row(const LossProblem<T>& problem, ImageView<const T> depth, Imag
     const V turn = (kPerspective ? one : -one) / min(c, V(T(-1e-3)));
     const V x_slope = x_ratio * mean_slope<V, T>(x_ratio, fma(nx * turn, inverse_fx, one));
     const V y_slope = y_ratio * mean_slope<V, T>(y_ratio, fma(ny * turn, inverse_fy, one));
-    (fx2 * x_slope * fma(normal, y2, continuity * rx2)).store(out.wxx.row(y) + x);
+    const V wxx = fx2 * x_slope * fma(normal, y2, continuity * rx2);
+    const V wyy = fy2 * y_slope * fma(normal, x2, continuity * ry2);
+    wxx.store(out.wxx.row(y) + x);
     (-(fxy * sqrt(x_slope * y_slope) * normal * xy)).store(out.wxy.row(y) + x);
-    (fy2 * y_slope * fma(normal, x2, continuity * ry2)).store(out.wyy.row(y) + x);
-    (depth_scale * V::load(problem.depth_weight.row(y) + x) * z * z).store(out.diagonal.row(y) + x);
-    (gradient_scale * V::load(gradient.row(y) + x) * z).store(out.rhs.row(y) + x);
+    wyy.store(out.wyy.row(y) + x);
+    const V diagonal = fma(V(damping), wxx + wyy, depth_scale * V::load(problem.depth_weight.row(y) + x) * z * z);
+    const V rhs = gradient_scale * V::load(gradient.row(y) + x) * z;
+    const V estimate = V::load(problem.estimate.row(y) + x);
+    const auto low = (z <= estimate * lowest) & (zero > rhs);
+    const auto high = (z >= estimate * highest) & (rhs > zero);
+    const V held(static_cast<T>(kHeldDiagonal));
+    select(low, held, select(high, held, diagonal)).store(out.diagonal.row(y) + x);
+    select(low, zero, select(high, zero, rhs)).store(out.rhs.row(y) + x);
   }
 }
 
 template <class T, class V, class Executor>
-void linearise(const LossProblem<T>& problem, ImageView<const T> depth, ImageView<const T> gradient,
+void linearise(const LossProblem<T>& problem, ImageView<const T> depth, ImageView<const T> gradient, T damping,
                const SystemPlanes<T>& out, Executor& executor) noexcept {
   using Tangents = TangentForm;
   using Continuity = ContinuityForm;
@@ -145,13 +161,14 @@ void linearise(const LossProblem<T>& problem, ImageView<const T> depth, ImageVie
       static_cast<std::size_t>(depth.height()), kLossChunkRows, [&](std::size_t begin, std::size_t end) {
         for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
           if (thesis && printed) {
-            linearise_row<Tangents::thesis, Continuity::printed, V>(problem, depth, gradient, y, out);
+            linearise_row<Tangents::thesis, Continuity::printed, V>(problem, depth, gradient, damping, y, out);
           } else if (thesis) {
-            linearise_row<Tangents::thesis, Continuity::unit_tangents, V>(problem, depth, gradient, y, out);
+            linearise_row<Tangents::thesis, Continuity::unit_tangents, V>(problem, depth, gradient, damping, y, out);
           } else if (printed) {
-            linearise_row<Tangents::perspective, Continuity::printed, V>(problem, depth, gradient, y, out);
+            linearise_row<Tangents::perspective, Continuity::printed, V>(problem, depth, gradient, damping, y, out);
           } else {
-            linearise_row<Tangents::perspective, Continuity::unit_tangents, V>(problem, depth, gradient, y, out);
+            linearise_row<Tangents::perspective, Continuity::unit_tangents, V>(problem, depth, gradient, damping, y,
+                                                                               out);
           }
         }
       });
