@@ -347,6 +347,70 @@ TEST_CASE("cross-bilateral: one valid pixel, a column of NaN, all invalid, colou
   CHECK(s.worst(p) < 2e-5);
 }
 
+TEST_CASE("cross-bilateral: a class that fills a box in the tail of the Gaussian keeps the bound, on all four sides") {
+  for (const float sigma : {2.0F, 4.0F}) {
+    for (const bool along_rows : {true, false}) {
+      for (const bool at_the_end : {true, false}) {
+        Scene<std::uint8_t> s(along_rows ? Shape{40, 12} : Shape{12, 40});
+        s.depth.assign(s.depth.size(), 0.0F);
+        for (int across = 0; across < 12; ++across) {
+          for (int i = 0; i < 3; ++i) {
+            const int along = at_the_end ? 39 - i : i;
+            s.depth[along_rows ? s.at(along, across) : s.at(across, along)] =
+                i == 0 ? 120.0F : (i == 1 ? 80.0F : 40.0F);
+          }
+        }
+        CrossBilateralParams p;
+        p.use_colour = false;
+        p.sigma_s_px = sigma;
+        p.radius_px = 40;
+        REQUIRE(s.run(p).ok());
+        CHECK(s.worst(p) < 1e-6);
+        int in_the_tail = 0;
+        for (int y = 0; y < s.shape.height; ++y) {
+          for (int x = 0; x < s.shape.width; ++x) {
+            double weight = 0;
+            (void)s.naive(p, x, y, weight);
+            in_the_tail += weight > 2e-12 && weight < 1e-9 ? 1 : 0;
+          }
+        }
+        CHECK(in_the_tail >= 12);
+      }
+    }
+  }
+}
+
+TEST_CASE("cross-bilateral: 8-bit-quantised depth, and 80 % missing depth, keep the bound") {
+  // Inverse depth in 255 steps makes plateaus and jumps; with the colour term and without.
+  for (const float holes : {0.0F, 0.8F}) {
+    for (const bool quantised : {true, false}) {
+      if (!quantised && holes == 0.0F) continue;
+      Scene<std::uint8_t> s({72, 40});
+      s.randomise(21, holes);
+      if (quantised) {
+        for (float& z : s.depth) {
+          if (z > 0) z = 2.0F * 255.0F / std::max(1.0F, std::round(2.0F / z * 255.0F));
+        }
+      }
+      int missing = 0;
+      for (const float z : s.depth) missing += z > 0 ? 0 : 1;
+      if (holes > 0) CHECK(missing > 72 * 40 * 3 / 4);
+      for (const bool colour : {true, false}) {
+        CrossBilateralParams p;
+        p.sigma_s_px = 4.0F;
+        p.use_colour = colour;
+        REQUIRE(s.run(p).ok());
+        CHECK(s.worst(p) < (colour ? 3e-6 : 1e-6));
+        p.keep_invalid = true;
+        REQUIRE(s.run(p).ok());
+        int filled = 0;
+        for (std::size_t i = 0; i < s.out.size(); ++i) filled += !(s.depth[i] > 0) && s.out[i] != 0.0F ? 1 : 0;
+        CHECK(filled == 0);
+      }
+    }
+  }
+}
+
 TEST_CASE("cross-bilateral gives the same bits with one lane, with chunks backwards, in place and on strided views") {
   Scene<std::uint8_t> s({45, 23});
   s.randomise(6, 0.2F);

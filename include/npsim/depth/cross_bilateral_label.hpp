@@ -243,11 +243,18 @@ void filter_class(const LabelTerm<LabelPixel>& t, const TileClass& c, float* scr
   const int from = c.sources.x0 / kTermRun * kTermRun;
   float* num = scratch;
   float* den = scratch + static_cast<std::ptrdiff_t>(kLabelRows) * g.sum_stride;
-  // Of the terms of a full box, those along one axis add up to the difference of two sums.
+  // Of the terms of a full box, those along one axis add up to the difference of two sums. A span beyond the centre is
+  // mirrored: far out on that side both sums are nearly the total and would cancel, on the other side both are small.
   const auto span_weight = [&](int at, int begin, int end, int radius) {
-    const int low = begin - at > -radius ? begin - at : -radius;
-    const int high = end - at < radius + 1 ? end - at : radius + 1;
-    return low < high ? static_cast<float>(t.cumulated[high] - t.cumulated[low]) : 0.0F;
+    int low = begin - at > -radius ? begin - at : -radius;
+    int high = end - at < radius + 1 ? end - at : radius + 1;
+    if (low >= high) return 0.0F;
+    if (low > 0) {
+      const int first = low;
+      low = 1 - high;
+      high = 1 - first;
+    }
+    return static_cast<float>(t.cumulated[high] - t.cumulated[low]);
   };
   const int first_x = c.centres.x0 / kTermRun * kTermRun;
   if (full) {
