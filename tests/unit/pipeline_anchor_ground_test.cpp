@@ -75,9 +75,23 @@ SerialExecutor serial;
 TEST_CASE("anchoring puts everything to scale by the camera's height") {
   Scene s;
   s.scale(1.07F);
-  REQUIRE(s.run({}, kHeight, serial).ok());
+  AnchorGroundParams params;
+  params.height_trust = 1.0F;
+  REQUIRE(s.run(params, kHeight, serial).ok());
   for (const Label l : {label::road, label::sidewalk, label::building}) CHECK(s.worst(l) < 1e-3F);
-  CHECK(s.ground.camera_height_m == kHeight);
+  CHECK(s.ground.camera_height_m == doctest::Approx(static_cast<double>(kHeight)).epsilon(1e-4));
+}
+
+TEST_CASE("a height trusted by half takes back half of a false scale") {
+  Scene s;
+  s.scale(1.07F);
+  AnchorGroundParams params;
+  params.height_trust = 0.5F;
+  REQUIRE(s.run(params, kHeight, serial).ok());
+  const double left = std::sqrt(1.07) - 1.0;
+  for (const Label l : {label::road, label::building}) {
+    CHECK(static_cast<double>(s.worst(l)) == doctest::Approx(left).epsilon(0.02));
+  }
 }
 
 TEST_CASE("anchoring without a height, or with the height switched off, leaves the scale") {
@@ -134,7 +148,9 @@ TEST_CASE("what stands on the road moves with it") {
     for (int x = 0; x < kShape.width; ++x) s.depth(x, y) *= 1.0F + 0.03F * std::sin(0.06F * static_cast<float>(x));
   }
   const float before = s.worst(label::car);
-  REQUIRE(s.run({}, kHeight, serial).ok());
+  AnchorGroundParams params;
+  params.height_trust = 1.0F;  // the drift's mean counts as scale
+  REQUIRE(s.run(params, kHeight, serial).ok());
   CHECK(s.worst(label::car) < 0.5F * before);
 }
 

@@ -98,7 +98,7 @@ inline Expected<Scene> scene_from_json(const JsonObject& root, const ReadLimits&
     scene.camera_height_m = 0;
   } else if (scene.camera_height_m > 0) {
     scene.notes.push_back("camera: " + number_text("%.2f m", scene.camera_height_m) +
-                          " above the road, which puts the depth to scale");
+                          " above the road, by which the depth is put to scale where it agrees with the ground");
   }
 
   LabelEncoding encoding = LabelEncoding::cityscapes_label_ids;

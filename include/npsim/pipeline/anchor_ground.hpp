@@ -3,8 +3,10 @@
 //
 // An estimate of the ground has four kinds of error: scale, slow drifts over the image, noise, and the shape that the
 // ground really has. The plane that fits it robustly (light/ground.hpp) has none of the last three. So
-//   scale: everything is multiplied by camera height / fitted height. A height that differs from the fitted one by more
-//     than max_scale_error is taken for a mistake and ignored.
+//   scale: everything is multiplied by (camera height / fitted height)^height_trust. The fitted height is that of the
+//     plane under the camera, where nothing was seen: a drift of depth along the road tilts the plane and moves it as
+//     much as a false scale would. With both about as likely the square root is the best guess. A height that differs
+//     from the fitted one by more than max_scale_error is taken for a mistake and ignored.
 //   flat: a pixel of the carriageway takes the plane's depth, but where its surroundings are off by more than twice the
 //     tolerance, which is shape, they stay so; between one and two tolerances it goes over. Surroundings: mean over a
 //     square within the label, twice; a pixel's own deviation is noise. The tolerance is `spread` times the median
@@ -40,6 +42,7 @@ inline namespace v1 {
 struct AnchorGroundParams {
   bool enabled = true;
   bool use_camera_height = true;  // where the scene has one
+  float height_trust = 0.5F;      // 0..1; 1 where depth has no drifts
   float max_scale_error = 0.2F;   // three times what loads, tyres and a road's crown do to a mounted camera's height
   LabelSet flat = LabelSet::of(label::road, label::parking);
   LabelSet smooth = LabelSet::of(label::sidewalk, label::ground);
@@ -145,9 +148,10 @@ void average_surroundings(ImageView<const std::uint8_t> classes, int radius, Ima
 }  // namespace refine_detail
 
 [[nodiscard]] inline Status validate(const AnchorGroundParams& p) noexcept {
-  const bool good = p.max_scale_error >= 0.0F && p.max_scale_error < 1.0F && p.spread >= 0.0F &&
-                    p.min_tolerance >= 1e-4F && p.max_tolerance >= p.min_tolerance && p.max_tolerance < 1.0F &&
-                    p.max_depth_m > 0.0F && p.surroundings_px >= 0 && p.surroundings_px <= 4096;  // false for NaN
+  const bool good = p.max_scale_error >= 0.0F && p.max_scale_error < 1.0F && p.height_trust >= 0.0F &&
+                    p.height_trust <= 1.0F && p.spread >= 0.0F && p.min_tolerance >= 1e-4F &&
+                    p.max_tolerance >= p.min_tolerance && p.max_tolerance < 1.0F && p.max_depth_m > 0.0F &&
+                    p.surroundings_px >= 0 && p.surroundings_px <= 4096;  // false for NaN
   return good ? Status() : Status(StatusCode::invalid_argument, "anchor_ground: a parameter lies outside its range");
 }
 
@@ -180,7 +184,7 @@ template <class Executor>
 
   const float scale = camera_height_m / ground.camera_height_m;
   const bool rescale = params.use_camera_height && std::fabs(scale - 1.0F) <= params.max_scale_error;
-  const float log_scale = rescale ? std::log(scale) : 0.0F;
+  const float log_scale = rescale ? params.height_trust * std::log(scale) : 0.0F;
   const refine_detail::PlaneDepth plane{ground.up, ground.camera_height_m, params.max_depth_m};
   std::array<float, kLabelCount> tolerance{};
   for (std::size_t l = 0; l < tolerance.size(); ++l) {
@@ -232,7 +236,7 @@ template <class Executor>
       }
     }
   });
-  if (rescale) ground.camera_height_m = camera_height_m;
+  ground.camera_height_m *= std::exp(log_scale);
   return {};
 }
 
