@@ -372,7 +372,7 @@ TEST_CASE("merged moments know the standard deviation within the stated bound, a
         // Twice the bound of the header from a window's own standard deviation: it must be certain, and right.
         const double variance = exact.variance[static_cast<std::size_t>(y * shape.width + 2 + x)];
         const double sigma = std::sqrt(variance);
-        const double bound = 2 * 16 * 0x1p-24 * (151.0 + 1.01 * sigma);
+        const double bound = 2 * 16 * 0x1p-24 * (2.0 * static_cast<double>(spread) + 1.01 * sigma) + 1e-12;
         for (const double side : {-1.0, 1.0}) {
           const double limit = sigma + side * bound;
           if (limit < 0) continue;
@@ -415,7 +415,7 @@ TEST_CASE("counted moments know the standard deviation among holes within the st
         for (int x = 0; x < 64; x += 5) {
           const double sigma = std::sqrt(exact.variance[static_cast<std::size_t>(y * shape.width + 3 + x)]);
           const bool lonely = sigma == 0;  // perhaps no valid pixel: always in doubt
-          const double bound = 2 * 24 * 0x1p-24 * (160.0 + 1.01 * sigma);
+          const double bound = 2 * 24 * 0x1p-24 * (2.0 * static_cast<double>(spread) + 1.01 * sigma) + 1e-12;
           for (const double side : {-1.0, 1.0}) {
             const double limit = sigma + side * bound;
             if (limit < 0) continue;

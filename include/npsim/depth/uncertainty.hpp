@@ -136,6 +136,7 @@ struct WindowSearch {
                            const std::uint64_t* right) const noexcept {
     MergedMoments<F> moments;
     if (!moments.read(depth, block, any)) return false;
+    if (moments.all_below(threshold)) return true;
     moments.set_threshold(threshold);
     for (int y = 0; y < block.height; ++y) {
       const std::uint64_t row[kTileWords] = {left[y], right[y]};
@@ -158,6 +159,7 @@ struct WindowSearch {
   bool word_with_holes(const WindowBlock& block, std::uint64_t any, const Codes& codes_of) const noexcept {
     CountedMoments<F> moments;
     if (!moments.read(depth, block, lowest_bit(any), highest_bit(any))) return false;
+    if (moments.all_below(threshold)) return true;
     alignas(64) std::uint8_t least[StripCodes::kRows][2 * 64];
     alignas(64) std::uint8_t greatest[StripCodes::kRows][2 * 64];
     constexpr int kBytes = simd::BytesOf<F>::lanes;

@@ -4,12 +4,12 @@
 //
 // As in uncertainty_moments.hpp, but each part has its own number of valid pixels, so that a merge weighs the squared
 // difference of two means by a b / (a + b) (Chan, Golub and LeVeque 1979). The standard deviation is known to within
-//     |sigma' - sigma| <= 24 u z_max + 24 u sigma,  u = 2^-24,
-// where z_max is the greatest depth read. Derivation: the means after 0 .. 5 merges are off by at most 0, 1.5, 4.5,
-// 7.5, 10.5, 13.5 u z_max (a merge adds one rounding of the mean, of the difference and of the share, each of at most
-// z_max). The weights of the merges of one level add up to at most a quarter of the number of pixels, so these are
-// sqrt(sum of squares) = 19.2 u z_max of the standard deviation. Spreads are sums of positive terms, off by at most 17
-// roundings in all, which is 8.5 u sigma; the shares' roundings come to less than that again.
+//     |sigma' - sigma| <= 24 u D + 24 u sigma,  u = 2^-24,
+// where D is the difference of the greatest and the least depth read. Derivation: the means after 0 .. 5 merges are off
+// by at most 1, 2.5, 5.5, 8.5, 11.5, 14.5 u D (a merge adds one rounding of the mean, of the difference and of the
+// share, each of at most D). The weights of the merges of one level add up to at most a quarter of the number of
+// pixels, so these are sqrt(sum of squares) = 21.3 u D of the standard deviation. Spreads are sums of positive terms,
+// off by at most 17 roundings in all, which is 8.5 u sigma; the shares' roundings come to less than that again.
 //
 // Cost: about three times that without holes. Memory: 30 KiB of stack.
 #ifndef NPSIM_DEPTH_UNCERTAINTY_COUNTED_HPP
@@ -18,6 +18,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/depth/uncertainty_labels.hpp"
 #include "npsim/depth/uncertainty_moments.hpp"
@@ -28,8 +29,8 @@ inline namespace v1 {
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
-// Number, mean and sum of squared deviations of the valid ones among some pixels. Without any the mean is some finite
-// number.
+// Number, mean (about some depth of the block) and sum of squared deviations of the valid ones among some pixels.
+// Without any the mean is some finite number.
 template <class F>
 struct CountedPixels {
   F count;
@@ -58,9 +59,15 @@ class CountedMoments {
   // that squares might over- or underflow; then nothing else may be called.
   [[nodiscard]] bool read(ImageView<const float> depth, const WindowBlock& block, int first, int last) noexcept {
     batches_ = (last + kLead) / F::lanes + 1;
-    F high(0.0F);
     for (auto& row : valid_) row[0] = row[1] = 0;
-    for (int c = first / F::lanes; c < batches_; ++c) {
+    const int begin = first / F::lanes;
+    const int left = depth.width() - block.x;
+    const float centre =
+        some_depth(depth, block, begin * F::lanes, batches_ * F::lanes < left ? batches_ * F::lanes : left);
+    centre_ = F(centre);
+    F low = centre_;
+    F high = centre_;
+    for (int c = begin; c < batches_; ++c) {
       const int x = block.x + c * F::lanes;
       const int available = depth.width() - x < F::lanes ? depth.width() - x : F::lanes;
       if (available <= 0) {
@@ -71,6 +78,7 @@ class CountedMoments {
       const auto at = static_cast<unsigned>(c * F::lanes);
       Pixel above = pixel(depth, x, block.y, available);
       valid_[0][at >> 6] |= std::uint64_t{bits(above.valid)} << (at & 63U);
+      low = min(low, above.z);
       high = max(high, above.z);
       CountedPixels<F> pairs[2];
       CountedPixels<F> quads[4];
@@ -80,6 +88,7 @@ class CountedMoments {
         const int row = block.y + y;
         const Pixel own = pixel(depth, x, row < last_row ? row : last_row, available);
         valid_[y][at >> 6] |= std::uint64_t{bits(own.valid)} << (at & 63U);
+        low = min(low, own.z);
         high = max(high, own.z);
         const CountedPixels<F> new_two = pair(above, own);
         above = own;
@@ -98,17 +107,28 @@ class CountedMoments {
         step(y + 3, pairs[1], quads[3]);
       }
     }
+    float lows[F::lanes];
     float highs[F::lanes];
+    low.store(lows);
     high.store(highs);
-    z_max_ = 0;
-    for (const float z : highs) z_max_ = z > z_max_ ? z : z_max_;
-    return z_max_ == 0 || moments_are_safe(z_max_);
+    for (int i = 1; i < F::lanes; ++i) {
+      lows[0] = lows[i] < lows[0] ? lows[i] : lows[0];
+      highs[0] = highs[i] > highs[0] ? highs[i] : highs[0];
+    }
+    range_ = static_cast<double>(highs[0]) - static_cast<double>(lows[0]);
+    return centre == 0 || moments_are_safe(highs[0]);
   }
 
   // Which pixels of a row are valid: bit i stands for column block.x + i, 0 <= i < 64 + 7, those read.
   [[nodiscard]] const std::uint64_t (&valid(int row) const noexcept)[2] { return valid_[row]; }
 
-  void set_threshold(double variance) noexcept { limits_ = variance_limits(variance, z_max_, 24 * 0x1p-24, 1.0); }
+  // No variance exceeds a quarter of the squared range.
+  [[nodiscard]] bool all_below(double variance) const noexcept {
+    return 0.25 * range_ * range_ * (1 + 1e-9) <= variance;
+  }
+
+  // Sets the threshold that decide() compares with.
+  void set_threshold(double variance) noexcept { limits_ = variance_limits(variance, range_, 24 * 0x1p-24, 1.0); }
 
   // The windows first .. last of one row of the block that was read, 0 <= row < block.height. One without valid pixels
   // is in doubt.
@@ -158,20 +178,32 @@ class CountedMoments {
   static constexpr std::size_t kColumns = 64 + simd::kMaxLanes;
 
   struct Pixel {
-    F z;  // 0 where it is not valid
+    F z;  // centre_ where it is not valid
     typename F::MaskType valid;
   };
-  static NPSIM_ALWAYS_INLINE Pixel pixel(ImageView<const float> depth, int x, int y, int available) noexcept {
+  // The first valid depth in the columns begin .. end - 1 of the block, or 0.
+  [[nodiscard]] static float some_depth(ImageView<const float> depth, const WindowBlock& block, int begin,
+                                        int end) noexcept {
+    for (int y = block.y; y < block.y + block.height + kLead; ++y) {
+      const float* z = depth.row(y) + block.x;
+      for (int x = begin; x < end; ++x) {
+        if (is_valid_depth(z[x])) return z[x];
+      }
+    }
+    return 0;
+  }
+  NPSIM_ALWAYS_INLINE Pixel pixel(ImageView<const float> depth, int x, int y, int available) const noexcept {
     const float* p = depth.row(y) + x;
     const F z = available == F::lanes ? F::load(p) : F::load(p, available);
     const auto valid = (z > F(0.0F)) & simd::is_finite(z);
-    return {select(valid, z, F(0.0F)), valid};
+    return {select(valid, z, centre_), valid};
   }
-  static NPSIM_ALWAYS_INLINE CountedPixels<F> pair(const Pixel& a, const Pixel& b) noexcept {
+  // About the centre.
+  NPSIM_ALWAYS_INLINE CountedPixels<F> pair(const Pixel& a, const Pixel& b) const noexcept {
     const F one(1.0F);
     const F none(0.0F);
-    const F from = select(a.valid, a.z, b.z);
-    const F apart = select(b.valid, b.z, a.z) - from;
+    const F from = select(a.valid, a.z, b.z) - centre_;
+    const F apart = (select(b.valid, b.z, a.z) - centre_) - from;
     const F half = apart * 0.5F;
     return {select(a.valid, one, none) + select(b.valid, one, none), from + half, half * apart};
   }
@@ -181,7 +213,8 @@ class CountedMoments {
   }
 
   int batches_ = 0;
-  float z_max_ = 0;
+  double range_ = 0;
+  F centre_{0.0F};
   VarianceLimits limits_{};
   std::uint64_t valid_[kRows][2];
   alignas(64) float count_[kRows][kColumns];

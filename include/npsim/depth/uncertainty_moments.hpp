@@ -5,11 +5,12 @@
 // Mean and sum of squares of 1, 2, 4 .. 64 pixels come from merging equal halves (Chan, Golub and LeVeque 1979): the
 // squares of two halves add up and gain a multiple of the squared difference of the means. Nothing large is ever
 // subtracted from anything large, so at any depth the standard deviation is known to within
-//     |sigma' - sigma| <= 16 u z_max + 16 u sigma,  u = 2^-24,
-// where z_max is the greatest depth read. Derivation: the means after 0 .. 5 merges are off by at most 0, 1.5, 2.5, 4,
-// 5, 6.5 u z_max; as contributions to the sum of squares these are orthogonal directions, whose lengths add as squares,
-// sqrt(91.75) = 9.6; the roundings of the sums come to 7 u sigma (10 without a fused fma); the rest is slack.
-// A variance whose standard deviation lies further than that from the threshold's is decided; the others are in doubt.
+//     |sigma' - sigma| <= 16 u D + 16 u sigma,  u = 2^-24,
+// where D is the difference of the greatest and the least depth read; for what is merged is z - c, where c is one of
+// these depths. Derivation: the means after 0 .. 5 merges are off by at most 1, 2.5, 3.5, 5, 6, 7.5 u D; as
+// contributions to the sum of squares these are orthogonal directions, whose lengths add as squares, sqrt(136.75)
+// = 11.7; the roundings of the sums come to 7 u sigma (10 without a fused fma); the rest is slack. A variance whose
+// standard deviation lies further than that from the threshold's is decided; the others are in doubt.
 //
 // Cost: about 2 instructions of a register's width per register of windows and level of merging, 12 with loads and
 // stores. Memory: 30 KiB of stack.
@@ -42,10 +43,11 @@ struct VarianceLimits {
   float below;
 };
 
-// `error`: that of the standard deviation, relative both to z_max and to itself. `units`: of a spread per variance.
-[[nodiscard]] inline VarianceLimits variance_limits(double variance, float z_max, double error, double units) noexcept {
+// `error`: that of the standard deviation, relative both to the range and to itself. `units`: of a spread per variance.
+[[nodiscard]] inline VarianceLimits variance_limits(double variance, double range, double error,
+                                                    double units) noexcept {
   const double sigma = std::sqrt(variance);
-  const double off = error * static_cast<double>(z_max);
+  const double off = error * range;
   const double high = (sigma + off) * (1 + error);
   const double low = (sigma - off) * (1 - error);
   return {static_cast<float>(units * high * high * (1 + 0x1p-22)),
@@ -53,7 +55,7 @@ struct VarianceLimits {
 }
 
 // Can squares of depths up to z_max neither overflow nor lose, by underflow, what matters beside z_max?
-[[nodiscard]] inline bool moments_are_safe(float z_max) noexcept { return z_max > 1e-10F && z_max < 1e15F; }
+[[nodiscard]] inline bool moments_are_safe(float z_max) noexcept { return z_max > 1e-8F && z_max < 1e15F; }
 
 // Mean and sum of squared deviations of some pixels, in the units that the level of merging calls for: after two and
 // after four levels the mean has become twice and four times the mean, and the spread is always twice the sum of
@@ -89,10 +91,13 @@ class MergedMoments {
                           const std::uint64_t (&wanted)[kTileWords]) noexcept {
     batches_ = (block.width + kWindow - 1 + F::lanes - 1) / F::lanes;
     Column column;
+    bool begun = false;
     for (int c = 0; c < batches_; ++c) {
       if (!is_wanted(wanted, c)) continue;
       const int x = block.x + c * F::lanes;
       const int available = depth.width() - x < F::lanes ? depth.width() - x : F::lanes;
+      if (!begun) column.centre = F(depth(x, block.y));
+      begun = true;
       column.begin(load(depth, x, block.y, available));
       const int last_row = depth.height() - 1;
       for (int y = 1; y < block.height + kWindow - 1; y += 4) {
@@ -108,16 +113,26 @@ class MergedMoments {
       }
       if (!all((column.low > F(0.0F)) & simd::is_finite(column.check))) return false;
     }
+    float low[F::lanes];
     float high[F::lanes];
+    column.low.store(low);
     column.high.store(high);
-    z_max_ = 0;
-    for (const float z : high) z_max_ = z > z_max_ ? z : z_max_;
-    return moments_are_safe(z_max_);
+    for (int i = 1; i < F::lanes; ++i) {
+      low[0] = low[i] < low[0] ? low[i] : low[0];
+      high[0] = high[i] > high[0] ? high[i] : high[0];
+    }
+    range_ = static_cast<double>(high[0]) - static_cast<double>(low[0]);
+    return moments_are_safe(high[0]);
+  }
+
+  // No variance exceeds a quarter of the squared range.
+  [[nodiscard]] bool all_below(double variance) const noexcept {
+    return 0.25 * range_ * range_ * (1 + 1e-9) <= variance;
   }
 
   // Sets the threshold that decide() compares with.
   void set_threshold(double variance) noexcept {
-    limits_ = variance_limits(variance, z_max_, 16 * 0x1p-24, 2.0 * kWindow * kWindow);
+    limits_ = variance_limits(variance, range_, 16 * 0x1p-24, 2.0 * kWindow * kWindow);
   }
 
   // The windows first .. last of one row of the block that was read, 0 <= row < block.height.
@@ -176,6 +191,7 @@ class MergedMoments {
     F high{0.0F};
     F check{0.0F};  // not finite once a depth is: low and high pass over a NaN
     F eight{0.0F};
+    F centre{0.0F};
     F above{0.0F};
     Moments<F> pairs[2];
     Moments<F> quads[4];
@@ -183,7 +199,7 @@ class MergedMoments {
     NPSIM_ALWAYS_INLINE void begin(F z) noexcept {
       low = min(z, low);
       high = max(z, high);
-      above = z;
+      above = z - centre;
       for (Moments<F>& m : pairs) m = {F(0.0F), F(0.0F)};
       for (Moments<F>& m : quads) m = {F(0.0F), F(0.0F)};
     }
@@ -192,9 +208,10 @@ class MergedMoments {
     NPSIM_ALWAYS_INLINE void step(F z, float* mean, float* spread) noexcept {
       low = min(z, low);
       high = max(z, high);
-      const F apart = z - above;
+      const F own = z - centre;
+      const F apart = own - above;
       const Moments<F> pair{fma(apart, F(0.5F), above), apart * apart};
-      above = z;
+      above = own;
       const Moments<F> quad = merge_to_sum(pairs[kPhase % 2], pair);
       pairs[kPhase % 2] = pair;
       const Moments<F> eights = merge_to_mean(quads[kPhase], quad);
@@ -228,7 +245,7 @@ class MergedMoments {
   static std::uint32_t simd_bits(typename F::MaskType m) noexcept { return bits(m); }
 
   int batches_ = 0;
-  float z_max_ = 0;
+  double range_ = 0;
   VarianceLimits limits_{};
   alignas(64) float mean_[kRows][kColumns];
   alignas(64) float spread_[kRows][kColumns];
