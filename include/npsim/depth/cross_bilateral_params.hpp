@@ -34,7 +34,8 @@ struct CrossBilateralParams {
   bool use_labels = true;
   bool use_colour = true;
   bool keep_invalid = false;  // leave pixels without depth (the sky) without depth
-  // What the result may differ from equation (3.2) evaluated without rounding, relative to the result.
+  // What the result may differ from equation (3.2) evaluated without rounding, relative to the result, for the pixels
+  // and depths that cross_bilateral.hpp names. At R = 30 no less than 1.2e-5 can be asked, with labels alone 6.2e-6.
   float max_relative_error = 2e-5F;
 };
 
@@ -48,7 +49,9 @@ enum class CrossBilateralMethod {
 
 struct CrossBilateralResult {
   CrossBilateralMethod method = CrossBilateralMethod::label_sums;
-  float relative_error_bound = 0.0F;  // holds for every pixel that has a result
+  // Holds for every pixel with depth and colour, or whose weights sum to mu, where depths in one window differ by a
+  // factor of 1000 at most and lie in 1e-25..1e25; per further factor of 2 in either it grows by 3e-7.
+  float relative_error_bound = 0.0F;
 };
 
 [[nodiscard]] inline int cross_bilateral_radius(const CrossBilateralParams& params, Shape shape) noexcept {

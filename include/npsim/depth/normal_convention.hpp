@@ -12,7 +12,9 @@
 // Normals that are wrong on part of the image are outvoted, as long as the rest shows all three axes.
 // Invariant: deterministic; near-ties (1e-6) go to the convention nearest to identity in the order of enumeration, so
 // a fronto-parallel scene, which says nothing about x and y, keeps them.
-// Cost: one pass, serial, double. Memory: none. `agreement` lies in [-1, 1]; below about 0.5, doubt the file.
+// Cost: one pass, serial, double. Memory: none. `agreement` lies in [-1, 1]; below about 0.5, doubt the file. It is a
+// mean over the picture and says nothing about an axis for which the picture holds no evidence: such an axis keeps the
+// file's own sign, however high the agreement.
 #ifndef NPSIM_DEPTH_NORMAL_CONVENTION_HPP
 #define NPSIM_DEPTH_NORMAL_CONVENTION_HPP
 
@@ -108,7 +110,8 @@ inline constexpr double kSmoothBend = 0.02;
 }  // namespace depth_detail
 
 // raw: normals as read, scaled to [-1, 1] but with unknown axes, the shape of depth. Vectors shorter than 0.1 or not
-// finite are ignored. With nothing to compare the result is the identity and `agreement` is 0.
+// finite are ignored. With nothing to compare the result is the identity and `agreement` is 0. An axis without evidence
+// (x and y of a picture of one wall seen head-on) keeps the file's own sign, and `agreement` does not tell.
 [[nodiscard]] inline NormalConvention detect_normal_convention(ImageView<const Vec3f> raw, ImageView<const float> depth,
                                                                const Intrinsics& intrinsics,
                                                                float& agreement) noexcept {

@@ -5,7 +5,8 @@
 //     n = -(fx w_u, fy w_v, w - a w_u - b w_v) / |.|,
 //   which is (-fx z_u, -fy z_v, z + a z_u + b z_v) up to scale and sign. Inverse depth of a plane is linear in the
 //   image, so taking the differences in w makes the discrete normal exact on planes: it is the normal of the triangle
-//   through the pixel and its two neighbours. Invariant: n . ray < 0 for every depth.
+//   through the pixel and its two neighbours. Invariant: n . ray < 0 for every depth, to rounding: where neighbouring
+//   depths differ by a factor above 1e4 the normal is all but across the ray, and n . ray <= 1e-7.
 // thesis: n = (fx z_u / z, fy z_v / z, -1) / |.|, equations (3.4) and (3.5) with the printed sign turned towards the
 //   camera. It takes du/dx = fx/d, which holds d constant, and is biased away from the image centre. n.z < 0 always,
 //   n . ray < 0 only on surfaces that are not steep.
