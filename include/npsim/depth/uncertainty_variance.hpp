@@ -7,7 +7,8 @@
 // 2. WindowSums: any window, holes, in double. Sums of z - c and of its square for one sample c of the block, sliding
 //    down the columns. With D the greatest |z - c| the variance times the number of pixels is off by at most
 //        4 (l + 2 rows + 24) 2^-53 l^2 D^2.
-// 3. window_variance: one window in double, about one of its own samples: 1e-12 relative at any depth.
+// 3. window_variance: one window in double, about its first valid sample. Relative error at any depth, worst where that
+//    sample is an outlier, measured: 2e-14 at l = 8, 2e-11 at 64, 2e-9 at 256.
 // Whatever is decided by 1 or 2 is decided as the exact variance decides; the result does not depend on the way.
 //
 // Cost per window: 2. about 6 ns; 3. about 30 ns. Memory: 10 KiB of stack up to l = 16, 30 KiB above.
