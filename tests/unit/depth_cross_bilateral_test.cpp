@@ -9,6 +9,7 @@
 #include <limits>
 #include <vector>
 
+#include "backward_executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/exec/thread_pool.hpp"
 
@@ -17,13 +18,6 @@ using namespace npsim;
 namespace {
 
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
-
-struct BackwardExecutor {
-  template <class F>
-  void for_chunks(std::size_t count, std::size_t chunk, F&& f) const {
-    for (std::size_t c = chunk_count(count, chunk); c-- > 0;) f(c * chunk, std::min(count, (c + 1) * chunk));
-  }
-};
 
 template <class L>
 struct Scene {
@@ -61,6 +55,17 @@ struct Scene {
   Status run(const CrossBilateralParams& p) {
     const SerialExecutor serial;
     return run(p, serial);
+  }
+
+  // One lane at a time.
+  Status run_scalar(const CrossBilateralParams& p) {
+    std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, shape));
+    Workspace workspace(bytes.data(), bytes.size());
+    const SerialExecutor serial;
+    return depth_detail::cross_bilateral_with<simd::scalar::F32>(
+        p, cross_bilateral_detail::cross_bilateral_plan(p, shape), ImageView<const float>(depth.data(), shape),
+        ImageView<const L>(labels.data(), shape), ImageView<const Vec3f>(lab.data(), shape),
+        ImageView<float>(out.data(), shape), workspace, serial);
   }
 
   // Equation (3.2) as it stands, in double. `weight` is the denominator.
@@ -422,17 +427,13 @@ TEST_CASE("cross-bilateral gives the same bits with one lane, with chunks backwa
   REQUIRE(s.run(p, backward).ok());
   CHECK(s.out == expected);
 
-  std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, s.shape));
-  Workspace workspace(bytes.data(), bytes.size());
-  SerialExecutor serial;
   s.out.assign(s.out.size(), -1.0F);
-  REQUIRE(depth_detail::cross_bilateral_with<simd::scalar::F32>(
-              p, cross_bilateral_detail::cross_bilateral_plan(p, s.shape),
-              ImageView<const float>(s.depth.data(), s.shape), ImageView<const std::uint8_t>(s.labels.data(), s.shape),
-              ImageView<const Vec3f>(s.lab.data(), s.shape), ImageView<float>(s.out.data(), s.shape), workspace, serial)
-              .ok());
+  REQUIRE(s.run_scalar(p).ok());
   CHECK(s.out == expected);
 
+  std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, s.shape));
+  Workspace workspace(bytes.data(), bytes.size());
+  const SerialExecutor serial;
   std::vector<float> wide(60 * 23, -9.0F);
   std::vector<Vec3f> wide_lab(50 * 23);
   std::vector<std::uint8_t> wide_labels(70 * 23);
@@ -475,16 +476,8 @@ TEST_CASE("cross-bilateral: the bits depend on neither lanes, threads nor the or
     REQUIRE(s.run(p, backward).ok());
     CHECK(s.out == expected);
 
-    std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, s.shape));
-    Workspace workspace(bytes.data(), bytes.size());
-    SerialExecutor serial;
     s.out.assign(s.out.size(), -1.0F);
-    REQUIRE(depth_detail::cross_bilateral_with<simd::scalar::F32>(
-                p, cross_bilateral_detail::cross_bilateral_plan(p, s.shape),
-                ImageView<const float>(s.depth.data(), s.shape),
-                ImageView<const std::uint16_t>(s.labels.data(), s.shape), ImageView<const Vec3f>(s.lab.data(), s.shape),
-                ImageView<float>(s.out.data(), s.shape), workspace, serial)
-                .ok());
+    REQUIRE(s.run_scalar(p).ok());
     CHECK(s.out == expected);
   }
 }

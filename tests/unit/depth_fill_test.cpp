@@ -9,19 +9,13 @@
 #include <vector>
 
 #include "npsim/core/random.hpp"
+#include "backward_executor.hpp"
 
 using namespace npsim;
 
 namespace {
 
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
-
-struct BackwardExecutor {
-  template <class F>
-  void for_chunks(std::size_t count, std::size_t chunk, F&& f) const {
-    for (std::size_t c = chunk_count(count, chunk); c-- > 0;) f(c * chunk, std::min(count, (c + 1) * chunk));
-  }
-};
 
 struct Scene {
   explicit Scene(Shape s, Label l = label::building)

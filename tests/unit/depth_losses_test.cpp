@@ -12,19 +12,13 @@
 #include "npsim/core/random.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "reference/losses.hpp"
+#include "backward_executor.hpp"
 
 using namespace npsim;
 
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-struct BackwardExecutor {
-  template <class F>
-  void for_chunks(std::size_t count, std::size_t chunk, F&& f) const {
-    for (std::size_t c = chunk_count(count, chunk); c-- > 0;) f(c * chunk, std::min(count, (c + 1) * chunk));
-  }
-};
 
 template <class T>
 struct Scene {

@@ -13,16 +13,10 @@
 #include "npsim/core/random.hpp"
 #include "npsim/depth/normals.hpp"
 #include "npsim/depth/refine.hpp"
+#include "backward_executor.hpp"
 
 namespace npsim {
 namespace refine_test {
-
-struct BackwardExecutor {
-  template <class F>
-  void for_chunks(std::size_t count, std::size_t chunk, F&& f) const {
-    for (std::size_t c = chunk_count(count, chunk); c-- > 0;) f(c * chunk, std::min(count, (c + 1) * chunk));
-  }
-};
 
 // A road between two walls with boxes on it; depth with smeared edges, a low-frequency scale error and noise.
 struct Street {

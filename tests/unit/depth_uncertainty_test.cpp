@@ -10,6 +10,7 @@
 
 #include "npsim/core/random.hpp"
 #include "reference/uncertainty.hpp"
+#include "backward_executor.hpp"
 
 using namespace npsim;
 
@@ -93,14 +94,6 @@ void check_against_naive(Images& im, const UncertaintyParams& p) {
   }
   CHECK(mask == im.mask);
 }
-
-// Runs chunks last to first: a race or an order dependence would show.
-struct BackwardExecutor {
-  template <class F>
-  void for_chunks(std::size_t count, std::size_t chunk, F&& f) const {
-    for (std::size_t c = chunk_count(count, chunk); c-- > 0;) f(c * chunk, std::min(count, (c + 1) * chunk));
-  }
-};
 
 }  // namespace
 

@@ -10,19 +10,11 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/material/albedo.hpp"
+#include "backward_executor.hpp"
 
 namespace {
 
 using namespace npsim;
-
-// Runs the chunks last to first, as another thread count might.
-struct BackwardExecutor {
-  template <class F>
-  void for_chunks(std::size_t count, std::size_t chunk, F&& f) const {
-    const std::size_t n = chunk_count(count, chunk);
-    for (std::size_t i = n; i-- > 0;) f(i * chunk, std::min(count, (i + 1) * chunk));
-  }
-};
 
 std::uint8_t encode(float linear) {
   const float v = std::min(1.0F, std::max(0.0F, linear));

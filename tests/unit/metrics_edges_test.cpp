@@ -16,6 +16,7 @@
 #include "npsim/metrics/depth_edges.hpp"
 #include "npsim/metrics/depth_errors.hpp"
 #include "npsim/metrics/edge_errors.hpp"
+#include "backward_executor.hpp"
 
 namespace {
 
@@ -28,14 +29,6 @@ using npsim::StatusCode;
 
 using Plane = std::vector<float>;
 using Mask = std::vector<std::uint8_t>;
-
-// Chunks from the last to the first: what threads could do at worst.
-struct BackwardExecutor {
-  template <class F>
-  void for_chunks(std::size_t items, std::size_t chunk, F&& f) const {
-    for (std::size_t i = npsim::chunk_count(items, chunk); i-- > 0;) f(i * chunk, std::min(items, (i + 1) * chunk));
-  }
-};
 
 ImageView<const std::uint8_t> view(const Mask& mask, Shape shape) {
   return mask.empty() ? ImageView<const std::uint8_t>() : ImageView<const std::uint8_t>(mask.data(), shape);

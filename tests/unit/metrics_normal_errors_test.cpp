@@ -13,6 +13,7 @@
 
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
+#include "backward_executor.hpp"
 
 namespace {
 
@@ -25,14 +26,6 @@ using npsim::Vec3f;
 
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 constexpr double kPi = 3.14159265358979323846;
-
-// Chunks from the last to the first: what threads could do at worst.
-struct BackwardExecutor {
-  template <class F>
-  void for_chunks(std::size_t items, std::size_t chunk, F&& f) const {
-    for (std::size_t i = npsim::chunk_count(items, chunk); i-- > 0;) f(i * chunk, std::min(items, (i + 1) * chunk));
-  }
-};
 
 struct Measured {
   Status status;

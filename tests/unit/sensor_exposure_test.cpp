@@ -8,6 +8,7 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/sensor/exposure.hpp"
+#include "backward_executor.hpp"
 
 namespace {
 
@@ -22,17 +23,6 @@ using npsim::Vec3f;
 
 constexpr float kInf = std::numeric_limits<float>::infinity();
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-
-// The last chunk first: what a thread pool may do.
-struct BackwardExecutor {
-  template <class F>
-  void for_chunks(std::size_t count, std::size_t chunk, F&& f) const {
-    for (std::size_t i = npsim::chunk_count(count, chunk); i-- > 0;) {
-      const std::size_t end = (i + 1) * chunk;
-      f(i * chunk, end < count ? end : count);
-    }
-  }
-};
 
 struct Image {
   std::vector<Vec3f> pixels;
