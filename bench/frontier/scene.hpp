@@ -5,16 +5,12 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <memory>
-#include <vector>
 
+#include "../host.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/executor.hpp"
-#include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/core/workspace.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -32,25 +28,6 @@ struct Scene {
 
 // The street of seed 1; made at the first call and when the shape changes.
 [[nodiscard]] const Scene& street_scene(Shape shape);
-
-// A benchmark that cannot run its kernel has nothing to say.
-inline void must(const Status& status) {
-  if (status.ok()) return;
-  std::fprintf(stderr, "benchmark: %s: %s\n", status_code_name(status.code()), status.message());
-  std::exit(1);
-}
-
-// A workspace with its memory.
-class Arena {
- public:
-  explicit Arena(std::size_t bytes)
-      : memory_(bytes + kWorkspaceAlignment), workspace_(memory_.data(), memory_.size()) {}
-  [[nodiscard]] Workspace& workspace() { return workspace_; }
-
- private:
-  std::vector<unsigned char> memory_;
-  Workspace workspace_;
-};
 
 [[nodiscard]] inline std::shared_ptr<Arena> make_arena(std::size_t bytes) { return std::make_shared<Arena>(bytes); }
 

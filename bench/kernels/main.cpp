@@ -9,12 +9,11 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <memory>
 #include <utility>
 #include <vector>
 
+#include "../host.hpp"
 #include "npsim/color/lab.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/losses.hpp"
@@ -29,11 +28,8 @@ namespace {
 
 using namespace npsim;
 
-void must(const Status& status) {
-  if (status.ok()) return;
-  std::fprintf(stderr, "npsim_bench: %s: %s\n", status_code_name(status.code()), status.message());
-  std::exit(1);
-}
+using bench::Arena;
+using bench::must;
 
 [[nodiscard]] const street::Street& original() {
   static const street::Street street = [] {
@@ -91,18 +87,6 @@ template <class T>
   }
   return to;
 }
-
-// A workspace with its memory.
-class Arena {
- public:
-  explicit Arena(std::size_t bytes)
-      : memory_(bytes + kWorkspaceAlignment), workspace_(memory_.data(), memory_.size()) {}
-  [[nodiscard]] Workspace& workspace() { return workspace_; }
-
- private:
-  std::vector<unsigned char> memory_;
-  Workspace workspace_;
-};
 
 [[nodiscard]] const Scene& scene_of(Shape shape) {
   static Scene scene;  // of one size at a time
