@@ -62,6 +62,31 @@ inline void swap_rows(float*& a, float*& b) noexcept {
   b = t;
 }
 
+// The row buffers of one chunk.
+struct ChunkRows {
+  float *here, *below;
+  float* from_above;  // what the row above gives to the current one
+  float* residual;
+};
+
+// Buffers with the values of the chunk's first row, and what the row above it gives to that.
+template <class V>
+[[nodiscard]] ChunkRows start_chunk(const Multigrid& grid, const GridLevel& level, const ImageView<const float>& rhs,
+                                    const GridLevel* coarse, std::size_t begin) noexcept {
+  const std::ptrdiff_t stride = level.wxx.stride();
+  float* const buffer = level.buffer(grid.buffers, begin / kGridChunkRows);
+  const ChunkRows rows{buffer, buffer + stride, buffer + 2 * stride, buffer + 3 * stride};
+  const int first = static_cast<int>(begin);
+  first_values<V>(level, rhs, coarse, first, rows.here);
+  if (first == 0) {
+    for (int x = 0; x < level.end(); ++x) rows.from_above[x] = 0.0F;
+  } else {
+    first_values<V>(level, rhs, coarse, first - 1, rows.below);
+    links_below<V>(level, first - 1, rows.below, rows.here, rows.from_above);
+  }
+  return rows;
+}
+
 // Smooths once from 0 and hands the residual down.
 template <class V, class Executor>
 void restrict_level(const Multigrid& grid, int l, const ImageView<const float>& rhs, Executor& executor) noexcept {
@@ -69,26 +94,18 @@ void restrict_level(const Multigrid& grid, int l, const ImageView<const float>& 
   const GridLevel& coarse = grid.level[l + 1];
   const int height = level.shape().height;
   executor.for_chunks(static_cast<std::size_t>(height), kGridChunkRows, [&](std::size_t begin, std::size_t end) {
-    const std::ptrdiff_t stride = level.wxx.stride();
-    float* here = level.buffer(grid.buffers, begin / kGridChunkRows);
-    float* below = here + stride;
-    float* from_above = below + stride;
-    float* residual = from_above + stride;
+    const ChunkRows rows = start_chunk<V>(grid, level, rhs, nullptr, begin);
+    float* here = rows.here;
+    float* below = rows.below;
+    float* const residual = rows.residual;
     const int first = static_cast<int>(begin);
     const int last = static_cast<int>(end);
-    first_values<V>(level, rhs, nullptr, first, here);
-    if (first == 0) {
-      for (int x = 0; x < level.end(); ++x) from_above[x] = 0.0F;
-    } else {
-      first_values<V>(level, rhs, nullptr, first - 1, below);
-      links_below<V>(level, first - 1, below, here, from_above);
-    }
     for (int y = first; y < last; ++y) {
       const bool has_below = y + 1 < height;
       if (has_below) first_values<V>(level, rhs, nullptr, y + 1, below);
       const float* b = rhs.row(y);
       const bool add = (y - first) % 2 != 0;
-      apply_row<V>(level, y, here, has_below ? below : here, from_above, [&](int x, V product) {
+      apply_row<V>(level, y, here, has_below ? below : here, rows.from_above, [&](int x, V product) {
         V r = V::load(b + x) - product;
         if (add) r = V::load(residual + x) + r;
         r.store(residual + x);
@@ -114,26 +131,18 @@ void prolong_level(const Multigrid& grid, int l, const ImageView<const float>& r
   const GridLevel* coarse = l + 1 < grid.levels ? &grid.level[l + 1] : nullptr;
   const int height = level.shape().height;
   executor.for_chunks(static_cast<std::size_t>(height), kGridChunkRows, [&](std::size_t begin, std::size_t end) {
-    const std::ptrdiff_t stride = level.wxx.stride();
-    float* here = level.buffer(grid.buffers, begin / kGridChunkRows);
-    float* below = here + stride;
-    float* from_above = below + stride;
+    const ChunkRows rows = start_chunk<V>(grid, level, rhs, coarse, begin);
+    float* here = rows.here;
+    float* below = rows.below;
     const int first = static_cast<int>(begin);
     Done row = done;  // each chunk has its own
-    first_values<V>(level, rhs, coarse, first, here);
-    if (first == 0) {
-      for (int x = 0; x < level.end(); ++x) from_above[x] = 0.0F;
-    } else {
-      first_values<V>(level, rhs, coarse, first - 1, below);
-      links_below<V>(level, first - 1, below, here, from_above);
-    }
     for (int y = first; y < static_cast<int>(end); ++y) {
       const bool has_below = y + 1 < height;
       if (has_below) first_values<V>(level, rhs, coarse, y + 1, below);
       const float* b = rhs.row(y);
       const float* smoother = level.smoother.row(y);
       row.begin_row(y);
-      apply_row<V>(level, y, here, has_below ? below : here, from_above, [&](int x, V product) {
+      apply_row<V>(level, y, here, has_below ? below : here, rows.from_above, [&](int x, V product) {
         const V r = V::load(b + x);
         row.put(x, r, fma(V::load(smoother + x), r - product, V::load(here + x)));
       });

@@ -67,9 +67,9 @@ inline void straighten_ground(const GroundNormalsParams& params, const GroundPla
   }
 }
 
-// The normals that guide the refinement and shade the surface: given ones, else those of the filtered depth.
 }  // namespace refine_detail
 
+// The normals that guide the refinement and shade the surface: given ones, else those of the filtered depth.
 // given: the scene's normals, may be empty. ground: the ground plane of the depth; inlier_share 0: none.
 template <class Executor>
 [[nodiscard]] Status guiding_normals(const GuidingNormalsParams& params, ImageView<const Vec3f> given,
