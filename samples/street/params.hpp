@@ -73,6 +73,7 @@ struct Street {
   float camera_pitch_rad = 0;          // positive: looking down
   io::Image<Rgb8> image;               // the daytime photograph, sRGB
   io::Image<float> depth;              // exact z-depth in metres; 0 for the sky
+  io::Image<float> background_depth;   // the same with all foreground (kForegroundLabels) taken away
   io::Image<Vec3f> normals;            // exact, camera frame, facing the camera; (0, 0, -1) for the sky
   io::Image<Label> labels;             // Cityscapes label ids
   io::Image<std::uint16_t> instances;  // label * 1000 + k for countable things, the label id otherwise

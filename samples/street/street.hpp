@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "annotate.hpp"
+#include "background.hpp"
 #include "degrade.hpp"
 #include "layout.hpp"
 #include "npsim/core/status.hpp"
@@ -62,6 +63,7 @@ template <class Executor>
   street.camera_pitch_rad = layout.camera_pitch;
   street.image = io::Image<Rgb8>(params.shape);
   street.depth = io::Image<float>(params.shape);
+  street.background_depth = io::Image<float>(params.shape);
   street.normals = io::Image<Vec3f>(params.shape);
   street.labels = io::Image<Label>(params.shape);
   street.instances = io::Image<std::uint16_t>(params.shape);
@@ -70,6 +72,7 @@ template <class Executor>
   street.light_index = io::Image<std::uint16_t>(params.shape);
   std::vector<std::uint32_t> seen;
   render_street(stage, street, seen, executor);
+  NPSIM_RETURN_IF_ERROR(render_background(stage, street, executor));
   collect_emitters(stage, street);
   annotate(stage, seen, street);
   degrade_depth(street, executor);

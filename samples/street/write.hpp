@@ -2,7 +2,7 @@
 // write_street: a generated street as a scene folder, with the truth beside the estimates.
 //
 //   scene.json image.png depth.pfm normals.pfm labels.png instances.png albedo.pfm roughness.pfm lights.json lights.png
-//   truth/depth.pfm truth/normals.pfm truth/street.obj truth/street.mtl truth/emitters.json
+//   truth/depth.pfm truth/background_depth.pfm truth/normals.pfm truth/street.obj truth/street.mtl truth/emitters.json
 // depth.pfm and normals.pfm are the degraded estimates. Everything is in the camera frame (x right, y down, z
 // forward), metres. lights.json is a Segments.ai release; a pixel of lights.png holds id = R + 256 G + 65536 B.
 #ifndef NPSIM_SAMPLES_STREET_WRITE_HPP
@@ -58,8 +58,8 @@ inline std::string scene_json(const Street& s) {
          "  \"normals\": {\"file\": \"normals.pfm\", \"convention\": \"auto\"},\n" +
          "  \"albedo\": {\"file\": \"albedo.pfm\"},\n  \"roughness\": {\"file\": \"roughness.pfm\"},\n" +
          "  \"lights\": {\"format\": \"segments_ai\", \"json\": \"lights.json\", \"bitmap\": \"lights.png\"},\n" +
-         "  \"truth\": {\"depth\": \"truth/depth.pfm\", \"normals\": \"truth/normals.pfm\", \"mesh\": "
-         "\"truth/street.obj\", " +
+         "  \"truth\": {\"depth\": \"truth/depth.pfm\", \"background_depth\": \"truth/background_depth.pfm\", " +
+         "\"normals\": \"truth/normals.pfm\", \"mesh\": \"truth/street.obj\", " +
          "\"emitters\": \"truth/emitters.json\"}\n}\n";
 }
 
@@ -178,6 +178,7 @@ inline io::Outcome write_street(const Street& s, const std::string& dir) {
     if (done)
       done = io::write_png_rgba(at("lights.png"), static_cast<const io::Image<io::Rgba8>&>(light_bitmap(s)).view());
     if (done) done = io::write_pfm(at("truth/depth.pfm"), s.depth.view());
+    if (done) done = io::write_pfm(at("truth/background_depth.pfm"), s.background_depth.view());
     if (done) done = io::write_pfm(at("truth/normals.pfm"), s.normals.view());
     if (done) done = io::write_file(at("truth/street.mtl"), mesh_mtl(s));
     if (done) done = io::write_file(at("truth/street.obj"), mesh_obj(s));

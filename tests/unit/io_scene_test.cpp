@@ -154,6 +154,9 @@ TEST_CASE("scene: everything there is, and the convention of the normals found f
   require_ok(truth);
   CHECK(truth.value()(2, 2) == scene.depth(2, 2));
   require_ok(io::read_truth_normals(scene));
+  const auto behind = io::read_truth_background_depth(scene);
+  REQUIRE(!behind.ok());
+  CHECK(behind.error().line().find("truth.background_depth") != std::string::npos);
   CHECK(any_note(scene, "absent.obj"));
 }
 

@@ -63,7 +63,8 @@ bool same_bytes(const npsim::io::Image<T>& a, const npsim::io::Image<T>& b) {
 }
 
 bool same_planes(const street::Street& a, const street::Street& b) {
-  return same_bytes(a.image, b.image) && same_bytes(a.depth, b.depth) && same_bytes(a.normals, b.normals) &&
+  return same_bytes(a.image, b.image) && same_bytes(a.depth, b.depth) &&
+         same_bytes(a.background_depth, b.background_depth) && same_bytes(a.normals, b.normals) &&
          same_bytes(a.labels, b.labels) && same_bytes(a.instances, b.instances) && same_bytes(a.albedo, b.albedo) &&
          same_bytes(a.roughness, b.roughness) && same_bytes(a.light_index, b.light_index) &&
          same_bytes(a.est_depth, b.est_depth) && same_bytes(a.est_normals, b.est_normals);
@@ -143,6 +144,43 @@ TEST_CASE("street: depth of the road is that of the plane, in closed form") {
   CHECK(count > 2000);
   CHECK(worst < 4e-6);
   CHECK(worst_normal < 1e-5);
+}
+
+TEST_CASE("street: the depth behind the foreground is that of the nearest other face, face by face") {
+  const street::Street& s = common_street();
+  int wrong = 0, behind = 0, checked = 0;
+  for (int y = 0; y < s.depth.height(); ++y) {
+    for (int x = 0; x < s.depth.width(); ++x) {
+      const float z = s.background_depth(x, y);
+      if (!npsim::kForegroundLabels.contains(s.labels(x, y))) {
+        wrong += z != s.depth(x, y) ? 1 : 0;
+        continue;
+      }
+      wrong += z != 0.0F && !(z > s.depth(x, y)) ? 1 : 0;
+      if (++behind % 97 != 0) continue;
+      ++checked;
+      const npsim::Vec3d d = npsim::vec_cast<double>(unproject_pixel(s.intrinsics, x, y, 1.0F));
+      double nearest = 0;
+      for (std::size_t i = 0; i < s.faces.size(); ++i) {
+        if (npsim::kForegroundLabels.contains(s.face_label[i])) continue;
+        const auto a = npsim::vec_cast<double>(s.vertices[s.faces[i].a]);
+        const auto b = npsim::vec_cast<double>(s.vertices[s.faces[i].b]);
+        const auto c = npsim::vec_cast<double>(s.vertices[s.faces[i].c]);
+        // The volumes that the ray spans with the edges have one sign inside.
+        const double u = dot(d, cross(b, c));
+        const double v = dot(d, cross(c, a));
+        const double w = dot(d, cross(a, b));
+        if (!((u >= 0 && v >= 0 && w >= 0) || (u <= 0 && v <= 0 && w <= 0)) || u + v + w == 0.0) continue;
+        const double t = (u * a.z + v * b.z + w * c.z) / (u + v + w);
+        if (t > 0 && (nearest == 0.0 || t < nearest)) nearest = t;
+      }
+      CAPTURE(x);
+      CAPTURE(y);
+      CHECK(std::fabs(static_cast<double>(z) - nearest) <= 1e-5 * nearest);
+    }
+  }
+  CHECK(wrong == 0);
+  CHECK(checked > 10);
 }
 
 TEST_CASE("street: normals are unit and face the camera, the sky has no depth") {

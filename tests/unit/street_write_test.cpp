@@ -68,6 +68,9 @@ TEST_CASE("street: a written folder reads back with the same planes, marks and g
   const auto truth = io::read_pfm(folder.path + "/truth/depth.pfm");
   REQUIRE(truth.ok());
   CHECK(std::memcmp(truth.value().data(), s->depth.data(), n * sizeof(float)) == 0);
+  const auto background = io::read_pfm(folder.path + "/truth/background_depth.pfm");
+  REQUIRE(background.ok());
+  CHECK(std::memcmp(background.value().data(), s->background_depth.data(), n * sizeof(float)) == 0);
   const auto estimate = io::read_pfm_rgb(folder.path + "/normals.pfm");
   REQUIRE(estimate.ok());
   CHECK(std::memcmp(estimate.value().data(), s->est_normals.data(), n * sizeof(npsim::Vec3f)) == 0);
@@ -81,6 +84,9 @@ TEST_CASE("street: a written folder reads back with the same planes, marks and g
     const auto scene = io::read_scene(folder.path);
     REQUIRE_MESSAGE(scene.ok(), (scene.ok() ? std::string() : scene.error().line()));
     CHECK(scene.value().lights.size() == s->marks.size());
+    const auto behind = io::read_truth_background_depth(scene.value());
+    REQUIRE(behind.ok());
+    CHECK(std::memcmp(behind.value().data(), s->background_depth.data(), n * sizeof(float)) == 0);
     CHECK(std::fabs(scene.value().intrinsics.fx - s->intrinsics.fx) < 1e-3F);
     CHECK(std::memcmp(scene.value().depth.data(), s->est_depth.data(), n * sizeof(float)) == 0);
     CHECK(std::memcmp(scene.value().labels.data(), s->labels.data(), n) == 0);

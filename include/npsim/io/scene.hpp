@@ -35,9 +35,10 @@ Outcome with_entry(const JsonObject& root, const char* key, Read&& read) {
 }
 
 inline Outcome read_truth_names(const JsonObject& entry, Scene& scene) {
-  const Outcome known = entry.allow_only({"depth", "normals", "mesh", "emitters"});
+  const Outcome known = entry.allow_only({"depth", "background_depth", "normals", "mesh", "emitters"});
   if (!known) return known;
   const std::pair<const char*, std::string*> names[] = {{"depth", &scene.truth.depth},
+                                                        {"background_depth", &scene.truth.background_depth},
                                                         {"normals", &scene.truth.normals},
                                                         {"mesh", &scene.truth.mesh},
                                                         {"emitters", &scene.truth.emitters}};
@@ -148,6 +149,14 @@ inline Expected<Scene> read_scene(const std::string& dir_or_json, const ReadLimi
 inline Expected<Image<float>> read_truth_depth(const Scene& scene, const ReadLimits& limits = {}) {
   if (scene.truth.depth.empty()) return Error{scene.file, "truth.depth", "is missing, expected the name of a file"};
   return read_depth(scene.truth.depth, DepthFormat{}, limits);
+}
+
+// True depth of a generated scene behind its foreground; 0 where nothing but sky is.
+inline Expected<Image<float>> read_truth_background_depth(const Scene& scene, const ReadLimits& limits = {}) {
+  if (scene.truth.background_depth.empty()) {
+    return Error{scene.file, "truth.background_depth", "is missing, expected the name of a file"};
+  }
+  return read_depth(scene.truth.background_depth, DepthFormat{}, limits);
 }
 
 // True normals of a generated scene: canonical convention, zero where there is no surface.

@@ -23,10 +23,11 @@ namespace io {
 
 // Files with what is known to be true (generated scenes); empty where there is none. Read on demand.
 struct TruthFiles {
-  std::string depth;     // metres
-  std::string normals;   // canonical convention
-  std::string mesh;      // OBJ
-  std::string emitters;  // JSON
+  std::string depth;             // metres
+  std::string background_depth;  // metres, with all foreground taken away; 0: sky
+  std::string normals;           // canonical convention
+  std::string mesh;              // OBJ
+  std::string emitters;          // JSON
 };
 
 struct Scene {
