@@ -68,6 +68,7 @@
 #include "npsim/depth/uncertainty_variance.hpp"
 
 #include "npsim/mesh/check.hpp"
+#include "npsim/mesh/check_layer.hpp"
 #include "npsim/mesh/complete_background.hpp"
 #include "npsim/mesh/complete_foreground.hpp"
 #include "npsim/mesh/components.hpp"

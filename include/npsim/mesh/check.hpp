@@ -2,21 +2,28 @@
 // What is wrong with a triangle mesh, and what its topology is. Accepts anything, garbage included.
 //
 // Faces with an index out of range, a repeated index or a vertex that is not finite are counted and then left out of
-// the topology, so that the other numbers mean something. An edge is an unordered pair of vertices; two vertices at
-// one place are two. A pinched vertex is one whose faces form more than one fan (connected through edges of exactly
-// two faces). A component joins faces that share a vertex; a boundary loop is a connected component of boundary edges.
-// Euler characteristic = used vertices - edges + faces; a disc has 1, n separate discs n, each hole takes 1 off.
+// the topology and of the smallest angle, so that the other numbers mean something. An edge is an unordered pair of
+// vertices; two vertices at one place are two. A pinched vertex is one whose faces form more than one fan (connected
+// through edges of exactly two faces). A component joins faces that share a vertex; a boundary loop is a connected
+// component of boundary edges. Euler characteristic = used vertices - edges + faces; a disc has 1, n separate discs n,
+// each hole takes 1 off. Whether a layer over the pixel grid covers all that it should is check_layer.hpp's question.
 //
-// Cost: O(faces log faces), by sorting. Memory: 72 bytes a face, 6 a vertex. Deterministic: counts only.
 // A face counts as flat when twice its area, computed in double, is at most 1e-12 of its longest side squared: three
-// float points in general position are far above, collinear ones below.
+// float points in general position are far above, collinear ones below. The smallest angle is the least interior angle
+// of any face that is left, flat ones included: atan2(|p x q|, p . q) for the two sides p, q at the corner opposite the
+// shortest side; at most pi / 3.
+//
+// Method: half edges in buckets by their lower vertex (a counting sort), each bucket sorted by the other one.
+// Cost: O(faces log d), d the most faces at a vertex; 4.1 M faces in 0.23 s in raster order, 2 s shuffled (Zen 4).
+// Memory: 37 bytes a face, 10 a vertex. Error: counts are exact and deterministic; of the angle 1e-15 rad.
 #ifndef NPSIM_MESH_CHECK_HPP
 #define NPSIM_MESH_CHECK_HPP
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <utility>
+#include <limits>
 
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
@@ -49,6 +56,8 @@ struct MeshReport {
   std::size_t boundary_loops = 0;
   std::size_t components = 0;
   std::int64_t euler_characteristic = 0;
+  // Shape.
+  double smallest_angle_rad = 0.0;  // 0 as well where there is no good face
 
   // Every face is good, and they form oriented manifolds with boundary.
   [[nodiscard]] constexpr bool oriented_manifold() const noexcept {
@@ -60,21 +69,10 @@ struct MeshReport {
   }
 };
 
-namespace check_detail {
-
-struct HalfEdge {
-  std::uint32_t low = 0;
-  std::uint32_t high = 0;
-  std::uint32_t corner = 0;   // 3 face + k; the edge runs from corner k to corner k + 1 of the face
-  std::uint32_t forward = 0;  // 1 when it runs from low to high
-};
-
-}  // namespace check_detail
-
 [[nodiscard]] constexpr std::size_t check_mesh_workspace_bytes(std::size_t vertices, std::size_t faces) noexcept {
-  return allocation_bytes<Face>(faces) + allocation_bytes<check_detail::HalfEdge>(3 * faces) +
-         allocation_bytes<std::uint32_t>(3 * faces) + allocation_bytes<std::uint32_t>(vertices) +
-         2 * allocation_bytes<std::uint8_t>(vertices) + kWorkspaceAlignment;
+  return allocation_bytes<std::uint8_t>(faces) + allocation_bytes<std::uint64_t>(3 * faces) +
+         allocation_bytes<std::uint32_t>(3 * faces) + allocation_bytes<std::uint32_t>(vertices + 1) +
+         allocation_bytes<std::uint32_t>(vertices) + 2 * allocation_bytes<std::uint8_t>(vertices) + kWorkspaceAlignment;
 }
 
 inline namespace NPSIM_ISA_NAMESPACE {
@@ -84,20 +82,35 @@ namespace mesh_detail {
   return corner % 3 == 2 ? corner - 2 : corner + 1;
 }
 
-[[nodiscard]] inline bool is_flat(const Vec3f& pa, const Vec3f& pb, const Vec3f& pc) noexcept {
+// Of a face: twice its area and the product of the sides at its smallest angle, both squared; and the longest side
+// squared.
+struct FaceShape {
+  double cross2 = 0.0;
+  double dot2 = 0.0;
+  double longest2 = 0.0;
+};
+
+[[nodiscard]] inline FaceShape face_shape(const Vec3f& pa, const Vec3f& pb, const Vec3f& pc) noexcept {
   const Vec3d a = vec_cast<double>(pa);
   const Vec3d ab = vec_cast<double>(pb) - a;
   const Vec3d ac = vec_cast<double>(pc) - a;
   const Vec3d bc = ac - ab;
-  const double longest = std::max({dot(ab, ab), dot(ac, ac), dot(bc, bc)});
-  return !(length(cross(ab, ac)) > 1e-12 * longest);
+  const double ab2 = dot(ab, ab);
+  const double ac2 = dot(ac, ac);
+  const double bc2 = dot(bc, bc);
+  const Vec3d normal = cross(ab, ac);
+  // The scalar product of the sides at the corner that faces the shortest side: its angle is the smallest.
+  const double product = bc2 <= ab2 && bc2 <= ac2 ? dot(ab, ac) : (ac2 <= ab2 ? -dot(ab, bc) : dot(ac, bc));
+  return {dot(normal, normal), product * product, std::max({ab2, ac2, bc2})};
 }
 
-// Copies the good faces to the front of good, counts the others; returns how many are good.
-[[nodiscard]] inline std::size_t sort_out_faces(const TriangleMeshView& mesh, Span<Face> good, MeshReport& report) {
-  std::size_t n = 0;
+// Marks the good faces, counts the others and the flat ones, finds the smallest angle.
+inline void sort_out_faces(const TriangleMeshView& mesh, Span<std::uint8_t> good, MeshReport& report) {
   const auto vertices = static_cast<std::uint64_t>(mesh.vertices.size());
-  for (const Face& f : mesh.faces) {
+  double tangent2 = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < mesh.faces.size(); ++i) {
+    const Face& f = mesh.faces[i];
+    good[i] = 0;
     if (f.a >= vertices || f.b >= vertices || f.c >= vertices) {
       ++report.out_of_range_faces;
     } else if (f.a == f.b || f.b == f.c || f.c == f.a) {
@@ -105,27 +118,13 @@ namespace mesh_detail {
     } else if (!is_finite(mesh.vertices[f.a]) || !is_finite(mesh.vertices[f.b]) || !is_finite(mesh.vertices[f.c])) {
       ++report.not_finite_faces;
     } else {
-      if (is_flat(mesh.vertices[f.a], mesh.vertices[f.b], mesh.vertices[f.c])) ++report.flat_faces;
-      good[n++] = f;
+      good[i] = 1;
+      const FaceShape shape = face_shape(mesh.vertices[f.a], mesh.vertices[f.b], mesh.vertices[f.c]);
+      if (!(shape.cross2 > 1e-24 * shape.longest2 * shape.longest2)) ++report.flat_faces;
+      if (!(shape.cross2 >= tangent2 * shape.dot2)) tangent2 = shape.dot2 > 0.0 ? shape.cross2 / shape.dot2 : 0.0;
     }
   }
-  return n;
-}
-
-// Sorts the corners of each face, then the faces: for counting duplicates. Destroys orientation and order.
-inline void count_duplicates(Span<Face> faces, MeshReport& report) {
-  for (Face& f : faces) {
-    if (f.a > f.b) std::swap(f.a, f.b);
-    if (f.b > f.c) std::swap(f.b, f.c);
-    if (f.a > f.b) std::swap(f.a, f.b);
-  }
-  const auto less = [](const Face& p, const Face& q) {
-    return p.a != q.a ? p.a < q.a : (p.b != q.b ? p.b < q.b : p.c < q.c);
-  };
-  std::sort(faces.begin(), faces.end(), less);
-  for (std::size_t i = 1; i < faces.size(); ++i) {
-    if (!less(faces[i - 1], faces[i])) ++report.duplicate_faces;
-  }
+  if (tangent2 < std::numeric_limits<double>::infinity()) report.smallest_angle_rad = std::atan(std::sqrt(tangent2));
 }
 
 // Number of sets among the marked elements of a union-find forest.
@@ -133,6 +132,137 @@ inline void count_duplicates(Span<Face> faces, MeshReport& report) {
   std::size_t n = 0;
   for (std::size_t i = 0; i < parent.size(); ++i) n += marked[i] != 0 && parent[i] == i ? 1U : 0U;
   return n;
+}
+
+struct CheckSpace {
+  Span<std::uint8_t> good;         // per face
+  Span<std::uint64_t> half_edges;  // higher vertex << 32 | corner; corner 3 face + k runs to corner k + 1 of the face
+  Span<std::uint32_t> fan;         // union-find over corners
+  Span<std::uint32_t> start;       // of the bucket of each lower vertex, and the end of the last
+  Span<std::uint32_t> cluster;     // union-find over vertices
+  Span<std::uint8_t> used;         // per vertex: has a good face
+  Span<std::uint8_t> mark;         // per vertex
+};
+
+[[nodiscard]] inline std::uint32_t vertex_at(const TriangleMeshView& mesh, std::uint32_t corner) noexcept {
+  const Face& f = mesh.faces[corner / 3];
+  return corner % 3 == 0 ? f.a : (corner % 3 == 1 ? f.b : f.c);
+}
+
+// Calls f(corner, from, to) for the half edges of good faces.
+template <class F>
+void for_half_edges(const TriangleMeshView& mesh, Span<const std::uint8_t> good, F&& f) {
+  for (std::size_t i = 0; i < mesh.faces.size(); ++i) {
+    if (good[i] == 0) continue;
+    const Face& t = mesh.faces[i];
+    const auto corner = static_cast<std::uint32_t>(3 * i);
+    f(corner, t.a, t.b);
+    f(corner + 1, t.b, t.c);
+    f(corner + 2, t.c, t.a);
+  }
+}
+
+inline void fill_buckets(const TriangleMeshView& mesh, CheckSpace& space) {
+  std::fill(space.start.begin(), space.start.end(), 0U);
+  std::fill(space.used.begin(), space.used.end(), std::uint8_t{0});
+  for_half_edges(mesh, space.good, [&](std::uint32_t, std::uint32_t from, std::uint32_t to) {
+    ++space.start[std::min(from, to)];
+    space.used[from] = 1;
+  });
+  std::uint32_t end = 0;
+  for (std::uint32_t& s : space.start) s = end += s;
+  for_half_edges(mesh, space.good, [&](std::uint32_t corner, std::uint32_t from, std::uint32_t to) {
+    space.half_edges[--space.start[std::min(from, to)]] = std::uint64_t{std::max(from, to)} << 32U | corner;
+  });
+}
+
+// Buckets hold six half edges as a rule; std::sort is for fans of hundreds.
+inline void sort_bucket(std::uint64_t* first, std::uint64_t* last) {
+  if (last - first > 32) {
+    std::sort(first, last);
+    return;
+  }
+  for (std::uint64_t* i = first; i < last; ++i) {
+    const std::uint64_t value = *i;
+    std::uint64_t* hole = i;
+    for (; hole > first && hole[-1] > value; --hole) *hole = hole[-1];
+    *hole = value;
+  }
+}
+
+// Faces that share an edge are the same when they share the third vertex; each is counted at the edge without its
+// highest vertex. Overwrites the half edges of one edge.
+[[nodiscard]] inline std::size_t count_duplicates(const TriangleMeshView& mesh, std::uint32_t high,
+                                                  std::uint64_t* first, std::uint64_t* last) {
+  std::uint64_t* end = first;
+  for (const std::uint64_t* i = first; i < last; ++i) {
+    const std::uint32_t third = vertex_at(mesh, next_corner(next_corner(static_cast<std::uint32_t>(*i))));
+    if (third > high) *end++ = third;
+  }
+  sort_bucket(first, end);
+  std::size_t n = 0;
+  for (const std::uint64_t* i = first + 1; i < end; ++i) n += i[0] == i[-1] ? 1U : 0U;
+  return n;
+}
+
+// Edges of one, two and more faces; joins the corners of fans, and the vertices of the boundary.
+inline void count_edges(const TriangleMeshView& mesh, CheckSpace& space, MeshReport& report) {
+  for (std::size_t i = 0; i < space.fan.size(); ++i) space.fan[i] = static_cast<std::uint32_t>(i);
+  for (std::size_t i = 0; i < space.cluster.size(); ++i) space.cluster[i] = static_cast<std::uint32_t>(i);
+  std::fill(space.mark.begin(), space.mark.end(), std::uint8_t{0});
+  for (std::uint32_t low = 0; low < space.cluster.size(); ++low) {
+    std::uint64_t* const end = space.half_edges.data() + space.start[low + 1];
+    std::uint64_t* next = space.half_edges.data() + space.start[low];
+    sort_bucket(next, end);
+    while (next < end) {
+      std::uint64_t* const edge = next;
+      const auto high = static_cast<std::uint32_t>(*edge >> 32U);
+      while (next < end && *next >> 32U == high) ++next;
+      ++report.edges;
+      if (next - edge == 1) {
+        ++report.boundary_edges;
+        space.mark[low] = space.mark[high] = 1;
+        unite(space.cluster, low, high);
+        continue;
+      }
+      if (next - edge == 2) {
+        const auto e = static_cast<std::uint32_t>(edge[0]);
+        const auto o = static_cast<std::uint32_t>(edge[1]);
+        const bool against = vertex_at(mesh, e) != vertex_at(mesh, o);
+        if (!against) ++report.inconsistent_edges;
+        unite(space.fan, e, against ? next_corner(o) : o);
+        unite(space.fan, next_corner(e), against ? o : next_corner(o));
+      } else {
+        ++report.nonmanifold_edges;
+      }
+      report.duplicate_faces += count_duplicates(mesh, high, edge, next);
+    }
+  }
+  report.boundary_loops = count_roots(space.cluster, space.mark);
+}
+
+inline void count_components(const TriangleMeshView& mesh, CheckSpace& space, MeshReport& report) {
+  for (std::size_t i = 0; i < space.cluster.size(); ++i) space.cluster[i] = static_cast<std::uint32_t>(i);
+  std::int64_t good = 0;
+  for (std::size_t i = 0; i < mesh.faces.size(); ++i) {
+    if (space.good[i] == 0) continue;
+    ++good;
+    unite(space.cluster, mesh.faces[i].a, mesh.faces[i].b);
+    unite(space.cluster, mesh.faces[i].b, mesh.faces[i].c);
+  }
+  report.components = count_roots(space.cluster, space.used);
+  std::size_t used = 0;
+  for (const std::uint8_t u : space.used) used += u;
+  report.isolated_vertices = mesh.vertices.size() - used;
+  report.euler_characteristic = static_cast<std::int64_t>(used) - static_cast<std::int64_t>(report.edges) + good;
+}
+
+inline void count_pinched(const TriangleMeshView& mesh, CheckSpace& space, MeshReport& report) {
+  std::fill(space.mark.begin(), space.mark.end(), std::uint8_t{0});  // fans seen at a vertex: 0, 1, 2 = more
+  for_half_edges(mesh, space.good, [&](std::uint32_t corner, std::uint32_t from, std::uint32_t) {
+    std::uint8_t& fans = space.mark[from];
+    if (space.fan[corner] == corner && fans < 2 && ++fans == 2) ++report.pinched_vertices;
+  });
 }
 
 }  // namespace mesh_detail
@@ -145,81 +275,20 @@ inline void count_duplicates(Span<Face> faces, MeshReport& report) {
     return {StatusCode::capacity_exceeded, "check_mesh handles up to 2^32 vertices and 2^32 / 3 faces"};
   }
   const WorkspaceScope scope(workspace);
-  Span<Face> faces;
-  Span<check_detail::HalfEdge> half_edges;
-  Span<std::uint32_t> fan;      // union-find over face corners
-  Span<std::uint32_t> cluster;  // union-find over vertices
-  Span<std::uint8_t> used;
-  Span<std::uint8_t> mark;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(mesh.faces.size(), faces));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(3 * mesh.faces.size(), half_edges));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(3 * mesh.faces.size(), fan));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(mesh.vertices.size(), cluster));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(mesh.vertices.size(), used));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(mesh.vertices.size(), mark));
-
+  mesh_detail::CheckSpace space;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(mesh.faces.size(), space.good));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(3 * mesh.faces.size(), space.half_edges));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(3 * mesh.faces.size(), space.fan));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(mesh.vertices.size() + 1, space.start));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(mesh.vertices.size(), space.cluster));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(mesh.vertices.size(), space.used));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(mesh.vertices.size(), space.mark));
   for (const Vec3f& v : mesh.vertices) report.not_finite_vertices += is_finite(v) ? 0U : 1U;
-  const std::size_t good = mesh_detail::sort_out_faces(mesh, faces, report);
-  faces = Span<Face>(faces.data(), good);
-  half_edges = Span<check_detail::HalfEdge>(half_edges.data(), 3 * good);
-  fan = Span<std::uint32_t>(fan.data(), 3 * good);
-  for (std::size_t i = 0; i < cluster.size(); ++i) cluster[i] = static_cast<std::uint32_t>(i);
-  std::fill(used.begin(), used.end(), std::uint8_t{0});
-  std::fill(mark.begin(), mark.end(), std::uint8_t{0});
-
-  const auto vertex_of = [&faces](std::uint32_t corner) {
-    const Face& f = faces[corner / 3];
-    return corner % 3 == 0 ? f.a : (corner % 3 == 1 ? f.b : f.c);
-  };
-  for (std::uint32_t corner = 0; corner < fan.size(); ++corner) {
-    const std::uint32_t from = vertex_of(corner);
-    const std::uint32_t to = vertex_of(mesh_detail::next_corner(corner));
-    half_edges[corner] = {std::min(from, to), std::max(from, to), corner, from < to ? 1U : 0U};
-    fan[corner] = corner;
-    used[from] = 1;
-    mesh_detail::unite(cluster, from, to);
-  }
-  report.components = mesh_detail::count_roots(cluster, used);
-  std::size_t used_vertices = 0;
-  for (const std::uint8_t u : used) used_vertices += u;
-  report.isolated_vertices = mesh.vertices.size() - used_vertices;
-
-  std::sort(half_edges.begin(), half_edges.end(), [](const auto& p, const auto& q) {
-    return p.low != q.low ? p.low < q.low : (p.high != q.high ? p.high < q.high : p.corner < q.corner);
-  });
-  for (std::size_t i = 0; i < cluster.size(); ++i) cluster[i] = static_cast<std::uint32_t>(i);
-  for (std::size_t i = 0; i < half_edges.size();) {
-    const check_detail::HalfEdge& e = half_edges[i];
-    std::size_t end = i + 1;
-    while (end < half_edges.size() && half_edges[end].low == e.low && half_edges[end].high == e.high) ++end;
-    ++report.edges;
-    if (end - i == 1) {
-      ++report.boundary_edges;
-      mark[e.low] = mark[e.high] = 1;
-      mesh_detail::unite(cluster, e.low, e.high);
-    } else if (end - i == 2) {
-      const check_detail::HalfEdge& o = half_edges[i + 1];
-      const std::uint32_t e_next = mesh_detail::next_corner(e.corner);
-      const std::uint32_t o_next = mesh_detail::next_corner(o.corner);
-      if (e.forward == o.forward) ++report.inconsistent_edges;
-      mesh_detail::unite(fan, e.corner, e.forward == o.forward ? o.corner : o_next);
-      mesh_detail::unite(fan, e_next, e.forward == o.forward ? o_next : o.corner);
-    } else {
-      ++report.nonmanifold_edges;
-    }
-    i = end;
-  }
-  report.boundary_loops = mesh_detail::count_roots(cluster, mark);
-  report.euler_characteristic = static_cast<std::int64_t>(used_vertices) - static_cast<std::int64_t>(report.edges) +
-                                static_cast<std::int64_t>(good);
-
-  std::fill(mark.begin(), mark.end(), std::uint8_t{0});  // fans seen at a vertex: 0, 1, 2 = more
-  for (std::uint32_t corner = 0; corner < fan.size(); ++corner) {
-    std::uint8_t& fans = mark[vertex_of(corner)];
-    if (fan[corner] != corner || fans == 2) continue;
-    if (++fans == 2) ++report.pinched_vertices;
-  }
-  mesh_detail::count_duplicates(faces, report);
+  mesh_detail::sort_out_faces(mesh, space.good, report);
+  mesh_detail::fill_buckets(mesh, space);
+  mesh_detail::count_edges(mesh, space, report);
+  mesh_detail::count_components(mesh, space, report);
+  mesh_detail::count_pinched(mesh, space, report);
   return {};
 }
 
