@@ -76,6 +76,10 @@
 #include "npsim/mesh/interpolate_rows.hpp"
 #include "npsim/mesh/prune.hpp"
 #include "npsim/mesh/sheet.hpp"
+#include "npsim/mesh/solidify.hpp"
+#include "npsim/mesh/solidify_box.hpp"
+#include "npsim/mesh/solidify_params.hpp"
+#include "npsim/mesh/solidify_thickness.hpp"
 
 #include "npsim/trace/build.hpp"
 #include "npsim/trace/bvh.hpp"
@@ -126,6 +130,7 @@
 
 #include "npsim/pipeline/anchor_ground.hpp"
 #include "npsim/pipeline/guiding_normals.hpp"
+#include "npsim/pipeline/lamp_faces.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "npsim/pipeline/photograph.hpp"
 #include "npsim/pipeline/reconstruct.hpp"

@@ -55,6 +55,7 @@ struct NightParams {
   params.depth = RefineDepthParams::thesis();
   params.mesh.background = BackgroundParams::thesis();
   params.mesh.foreground = ForegroundParams::thesis();
+  params.mesh.backs = false;
   params.camera = PhotographParams::thesis();
   return params;
 }
@@ -70,7 +71,7 @@ struct Night {
 
 [[nodiscard]] inline std::size_t night_workspace_bytes(const NightParams& params, const SceneView& scene) noexcept {
   const Shape shape = scene.shape();
-  const std::size_t faces = 4 * shape.pixels();
+  const std::size_t faces = kMaxFacesPerPixel * shape.pixels();
   return refine_depth_workspace_bytes(params.depth, shape) + reconstruct_workspace_bytes(params.mesh, shape) +
          bvh_workspace_bytes(faces) + relight_workspace_bytes(params.relight, scene, params.variants) +
          photograph_workspace_bytes(params.camera, shape) + allocation_bytes<Vec3f>(shape.pixels()) +

@@ -2,8 +2,9 @@
 // Sections 3.3 and 3.5: from refined depth to the layered scene mesh.
 //
 // sheet (3.1) -> delete spurious faces -> complete the background behind objects -> complete the objects -> one indexed
-// mesh, background first. Each pixel then knows the vertex that the camera sees: the object's where there is one, else
-// the background's; a pixel whose vertex got no face borrows the nearest one of its row.
+// mesh: background, objects as they are seen, and the objects' backs where these are wanted (the thesis has none). Each
+// pixel then knows the vertex that the camera sees: the object's where there is one, else the background's, never a
+// back; a pixel whose vertex got no face borrows the nearest one of its row.
 // Memory: see reconstruct_workspace_bytes(); the mesh stays in the workspace.
 #ifndef NPSIM_PIPELINE_RECONSTRUCT_HPP
 #define NPSIM_PIPELINE_RECONSTRUCT_HPP
@@ -15,11 +16,13 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/light/ground.hpp"
 #include "npsim/mesh/complete_background.hpp"
 #include "npsim/mesh/complete_foreground.hpp"
 #include "npsim/mesh/index.hpp"
 #include "npsim/mesh/prune.hpp"
 #include "npsim/mesh/sheet.hpp"
+#include "npsim/mesh/solidify.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/pipeline/scene_view.hpp"
 
@@ -33,31 +36,44 @@ struct ReconstructParams {
   PruneParams prune;
   BackgroundParams background;
   ForegroundParams foreground;
+  bool backs = true;  // objects are solids, not shells
+  SolidifyParams solidify;
+  GroundParams ground;  // that solids stand on
 };
 
-// The scene as geometry; views over the workspace.
+// The scene as geometry; views over the workspace. Vertices and faces alike: the background's [0, background), the
+// objects' visible sides [background, sheet), the rest of the objects [sheet, size).
 struct SceneMesh {
-  TriangleMeshView mesh;                 // background's vertices and faces first
+  TriangleMeshView mesh;
   Span<const std::uint32_t> vertex_pixel;  // y * width + x of each vertex
   std::size_t background_vertices = 0;
   std::size_t background_faces = 0;
+  std::size_t sheet_vertices = 0;
+  std::size_t sheet_faces = 0;
+  SheetLayer background;  // what the indexed sheets were made from
+  SheetLayer foreground;
   ImageView<const std::uint32_t> visible_vertex;  // per pixel, kNoVertex where no surface is seen
   ImageView<const std::uint8_t> background_state;  // row_state of each pixel in the background
   ImageView<const std::uint32_t> object;           // 0 = background, else the number of the object
 };
 
-// A vertex belongs to at most three fans of faces per quad, hence three copies of a pixel and layer at the very worst.
+// In a completed layer every face exists that the vertices of one object allow, hence a new fan begins at a vertex only
+// where its neighbours on two opposite sides are missing: two fans at most, in two layers, and the backs' of one.
 inline constexpr std::size_t kMaxVerticesPerPixel = 6;
+// A quad has two faces in each layer. The backs': two more, and two for each rim edge, of which a quad with both faces
+// has none inside, one with a single face its diagonal, and one without any at most two sides that others end at.
+inline constexpr std::size_t kMaxFacesPerPixel = 6;
 
 [[nodiscard]] constexpr std::size_t reconstruct_workspace_bytes(const ReconstructParams& params, Shape shape) noexcept {
   const std::size_t pixels = shape.pixels();
   const std::size_t completion = complete_background_workspace_bytes(params.background, shape) +
                                  complete_foreground_workspace_bytes(params.foreground, shape) +
-                                 index_layer_workspace_bytes(shape);
+                                 index_layer_workspace_bytes(shape) + ground_workspace_bytes(params.ground, shape) +
+                                 solidify_workspace_bytes(params.solidify, shape, 2 * pixels, 2 * pixels);
   return 3 * allocation_bytes<Vec3f>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
          allocation_bytes<std::uint8_t>(pixels) + 2 * allocation_bytes<std::uint32_t>(pixels) +
          allocation_bytes<Vec3f>(kMaxVerticesPerPixel * pixels) +
-         allocation_bytes<std::uint32_t>(kMaxVerticesPerPixel * pixels) + allocation_bytes<Face>(4 * pixels) +
+         allocation_bytes<std::uint32_t>(kMaxVerticesPerPixel * pixels) + allocation_bytes<Face>(kMaxFacesPerPixel * pixels) +
          completion + kWorkspaceAlignment;
 }
 
@@ -70,7 +86,7 @@ inline void find_visible(const SceneMesh& mesh, ImageView<const Label> labels, L
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) visible(x, y) = kNoVertex;
   }
-  for (std::size_t v = 0; v < mesh.vertex_pixel.size(); ++v) {
+  for (std::size_t v = 0; v < mesh.sheet_vertices; ++v) {
     const auto x = static_cast<int>(mesh.vertex_pixel[v] % width);
     const auto y = static_cast<int>(mesh.vertex_pixel[v] / width);
     // A thin object is widened by vertices on its neighbours' pixels; those still show what is behind.
@@ -85,6 +101,25 @@ inline void find_visible(const SceneMesh& mesh, ImageView<const Label> labels, L
       if (visible(x, y) == kNoVertex && surface(x, y) != 0) visible(x, y) = visible(x + 1, y);
     }
   }
+}
+
+// Edges of a layer's faces that have no face on their other side.
+[[nodiscard]] inline std::size_t count_rim_edges(const SheetLayer& layer) noexcept {
+  const ImageView<std::uint8_t> quads = layer.quads;
+  const auto has = [&](int x, int y, mesh_detail::QuadEdge edge) {
+    return quads.contains(x, y) && mesh_detail::edge_has_face(quads(x, y), edge);
+  };
+  std::size_t n = 0;
+  for (int y = 0; y <= quads.height(); ++y) {
+    for (int x = 0; x <= quads.width(); ++x) {
+      n += has(x, y, mesh_detail::QuadEdge::top) != has(x, y - 1, mesh_detail::QuadEdge::bottom) ? 1U : 0U;
+      n += has(x, y, mesh_detail::QuadEdge::left) != has(x - 1, y, mesh_detail::QuadEdge::right) ? 1U : 0U;
+      if (!quads.contains(x, y)) continue;
+      const unsigned faces = quads(x, y) & (kQuadUpperFace | kQuadLowerFace);
+      n += faces == kQuadUpperFace || faces == kQuadLowerFace ? 1U : 0U;
+    }
+  }
+  return n;
 }
 
 }  // namespace reconstruct_detail
@@ -125,20 +160,50 @@ Status reconstruct(const ReconstructParams& params, const SceneView& scene, cons
   NPSIM_RETURN_IF_ERROR(complete_foreground(params.foreground, sheet.vertices, refined.labels, scene.instances,
                                             refined.uncertain, state, scene.camera, foreground, object, workspace,
                                             executor));
-  const MeshSize back = mesh_size(background);
+  const MeshSize behind = mesh_size(background);
   const MeshSize front = mesh_size(foreground);
+  MeshSize backs;
+  if (params.backs) {
+    backs = {front.vertices, back_faces(front.faces, reconstruct_detail::count_rim_edges(foreground))};
+  }
+  const std::size_t vertices = behind.vertices + front.vertices + backs.vertices;
   MeshBuffers buffers;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(back.vertices + front.vertices, buffers.vertices));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(back.vertices + front.vertices, buffers.pixels));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(back.faces + front.faces, buffers.faces));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(vertices, buffers.vertices));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(vertices, buffers.pixels));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(behind.faces + front.faces + backs.faces, buffers.faces));
   MeshSize background_size;
   MeshSize foreground_size;
   NPSIM_RETURN_IF_ERROR(
       index_layers(background, foreground, buffers, background_size, foreground_size, workspace, executor));
-  out.mesh = {buffers.vertices, buffers.faces};
-  out.vertex_pixel = buffers.pixels;
   out.background_vertices = background_size.vertices;
   out.background_faces = background_size.faces;
+  out.sheet_vertices = background_size.vertices + foreground_size.vertices;
+  out.sheet_faces = background_size.faces + foreground_size.faces;
+  if (params.backs && foreground_size.faces > 0) {
+    GroundPlane ground;
+    NPSIM_RETURN_IF_ERROR(
+        estimate_ground(params.ground, refined.depth, refined.labels, scene.camera, workspace, ground));
+    SolidifyScene around;
+    around.camera = scene.camera;
+    around.object = object;
+    around.labels = refined.labels;
+    around.foreground = params.foreground.foreground;
+    around.background = background.vertices;
+    around.up = ground.up;
+    around.camera_height_m = ground.inlier_share > 0.0F ? ground.camera_height_m : 0.0F;
+    const SolidifyFront seen{{buffers.vertices.sub(background_size.vertices, foreground_size.vertices),
+                              buffers.faces.sub(background_size.faces, foreground_size.faces)},
+                             buffers.pixels.sub(background_size.vertices, foreground_size.vertices),
+                             static_cast<std::uint32_t>(background_size.vertices)};
+    const MeshBuffers rest{buffers.vertices.sub(out.sheet_vertices, backs.vertices),
+                           buffers.faces.sub(out.sheet_faces, backs.faces),
+                           buffers.pixels.sub(out.sheet_vertices, backs.vertices)};
+    NPSIM_RETURN_IF_ERROR(solidify(params.solidify, seen, around, rest, backs, workspace, executor));
+  }
+  out.mesh = {buffers.vertices, buffers.faces};
+  out.vertex_pixel = buffers.pixels;
+  out.background = background;
+  out.foreground = foreground;
   out.object = object;
   out.background_state = state;
   reconstruct_detail::find_visible(out, refined.labels, params.foreground.foreground, refined.surface, visible);

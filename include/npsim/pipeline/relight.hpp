@@ -21,6 +21,7 @@
 #include "npsim/light/placement.hpp"
 #include "npsim/light/sky.hpp"
 #include "npsim/material/albedo.hpp"
+#include "npsim/pipeline/lamp_faces.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/pipeline/scene_view.hpp"
@@ -88,7 +89,7 @@ inline constexpr float kInversePi = 0.31830989F;
   const std::size_t points = kMaxVerticesPerPixel * pixels;
   const std::size_t emitters = scene.lights.size() + kEgoHeadlampCount;
   return allocation_bytes<Vec3f>(points) * 5 + allocation_bytes<float>(points) +
-         allocation_bytes<std::uint16_t>(4 * pixels) +
+         allocation_bytes<std::uint16_t>(kMaxFacesPerPixel * pixels) + mark_faces_workspace_bytes(scene, emitters) +
          allocation_bytes<std::uint8_t>(emitters * points) + allocation_bytes<std::uint32_t>(pixels) * 2 +
          allocation_bytes<std::uint32_t>(pixels * static_cast<std::size_t>(params.gather.rays)) +
          allocation_bytes<Vec3f>(pixels) * 5 + denoise_workspace_bytes(params.denoise, scene.shape()) +
@@ -182,18 +183,7 @@ Status prepare_relighting(const RelightParams& params, std::uint64_t seed, int v
   receivers = receivers.sub(0, receiver_count);
   Span<std::uint16_t> face_mark;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(mesh.mesh.faces.size(), face_mark));
-  const int width = scene.shape().width;
-  for (std::size_t f = 0; f < face_mark.size(); ++f) {
-    face_mark[f] = 0;
-    if (scene.light_index.empty()) continue;
-    // A face carries a mark when any of its corners does, so that a lamp of one pixel is not walled in by its rim.
-    const Face face = mesh.mesh.faces[f];
-    for (const std::uint32_t vertex : {face.a, face.b, face.c}) {
-      const auto pixel = static_cast<int>(mesh.vertex_pixel[vertex]);
-      const std::uint16_t mark = scene.light_index(pixel % width, pixel / width);
-      if (mark != 0) face_mark[f] = mark;
-    }
-  }
+  NPSIM_RETURN_IF_ERROR(mark_faces(scene, mesh, emitters, face_mark, workspace));
   observer.end(Stage::material);
 
   observer.begin(Stage::render);

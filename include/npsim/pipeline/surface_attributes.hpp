@@ -3,6 +3,7 @@
 //
 // A visible vertex takes what its pixel shows. Behind objects the same row-wise interpolation as for the geometry
 // (Algorithm 1) continues normals and albedo from the background on both sides; roughness there is that of `hidden_alpha`.
+// The back of an object has the paint of its front, and the normal of its own faces.
 // Cost: two passes over the image. Memory: two images and two planes.
 #ifndef NPSIM_PIPELINE_SURFACE_ATTRIBUTES_HPP
 #define NPSIM_PIPELINE_SURFACE_ATTRIBUTES_HPP
@@ -28,7 +29,7 @@ struct MaterialParams {
 };
 
 struct SurfaceAttributes {
-  Span<Vec3f> normal;  // unit, facing the camera
+  Span<Vec3f> normal;  // unit, facing the camera; of an object's back, away from the object
   Span<Vec3f> albedo;
   Span<float> alpha;
 };
@@ -41,6 +42,27 @@ inline constexpr float kHiddenAlpha = 0.8F;
          allocation_bytes<std::uint8_t>(shape.pixels()) +
          estimate_albedo_workspace_bytes(params.albedo, shape) + kWorkspaceAlignment;
 }
+
+namespace attributes_detail {
+
+// Mean normals, by area, of the faces around the vertices of the objects' backs.
+inline void back_normals(const SceneMesh& mesh, Span<Vec3f> normal) {
+  for (std::size_t v = mesh.sheet_vertices; v < mesh.mesh.vertices.size(); ++v) normal[v] = {};
+  for (std::size_t f = mesh.sheet_faces; f < mesh.mesh.faces.size(); ++f) {
+    const Face face = mesh.mesh.faces[f];
+    const Vec3f a = mesh.mesh.vertices[face.a];
+    const Vec3f n = cross(mesh.mesh.vertices[face.b] - a, mesh.mesh.vertices[face.c] - a);
+    for (const std::uint32_t v : {face.a, face.b, face.c}) {
+      if (v >= mesh.sheet_vertices) normal[v] += n;
+    }
+  }
+  for (std::size_t v = mesh.sheet_vertices; v < mesh.mesh.vertices.size(); ++v) {
+    const Vec3f n = normalized(normal[v]);
+    normal[v] = n == Vec3f{} || !is_finite(n) ? normalized(mesh.mesh.vertices[v]) : n;
+  }
+}
+
+}  // namespace attributes_detail
 
 template <class Executor>
 Status surface_attributes(const MaterialParams& params, const SceneView& scene, const RefinedDepth& refined,
@@ -92,6 +114,7 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
     }
   };
   copy(mesh.background_vertices, mesh.mesh.vertices.size(), false);
+  attributes_detail::back_normals(mesh, out.normal);
   // Known is what the camera sees of the background, the completed uncertain pixels beside objects included.
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
