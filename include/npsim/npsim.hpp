@@ -109,10 +109,14 @@
 #include "npsim/material/roughness.hpp"
 #include "npsim/material/specular_albedo.hpp"
 
+#include "npsim/render/coverage.hpp"
 #include "npsim/render/denoise.hpp"
 #include "npsim/render/direct.hpp"
 #include "npsim/render/gather.hpp"
+#include "npsim/render/preview.hpp"
+#include "npsim/render/rasterize.hpp"
 #include "npsim/render/surface_points.hpp"
+#include "npsim/render/view_pose.hpp"
 #include "npsim/render/visibility.hpp"
 
 #include "npsim/sensor/exposure.hpp"
