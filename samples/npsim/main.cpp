@@ -16,6 +16,7 @@
 #include "npsim/core/config.hpp"
 #include "options.hpp"
 #include "street_command.hpp"
+#include "view_command.hpp"
 
 namespace {
 
@@ -27,6 +28,7 @@ constexpr const char* kAbout =
     "  npsim street my_street          a generated street with everything a scene can have\n"
     "  npsim inspect my_street         what is in it, what is missing, ranges\n"
     "  npsim night my_street -o night  its nights, mesh and refined depth; open night/overview.png first\n"
+    "  npsim view my_street -o view.png --turn 45   its mesh from the side\n"
     "  npsim evaluate my_street        errors of depth and normals, as given and after each step, where the truth is known";
 
 constexpr const char* kStatuses =
@@ -85,6 +87,34 @@ int main(int argc, char** argv) {
   CLI::App* inspect_app = app.add_subcommand("inspect", "Say what a scene holds, what is missing, ranges and shares");
   inspect_app->add_option("scene", inspect.scene, "Folder with a scene.json, or the scene.json itself")->required();
 
+  ViewOptions view;
+  CLI::App* view_app = app.add_subcommand("view", "Draw the mesh of a scene, or of an OBJ file, from any side");
+  view_app->add_option("scene", view.scene, "Folder with a scene.json, the scene.json itself, or an .obj")->required();
+  view_app->add_option("-o,--output", view.output, "PNG file")->required();
+  view_app->add_option("--mesh", view.mesh, "raw: one sheet; pruned: without spurious faces; complete; background; objects")
+      ->check(CLI::IsMember({"raw", "pruned", "complete", "background", "objects"}))->capture_default_str();
+  view_app->add_option("--closer", view.from.closer_m, "Metres towards what is looked at")
+      ->check(CLI::Range(-1000.0, 1000.0))->capture_default_str();
+  view_app->add_option("--turn", view.from.turn_deg, "Degrees clockwise round the pivot, seen from above")
+      ->check(CLI::Range(-360.0, 360.0))->capture_default_str();
+  view_app->add_option("--climb", view.from.climb_deg, "Degrees above the pivot, looking down on it")
+      ->check(CLI::Range(-90.0, 90.0))->capture_default_str();
+  view_app->add_option("--pivot", view.from.pivot_m,
+                       "Metres ahead of the photograph's camera; 0: median depth of the picture's middle, 6 to 14 m")
+      ->check(CLI::Range(0.0, 1000.0))->capture_default_str();
+  view_app->add_option("--wire", view.wire_px, "Width in pixels at which edges are drawn; 0: not")
+      ->check(CLI::Range(0.0, 100.0))->capture_default_str();
+  view_app->add_option("--shading", view.shading, "How much a face darkens by its direction, 0 to 1")
+      ->check(CLI::Range(0.0, 1.0))->capture_default_str();
+  view_app->add_flag("--plain", view.plain, "Without the photograph");
+  view_app->add_option("--picture", view.picture, "Size of the picture, WIDTHxHEIGHT; default: the scene's");
+  view_app->add_option("--size", view.size, "Work at WIDTHxHEIGHT; default: the image's size");
+  view_app->add_option("--preset", view.preset, "default or thesis, as for night")
+      ->check(CLI::IsMember({"default", "thesis"}))->capture_default_str();
+  view_app->add_option("--threads", view.threads, "0 = one per processor")->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  view_app->add_flag("--quiet", view.quiet, "No progress");
+
   EvaluateOptions evaluate;
   CLI::App* evaluate_app =
       app.add_subcommand("evaluate", "Judge the depth, as given and after each step, by the scene's ground truth");
@@ -115,6 +145,7 @@ int main(int argc, char** argv) {
   try {
     if (*night_app) return run_night(night);
     if (*street_app) return run_street(street);
+    if (*view_app) return run_view(view);
     if (*evaluate_app) return run_evaluate(evaluate);
     return run_inspect(inspect);
   } catch (const std::bad_alloc&) {

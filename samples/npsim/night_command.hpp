@@ -8,9 +8,7 @@
 #include <array>
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
 #include <filesystem>
-#include <memory>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -18,9 +16,11 @@
 
 #include <nlohmann/json.hpp>
 
+#include "arena.hpp"
 #include "console.hpp"
 #include "loading.hpp"
 #include "mesh_export.hpp"
+#include "mesh_views.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/light_set.hpp"
 #include "npsim/io/pfm.hpp"
@@ -43,21 +43,6 @@ struct NightOptions {
   bool quiet = false;
 };
 
-// Uninitialised, page-aligned by the system: pages that no kernel touches cost nothing.
-class Arena {
- public:
-  explicit Arena(std::size_t bytes) : bytes_(bytes), data_(std::malloc(bytes)) {}
-  [[nodiscard]] void* data() const { return data_.get(); }
-  [[nodiscard]] std::size_t bytes() const { return data_ ? bytes_ : 0; }
-
- private:
-  struct Free {
-    void operator()(void* p) const { std::free(p); }
-  };
-  std::size_t bytes_;
-  std::unique_ptr<void, Free> data_;
-};
-
 // The photograph's content as a number (FNV-1a), so that two photographs of a data set never share a random draw.
 [[nodiscard]] inline std::uint64_t photograph_key(const io::Image<Rgb8>& image) {
   std::uint64_t hash = 0xCBF29CE484222325U;
@@ -75,22 +60,18 @@ class Arena {
 // Receives what the pipeline makes and writes it; remembers the first file that could not be written.
 class NightWriter {
  public:
-  NightWriter(const NightOptions& options, const io::Scene& scene, Console& console)
-      : options_(options), scene_(scene), console_(console) {}
+  NightWriter(const NightOptions& options, const io::Scene& scene, Console& console, ThreadPool& pool)
+      : options_(options), scene_(scene), console_(console), pool_(pool) {}
 
-  Status reconstructed(const RefinedDepth& refined, const SceneMesh& mesh, const Relighting& light, const Bvh& bvh) {
+  Status reconstructed(const RefinedDepth& refined, const SceneMesh& mesh, const Relighting& light, const Bvh&) {
     return written(console_.timed("write depth and mesh", [&]() -> io::Outcome {
       panels_.push_back({"day", scene_.image});
       panels_.push_back({"depth, as given", depth_picture(scene_.depth.view())});
       panels_.push_back({"depth, refined", depth_picture(refined.depth)});
       panels_.push_back({"uncertain", mask_picture(scene_.image.view(), refined.uncertain)});
       panels_.push_back({"normals", normal_picture(refined.normals)});
-      const Shape shape = scene_.image.shape();
-      const int width = std::min(shape.width, 640);
-      const Shape small{width, std::max(1, shape.height * width / shape.width)};
-      panels_.push_back({"mesh from 45 degrees", mesh_picture(bvh, mesh.mesh, light.points.albedo,
-                                                              scaled(scene_.intrinsics, shape, small), small,
-                                                              MeshView{})});
+      const Status drawn = mesh_panels(scene_.image.view(), mesh, refined.depth, scene_.intrinsics, pool_, panels_);
+      if (!drawn.ok()) return io::Error{options_.scene, "views of the mesh", drawn.message()};
       counts_ = {mesh.mesh.vertices.size(), mesh.mesh.faces.size(), mesh.background_faces, light.emitters.size()};
       ground_ = light.ground;
       if (auto o = io::write_png(path("depth.png"), panels_[2].picture.view()); !o) return o;
@@ -202,6 +183,7 @@ class NightWriter {
   const NightOptions& options_;
   const io::Scene& scene_;
   Console& console_;
+  ThreadPool& pool_;
   std::vector<Panel> panels_;
   Counts counts_;
   GroundPlane ground_;
@@ -254,7 +236,7 @@ inline int run_night(const NightOptions& options) {
   Workspace workspace(arena.data(), arena.bytes());
   const unsigned threads = thread_count(options.threads);
   ThreadPool pool(threads);
-  NightWriter writer(options, scene, console);
+  NightWriter writer(options, scene, console, pool);
   const Status status = make_nights(params, view, workspace, pool, console, writer);
   if (writer.error() != nullptr) return fail(*writer.error());
   if (status.code() == StatusCode::no_valid_input) {

@@ -23,7 +23,7 @@ inline constexpr int kExitBadInput = 2;
 inline constexpr int kExitInterrupted = 130;
 
 // "960x540" to a shape with both sides in 1..16384.
-[[nodiscard]] inline io::Expected<Shape> parse_size(const std::string& text) {
+[[nodiscard]] inline io::Expected<Shape> parse_size(const std::string& text, const char* option = "--size") {
   Shape shape;
   const char* end = text.data() + text.size();
   const auto [after_width, width_error] = std::from_chars(text.data(), end, shape.width);
@@ -33,7 +33,7 @@ inline constexpr int kExitInterrupted = 130;
     const bool in_range = shape.width >= 1 && shape.height >= 1 && shape.width <= 16384 && shape.height <= 16384;
     if (height_error == std::errc() && after_height == end && in_range) return shape;
   }
-  return io::Error{"", "--size", "expected WIDTHxHEIGHT with sides of 1 to 16384 pixels, got '" + text + "'"};
+  return io::Error{"", option, "expected WIDTHxHEIGHT with sides of 1 to 16384 pixels, got '" + text + "'"};
 }
 
 [[nodiscard]] inline unsigned thread_count(int requested) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures for people: coloured depth, normals, masks, a view of the mesh from the side, and the contact sheet.
+// Pictures for people: coloured depth, normals, masks, and the contact sheet.
 #ifndef NPSIM_SAMPLES_NPSIM_PICTURES_HPP
 #define NPSIM_SAMPLES_NPSIM_PICTURES_HPP
 
@@ -15,10 +15,8 @@
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
-#include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/trace/bvh.hpp"
 
 namespace npsim::tool {
 
@@ -81,49 +79,6 @@ namespace npsim::tool {
   return out;
 }
 
-// The mesh seen from a camera that was turned about the vertical by `yaw_rad` around a point ahead of it.
-struct MeshView {
-  float yaw_rad = 0.7853982F;
-  float pivot_m = 16.0F;     // distance of the point that the camera turns about
-  float closer_m = -6.0F;    // moved forward before turning
-  float raise_m = 5.0F;      // moved up, looking down at the pivot
-};
-
-[[nodiscard]] inline io::Image<Rgb8> mesh_picture(const Bvh& bvh, const TriangleMeshView& mesh, Span<const Vec3f> albedo,
-                                                  const Intrinsics& camera, Shape shape, const MeshView& view) {
-  io::Image<Rgb8> out(shape, Rgb8{28, 30, 36});
-  const float c = std::cos(view.yaw_rad);
-  const float s = std::sin(view.yaw_rad);
-  const float pitch = std::atan2(view.raise_m, view.pivot_m);
-  const float cp = std::cos(pitch);
-  const float sp = std::sin(pitch);
-  const auto turn = [&](Vec3f d) {
-    d = {d.x, cp * d.y + sp * d.z, cp * d.z - sp * d.y};
-    return Vec3f{c * d.x + s * d.z, d.y, c * d.z - s * d.x};
-  };
-  const Vec3f pivot{0, 0, view.pivot_m};
-  const Vec3f from = pivot + turn(Vec3f{0, 0, -(view.pivot_m - view.closer_m)}) * (1.0F / cp);
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      Ray ray;
-      ray.origin = from;
-      ray.direction = normalized(turn(unproject_pixel(camera, x, y, 1.0F)));
-      Hit hit;
-      if (!closest_hit(bvh, ray, hit)) continue;
-      const Face f = mesh.faces[hit.face];
-      const Vec3f a = mesh.vertices[f.a];
-      const Vec3f n = normalized(cross(mesh.vertices[f.b] - a, mesh.vertices[f.c] - a));
-      // Backs of sheets are shown reddish: from the side they are what is missing.
-      const bool back = dot(n, ray.direction) > 0;
-      const float shade = 0.35F + 0.65F * std::fabs(dot(n, normalized(Vec3f{0.4F, -0.8F, -0.5F})));
-      const Vec3f base = back ? Vec3f{0.30F, 0.12F, 0.10F} : albedo[f.a];
-      const auto encode = [&](float v) { return to_byte(std::pow(std::clamp(v * 2.2F * shade, 0.0F, 1.0F), 1 / 2.2F)); };
-      out(x, y) = {encode(base.x), encode(base.y), encode(base.z)};
-    }
-  }
-  return out;
-}
-
 struct Panel {
   std::string title;
   io::Image<Rgb8> picture;
@@ -178,7 +133,7 @@ inline void draw_text(io::Image<Rgb8>& out, int left, int top, int scale, std::s
   }
 }
 
-// All panels in rows of two, each with its title, shrunk to a common width.
+// All panels in rows of three, each with its title, shrunk to a common width.
 [[nodiscard]] inline io::Image<Rgb8> contact_sheet(const std::vector<Panel>& panels, int columns = 3) {
   constexpr int kMargin = 8;
   constexpr int kTitle = 26;

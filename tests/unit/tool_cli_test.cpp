@@ -301,6 +301,46 @@ TEST_CASE("tool: evaluate without a usable truth ends in one line that names wha
                 "a_file");
 }
 
+TEST_CASE("tool: view draws the mesh from any side, and an OBJ file, and says what the mesh consists of") {
+  const auto view = [&](const std::string& scene, const std::string& name, const std::string& more) {
+    const Run run = run_tool("view '" + scene + "' -o '" + fixture().out(name) + "' --quiet " + more);
+    REQUIRE_MESSAGE(run.status == 0, run.output);
+    return run.output;
+  };
+  const std::string said = view(fixture().street, "front.png", "--threads 1");
+  for (const char* word : {"background", "objects", "faces", "boundary loops", "manifold", "front.png"}) {
+    CHECK_MESSAGE(said.find(word) != std::string::npos, word);
+  }
+  CHECK(said.find("not a manifold") == std::string::npos);
+  view(fixture().street, "front3.png", "--threads 3");
+  CHECK(bytes_of(fixture().out("front.png")) == bytes_of(fixture().out("front3.png")));
+  view(fixture().street, "side.png", "--turn 45 --closer 3 --picture 200x100");
+  const auto side = npsim::io::read_rgb8(fixture().out("side.png"));
+  REQUIRE(side.ok());
+  CHECK(side.value().shape() == npsim::Shape{200, 100});
+  CHECK(view(fixture().street, "raw.png", "--mesh raw").find("raw") != std::string::npos);
+  CHECK(bytes_of(fixture().out("raw.png")) != bytes_of(fixture().out("front.png")));
+  view(fixture().street, "pruned.png", "--mesh pruned --preset thesis --size 160x90");
+  view(fixture().street, "background.png", "--mesh background --wire 0.5 --plain");
+  view(fixture().street, "objects.png", "--mesh objects --climb 30");
+  view(fixture().street + "/truth/street.obj", "truth.png", "--turn 30 --climb 20");
+  CHECK(fs::file_size(fixture().out("truth.png")) > 1000);
+}
+
+TEST_CASE("tool: view refuses what it cannot draw in one line") {
+  const std::string none = fixture().out("no_view");
+  const auto view = [&](const std::string& scene, const std::string& more) {
+    return run_tool("view '" + scene + "' -o '" + none + "/view.png' --quiet " + more);
+  };
+  check_refused(view(fixture().out("absent"), ""), "absent", none);
+  check_refused(view(fixture().out("absent.obj"), ""), "absent.obj", none);
+  check_refused(view(fixture().street, "--mesh best"), "mesh", none);
+  check_refused(view(fixture().street, "--picture 10"), "--picture", none);
+  check_refused(view(fixture().street, "--size 10"), "--size", none);
+  check_refused(view(fixture().street, "--turn north"), "turn", none);
+  check_refused(run_tool("view '" + fixture().street + "'"), "--output");
+}
+
 TEST_CASE("tool: bad input ends in one line that names the file, status 2, and writes nothing") {
   const std::string none = fixture().out("none");
   const auto night = [&](const std::string& scene, const std::string& more = "") {
