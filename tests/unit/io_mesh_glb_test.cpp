@@ -81,7 +81,8 @@ TEST_CASE("a GLB holds every primitive with y up, its front where it was, and ex
   primitives[2].normals = {normals.data(), 4};
   primitives[2].emissive = {1.0F, 0.5F, 0.25F};
   primitives[2].double_sided = false;
-  require_ok(io::write_glb(folder / "a.glb", {primitives.data(), 3}, {kPng, sizeof kPng}));
+  const io::GlbTexture photograph{"photograph", {kPng, sizeof kPng}};
+  require_ok(io::write_glb(folder / "a.glb", {primitives.data(), 3}, {&photograph, 1}));
   const Glb glb(contents(folder / "a.glb"));
   REQUIRE(glb.document["meshes"].size() == 2);
   CHECK(glb.document["nodes"].size() == 2);
@@ -139,12 +140,12 @@ TEST_CASE("what no viewer could show is refused, and nothing is left behind") {
   const std::vector<Vec2f> nan_uv(4, Vec2f{kNaN, 0});
   const std::vector<Vec3f> nan_vertex = {{0, 0, 1}, {0, kNaN, 1}, {1, 1, 1}, {2, 2, 2}};
   const unsigned char gif[] = {'G', 'I', 'F'};
-  const auto write = [&](auto change, Span<const unsigned char> photograph = {}) {
+  const auto write = [&](auto change, Span<const io::GlbTexture> textures = {}) {
     io::GlbPrimitive p;
     p.name = "thing";
     p.mesh = kMesh;
     change(p);
-    return io::write_glb(path, {&p, 1}, photograph);
+    return io::write_glb(path, {&p, 1}, textures);
   };
   check_error(write([](io::GlbPrimitive& p) { p.mesh = {}; }), "a.glb", "no face");
   check_error(write([&](io::GlbPrimitive& p) { p.mesh.faces = {bad.data(), 1}; }), "a.glb", "face 0");
@@ -155,6 +156,41 @@ TEST_CASE("what no viewer could show is refused, and nothing is left behind") {
   check_error(write([&](io::GlbPrimitive& p) { p.emissive = {0, 2, 0}; }), "a.glb", "0..1");
   check_error(write([&](io::GlbPrimitive& p) { p.base_colour = {kNaN, 0, 0}; }), "a.glb", "0..1");
   check_error(write([&](io::GlbPrimitive& p) { p.roughness = -1; }), "a.glb", "0..1");
-  check_error(write([](io::GlbPrimitive&) {}, {gif, sizeof gif}), "a.glb", "PNG");
+  const io::GlbTexture no_texture{"photograph", {gif, sizeof gif}};
+  check_error(write([](io::GlbPrimitive&) {}, {&no_texture, 1}), "a.glb", "PNG");
+  const io::GlbTexture only{"photograph", {kPng, sizeof kPng}};
+  const std::vector<Vec2f> uv(4, Vec2f{0.5F, 0.5F});
+  const auto with_second = [&](io::GlbPrimitive& p) {
+    p.uv = {uv.data(), 4};
+    p.texture = 1;
+  };
+  check_error(write(with_second, {&only, 1}), "a.glb", "texture that exists");
   CHECK(folder.files() == 0);
+}
+
+TEST_CASE("parts that agree in their material share it, each texture is there once") {
+  const TemporaryFolder folder;
+  const std::vector<Vec2f> uv(4, Vec2f{0.5F, 0.5F});
+  const io::GlbTexture textures[2] = {{"photograph", {kPng, sizeof kPng}}, {"background", {kPng, sizeof kPng - 1}}};
+  std::vector<io::GlbPrimitive> parts(5);
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    parts[i].name = "part " + std::to_string(i);
+    parts[i].mesh = kMesh;
+    parts[i].material = i < 3 ? "lamp" : "";
+    if (i < 3) parts[i].emissive = {1, 1, 0};
+  }
+  parts[3].uv = parts[4].uv = {uv.data(), 4};
+  parts[3].texture = 1;
+  require_ok(io::write_glb(folder / "a.glb", {parts.data(), 5}, {textures, 2}));
+  const Glb glb(contents(folder / "a.glb"));
+  CHECK(glb.document["nodes"].size() == 5);
+  REQUIRE(glb.document["materials"].size() == 3);
+  for (std::size_t i = 0; i < 3; ++i) CHECK(glb.primitive(i)["material"] == 0);
+  CHECK(glb.document["materials"][0]["name"] == "lamp");
+  CHECK(glb.document["materials"][1]["name"] == "part 3");
+  CHECK(glb.document["materials"][1]["pbrMetallicRoughness"]["baseColorTexture"]["index"] == 1);
+  CHECK(glb.document["materials"][2]["pbrMetallicRoughness"]["baseColorTexture"]["index"] == 0);
+  REQUIRE(glb.document["images"].size() == 2);
+  CHECK(glb.document["images"][1]["name"] == "background");
+  CHECK(glb.document["textures"][1]["source"] == 1);
 }

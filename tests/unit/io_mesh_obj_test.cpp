@@ -78,8 +78,8 @@ TEST_CASE("an OBJ with a photograph has its material file, upright texture and g
   const Sheet s = random_sheet(2, 10.0F);
   io::ObjOptions options;
   options.uv = {s.uv.data(), s.uv.size()};
-  options.texture = "day photo.png";
-  options.groups = {{"background", 0}, {"foreground", 50}};
+  options.materials = {{"photograph", {1, 1, 1}, {}, "day photo.png"}, {"lamp", {0, 0, 0}, {1, 0.5F, 0}, ""}};
+  options.groups = {{"background", 0, 0}, {"foreground", 50, 1}};
   require_ok(io::write_obj(folder / "mesh.obj", s.view(), options));
   CHECK(contents(folder / "mesh.mtl").find("map_Kd day photo.png\n") != std::string::npos);
   const std::string text = contents(folder / "mesh.obj");
@@ -93,15 +93,36 @@ TEST_CASE("an OBJ with a photograph has its material file, upright texture and g
   REQUIRE(reader.ParseFromFile(folder / "mesh.obj"));
   CHECK(reader.Error().empty());
   CHECK(reader.Warning().empty());
-  REQUIRE(reader.GetMaterials().size() == 1);
+  REQUIRE(reader.GetMaterials().size() == 2);
   CHECK(reader.GetMaterials()[0].diffuse_texname == "day photo.png");
+  CHECK(reader.GetMaterials()[1].diffuse_texname == "");
+  CHECK(reader.GetMaterials()[1].emission[1] == 0.5F);
+  CHECK(reader.GetMaterials()[1].diffuse[1] == 0.0F);
   REQUIRE(reader.GetShapes().size() == 2);
   CHECK(reader.GetShapes()[1].name == "foreground");
   CHECK(reader.GetShapes()[1].mesh.indices.size() == 120);
+  CHECK(reader.GetShapes()[0].mesh.material_ids[49] == 0);
+  CHECK(reader.GetShapes()[1].mesh.material_ids[0] == 1);
   for (std::size_t i = 0; i < s.uv.size(); ++i) {
     CHECK(reader.GetAttrib().texcoords[2 * i] == s.uv[i].x);
     CHECK(reader.GetAttrib().texcoords[2 * i + 1] == 1.0F - s.uv[i].y);
   }
+}
+
+TEST_CASE("an OBJ with y up is turned about x by half a turn, faces as they were") {
+  const TemporaryFolder folder;
+  const Sheet s = random_sheet(5, 10.0F);
+  io::ObjOptions options;
+  options.frame = io::MeshFrame::y_up;
+  require_ok(io::write_obj(folder / "a.obj", s.view(), options));
+  CHECK(contents(folder / "a.obj").find("x right, y up, z backward") != std::string::npos);
+  const io::Expected<io::Mesh> mesh = io::read_obj(folder / "a.obj");
+  require_ok(mesh);
+  REQUIRE(mesh.value().vertices.size() == s.vertices.size());
+  for (std::size_t i = 0; i < s.vertices.size(); ++i) {
+    CHECK(mesh.value().vertices[i] == Vec3f{s.vertices[i].x, -s.vertices[i].y, -s.vertices[i].z});
+  }
+  CHECK(same(mesh.value().faces, s.faces));
 }
 
 TEST_CASE("random numbers and corners, in every notation, are read as they were meant") {
@@ -360,11 +381,15 @@ TEST_CASE("meshes that make no sense are not written") {
   options.uv = {s.uv.data(), 10};
   check_error(io::write_obj(folder / "a.obj", s.view(), options), "a.obj", "uv");
   options.uv = {};
-  options.texture = "day.png";
+  options.materials = {{"photograph", {1, 1, 1}, {}, "day.png"}};
   check_error(io::write_obj(folder / "a.obj", s.view(), options), "a.obj", "texture");
-  options.texture.clear();
-  options.groups = {{"two\nlines", 0}};
+  options.materials = {{"a lamp", {1, 1, 1}, {}, ""}};
   check_error(io::write_obj(folder / "a.obj", s.view(), options), "a.obj", "names");
+  options.materials = {};
+  options.groups = {{"two\nlines", 0, 0}};
+  check_error(io::write_obj(folder / "a.obj", s.view(), options), "a.obj", "names");
+  options.groups = {{"lamp", 0, 1}};
+  check_error(io::write_obj(folder / "a.obj", s.view(), options), "a.obj", "lamp");
   s.faces[7].b = 60;
   check_error(io::write_obj(folder / "a.obj", s.view()), "a.obj", "face 7");
   s.faces[7].b = 0;

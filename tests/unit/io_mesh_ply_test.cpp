@@ -45,6 +45,23 @@ TEST_CASE("a PLY has exactly the bytes that its header announces") {
   CHECK(at<std::uint32_t>(bytes, data + 81 + 5) == 2);
 }
 
+TEST_CASE("a PLY with y up is turned about x by half a turn, normals too") {
+  const TemporaryFolder folder;
+  const std::vector<Vec3f> normals(3, Vec3f{0.5F, 0.25F, -1});
+  io::PlyOptions options;
+  options.normals = {normals.data(), 3};
+  options.frame = io::MeshFrame::y_up;
+  require_ok(io::write_ply(folder / "a.ply", kMesh, options));
+  const std::string bytes = contents(folder / "a.ply");
+  const std::size_t data = bytes.find("end_header\n") + 11;
+  CHECK(bytes.find("x right, y up, z backward") != std::string::npos);
+  CHECK(at<float>(bytes, data + 4) == 1.5F);
+  CHECK(at<float>(bytes, data + 8) == -1.0e5F);
+  CHECK(at<float>(bytes, data + 12) == 0.5F);
+  CHECK(at<float>(bytes, data + 16) == -0.25F);
+  CHECK(at<float>(bytes, data + 20) == 1.0F);
+}
+
 TEST_CASE("a PLY without normals, colours, faces or vertices is still whole") {
   const TemporaryFolder folder;
   require_ok(io::write_ply(folder / "a.ply", kMesh));

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whole-file output: written to a temporary name in the same folder, flushed, then renamed over the target.
 //
-// Invariant: under its final name a file is either absent, the old one, or complete. On failure the temporary is
+// The temporary is created under a name that did not exist, <target>.<number>.partial, so that two programs that write
+// one file never share it: the last to finish wins, with a complete file.
+// Invariant: under its final name a file is either absent, an old one, or complete. On failure the temporary is
 // removed.
 #ifndef NPSIM_IO_ATOMIC_FILE_HPP
 #define NPSIM_IO_ATOMIC_FILE_HPP
 
+#include <cerrno>
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
@@ -19,8 +22,14 @@ inline namespace v1 {
 namespace io {
 
 inline Outcome write_file(const std::string& path, const void* data, std::size_t bytes) {
-  const std::string temporary = path + ".partial";
-  std::FILE* file = std::fopen(temporary.c_str(), "wb");
+  std::string temporary;
+  std::FILE* file = nullptr;
+  for (int number = 0; number < 1000 && file == nullptr; ++number) {
+    temporary = path + "." + std::to_string(number) + ".partial";
+    errno = 0;
+    file = std::fopen(temporary.c_str(), "wbx");
+    if (file == nullptr && errno != EEXIST) break;
+  }
   if (file == nullptr) return Error{path, "", "cannot be opened for writing: expected a writable folder"};
   const bool written = bytes == 0 || std::fwrite(data, 1, bytes, file) == bytes;
   const bool closed = std::fclose(file) == 0;

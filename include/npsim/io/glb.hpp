@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // GLB (glTF 2.0, binary): the night's scene in one file that any viewer opens, photograph included.
 //
-// Every primitive becomes a node with its own mesh and material. glTF has y up, right-handed, and looks along -z: a
-// camera-frame point (x, y, z) is written as (x, -y, -z), which is a rotation, so faces keep their front. Texture
-// coordinates have their origin at the image's upper left corner, as here. Normals are brought to unit length.
-// Plain glTF without extensions: an emitter shows its colour, not its power (emissiveFactor is at most 1).
-// Cost: linear. Memory: the file's bytes twice.
+// Every primitive becomes a node with its own mesh; those that follow one another and agree in their material share it.
+// glTF has y up, right-handed, and looks along -z: MeshFrame::y_up. Texture coordinates have their origin at the
+// image's upper left corner, as here. Normals are brought to unit length. The file is without errors, warnings and
+// remarks in the Khronos validator, but for one on textures whose sides are no powers of two: they are clamped and have
+// no mip levels, so that glTF 2.0 viewers need not scale them. Plain glTF without extensions: an emitter shows its
+// colour, not its power (emissiveFactor is at most 1). Cost: linear. Memory: the file's bytes twice.
 #ifndef NPSIM_IO_GLB_HPP
 #define NPSIM_IO_GLB_HPP
 
@@ -16,6 +17,7 @@
 #include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "npsim/core/config.hpp"
@@ -33,12 +35,19 @@ namespace npsim {
 inline namespace v1 {
 namespace io {
 
+struct GlbTexture {
+  std::string name;
+  Span<const unsigned char> file;  // bytes of a PNG or JPEG file
+};
+
 struct GlbPrimitive {
   std::string name;
+  std::string material;        // its name; empty: that of the primitive
   TriangleMeshView mesh;       // camera frame, m; without faces it is left out
   Span<const Vec3f> normals;   // one per vertex or none
-  Span<const Vec2f> uv;        // one per vertex or none; with it the photograph is the base colour
-  Vec3f base_colour{1, 1, 1};  // linear, 0..1; multiplies the photograph
+  Span<const Vec2f> uv;        // one per vertex or none; with it the texture, if there is one, is the base colour
+  std::size_t texture = 0;     // number of a texture
+  Vec3f base_colour{1, 1, 1};  // linear, 0..1; multiplies the texture
   Vec3f emissive;              // linear, 0..1
   float roughness = 1.0F;      // 0..1
   bool double_sided = true;    // a sheet has no back, but is looked at from there
@@ -78,8 +87,7 @@ struct GlbBuilder {
 
 inline constexpr int kGlArrayBuffer = 34962, kGlElementArrayBuffer = 34963, kGlFloat = 5126, kGlUnsignedInt = 5125;
 
-// + 0 turns the -0 that a coordinate plane gives into 0.
-[[nodiscard]] inline Vec3f to_gltf(const Vec3f& v) { return {v.x + 0.0F, -v.y + 0.0F, -v.z + 0.0F}; }
+[[nodiscard]] inline Vec3f to_gltf(const Vec3f& v) { return in_frame(v, MeshFrame::y_up); }
 
 // Floats are exact as doubles, so the bounds in the document are the bounds of the data.
 [[nodiscard]] inline nlohmann::json json_of(const Vec3f& v) {
@@ -100,6 +108,20 @@ inline std::size_t add_positions(GlbBuilder& glb, Span<const Vec3f> vertices) {
   glb.root["accessors"][accessor]["min"] = json_of(low);
   glb.root["accessors"][accessor]["max"] = json_of(high);
   return accessor;
+}
+
+// Number of the material of a primitive: the last one where it is the same.
+inline std::size_t add_material(GlbBuilder& glb, const GlbPrimitive& p, bool textured) {
+  nlohmann::json surface = {{"metallicFactor", 0}, {"roughnessFactor", static_cast<double>(p.roughness)}};
+  surface["baseColorFactor"] = json_of(p.base_colour);
+  surface["baseColorFactor"].push_back(1.0);
+  if (textured) surface["baseColorTexture"] = {{"index", p.texture}};
+  nlohmann::json material = {{"name", p.material.empty() ? p.name : p.material}, {"pbrMetallicRoughness", surface}};
+  if (p.emissive != Vec3f{}) material["emissiveFactor"] = json_of(p.emissive);
+  if (p.double_sided) material["doubleSided"] = true;
+  nlohmann::json& materials = glb.root["materials"];
+  if (materials.empty() || materials.back() != material) materials.push_back(std::move(material));
+  return materials.size() - 1;
 }
 
 inline void add_primitive(GlbBuilder& glb, const GlbPrimitive& p, bool textured) {
@@ -126,23 +148,18 @@ inline void add_primitive(GlbBuilder& glb, const GlbPrimitive& p, bool textured)
   }
   const std::size_t indices =
       glb.add_accessor(glb.add_view(begin, kGlElementArrayBuffer), kGlUnsignedInt, 3 * p.mesh.faces.size(), "SCALAR");
-  nlohmann::json surface = {{"metallicFactor", 0}, {"roughnessFactor", static_cast<double>(p.roughness)}};
-  surface["baseColorFactor"] = json_of(p.base_colour);
-  surface["baseColorFactor"].push_back(1.0);
-  if (textured) surface["baseColorTexture"] = {{"index", 0}};
-  nlohmann::json material = {{"name", p.name}, {"pbrMetallicRoughness", surface}};
-  if (p.emissive != Vec3f{}) material["emissiveFactor"] = json_of(p.emissive);
-  if (p.double_sided) material["doubleSided"] = true;
   const std::size_t number = glb.root["nodes"].size();
-  glb.root["materials"].push_back(material);
-  glb.root["meshes"].push_back(
-      {{"name", p.name},
-       {"primitives", {{{"attributes", attributes}, {"indices", indices}, {"material", number}, {"mode", 4}}}}});
+  glb.root["meshes"].push_back({{"name", p.name},
+                                {"primitives",
+                                 {{{"attributes", attributes},
+                                   {"indices", indices},
+                                   {"material", add_material(glb, p, textured)},
+                                   {"mode", 4}}}}});
   glb.root["nodes"].push_back({{"name", p.name}, {"mesh", number}});
   glb.root["scenes"][0]["nodes"].push_back(number);
 }
 
-inline Outcome expect_primitive(const std::string& path, const GlbPrimitive& p) {
+inline Outcome expect_primitive(const std::string& path, const GlbPrimitive& p, std::size_t textures) {
   const auto in_range = [](const Vec3f& c) {
     return c.x >= 0 && c.x <= 1 && c.y >= 0 && c.y <= 1 && c.z >= 0 && c.z <= 1;
   };
@@ -152,6 +169,8 @@ inline Outcome expect_primitive(const std::string& path, const GlbPrimitive& p) 
         expect_per_vertex(path, "uv", p.uv.size(), vertices)}) {
     if (!outcome) return outcome;
   }
+  if (textures > 0 && !p.uv.empty() && p.texture >= textures)
+    return Error{path, p.name, "expected a texture that exists"};
   for (const Vec3f& n : p.normals) {
     if (!is_finite(n) || n == Vec3f{})
       return Error{path, p.name, "has a normal without a direction: expected finite, non-zero vectors"};
@@ -168,7 +187,7 @@ inline Outcome expect_primitive(const std::string& path, const GlbPrimitive& p) 
 }
 
 // Media type by the first bytes; empty when it is neither PNG nor JPEG, the two that glTF has.
-[[nodiscard]] inline std::string photograph_type(Span<const unsigned char> bytes) {
+[[nodiscard]] inline std::string texture_type(Span<const unsigned char> bytes) {
   const auto starts = [&bytes](std::initializer_list<unsigned char> magic) {
     return bytes.size() >= magic.size() && std::equal(magic.begin(), magic.end(), bytes.begin());
   };
@@ -178,35 +197,39 @@ inline Outcome expect_primitive(const std::string& path, const GlbPrimitive& p) 
 
 }  // namespace detail
 
-// photograph: bytes of a PNG or JPEG file, or none; then texture coordinates are not written either.
+// Without textures no texture coordinates are written either.
 inline Outcome write_glb(const std::string& path, Span<const GlbPrimitive> primitives,
-                         Span<const unsigned char> photograph = {}) {
+                         Span<const GlbTexture> textures = {}) {
   return guarded(path, [&]() -> Outcome {
-    const std::string type = detail::photograph_type(photograph);
-    if (!photograph.empty() && type.empty())
-      return Error{path, "photograph", "has unknown content: expected the bytes of a PNG or JPEG file"};
+    for (const GlbTexture& t : textures) {
+      if (!detail::texture_type(t.file).empty()) continue;
+      return Error{path, t.name, "has unknown content: expected the bytes of a PNG or JPEG file"};
+    }
     detail::GlbBuilder glb;
     glb.root["asset"] = {{"version", "2.0"}, {"generator", "NPSim " NPSIM_VERSION_STRING}};
     glb.root["scene"] = 0;
     glb.root["scenes"] = nlohmann::json::array({nlohmann::json::object()});
     bool any_textured = false;
     for (const GlbPrimitive& p : primitives) {
-      const Outcome outcome = detail::expect_primitive(path, p);
+      const Outcome outcome = detail::expect_primitive(path, p, textures.size());
       if (!outcome) return outcome;
       if (p.mesh.faces.empty()) continue;
-      const bool textured = !photograph.empty() && !p.uv.empty();
+      const bool textured = !textures.empty() && !p.uv.empty();
       any_textured = any_textured || textured;
       detail::add_primitive(glb, p, textured);
     }
     if (glb.root.count("nodes") == 0) return Error{path, "", "would have no face: expected at least one"};
     if (any_textured) {
-      const std::size_t begin = glb.binary.size();
-      glb.binary.append(reinterpret_cast<const char*>(photograph.data()), photograph.size());
-      glb.root["images"].push_back(
-          {{"name", "photograph"}, {"mimeType", type}, {"bufferView", glb.add_view(begin, 0)}});
-      // Clamped and without mip levels by default: the sheet has one vertex a pixel.
+      for (const GlbTexture& t : textures) {
+        const std::size_t begin = glb.binary.size();
+        glb.binary.append(reinterpret_cast<const char*>(t.file.data()), t.file.size());
+        const std::size_t number = glb.root["images"].size();
+        glb.root["images"].push_back(
+            {{"name", t.name}, {"mimeType", detail::texture_type(t.file)}, {"bufferView", glb.add_view(begin, 0)}});
+        glb.root["textures"].push_back({{"source", number}, {"sampler", 0}});
+      }
+      // Clamped and without mip levels: the sheet has one vertex a pixel.
       glb.root["samplers"].push_back({{"magFilter", 9729}, {"minFilter", 9729}, {"wrapS", 33071}, {"wrapT", 33071}});
-      glb.root["textures"].push_back({{"source", 0}, {"sampler", 0}});
     }
     glb.root["buffers"].push_back({{"byteLength", glb.binary.size()}});
     std::string document = glb.root.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);

@@ -17,6 +17,10 @@ namespace npsim {
 inline namespace v1 {
 namespace io {
 
+// What the axes of a written mesh mean. The camera's, as everywhere here: x right, y down, z forward. y_up, which glTF
+// prescribes and viewers expect: x right, y up, z backward; a rotation by half a turn, so that faces keep their front.
+enum class MeshFrame { camera, y_up };
+
 struct Mesh {
   std::vector<Vec3f> vertices;
   std::vector<Face> faces;
@@ -28,6 +32,14 @@ struct Mesh {
 };
 
 namespace detail {
+
+// + 0 turns the -0 that a coordinate plane gives into 0.
+[[nodiscard]] inline Vec3f in_frame(const Vec3f& v, MeshFrame frame) {
+  return frame == MeshFrame::camera ? v : Vec3f{v.x + 0.0F, -v.y + 0.0F, -v.z + 0.0F};
+}
+[[nodiscard]] inline const char* frame_name(MeshFrame frame) {
+  return frame == MeshFrame::camera ? "x right, y down, z forward, metres" : "x right, y up, z backward, metres";
+}
 
 inline Outcome expect_mesh(const std::string& path, const TriangleMeshView& mesh) {
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {

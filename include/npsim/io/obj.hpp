@@ -1,17 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Wavefront OBJ: writes meshes with a photograph as texture, reads triangles and polygons.
+// Wavefront OBJ: reads triangles and polygons; obj_writer.hpp writes.
 //
-// Coordinates are written and read as they are: the camera frame, x right, y down, z forward, metres. Texture
-// coordinates are taken in the image's convention (origin upper left) and written in OBJ's (lower left).
-// tinyobjloader reads; its version 2.0rc10 is too lenient to be handed a file as it is: it turns a NaN or a missing
-// coordinate into 0, wraps an index of 2^32 + 1 to 1, lets indices out of range through and drops polygons without a
-// word. So a first pass checks every line it is given: each number has to be finite, each index (vertex, texture,
-// normal; negative ones count back from the last) has to name something that stands above it in the file. Only v, vt,
-// vn and f are passed on, so that nothing else in the file can name a material file or make the parser allocate.
-// Polygons are cut by tinyobjloader: convex ones exactly, concave ones perhaps with triangles that overlap; a file of
-// which it leaves out triangles is refused. Numbers are written with the fewest digits that name the float. Reading
-// gives that float, or the next one where rounding in double on the way tips the balance: 4 of 3 million floats of
-// random bits, none of 3 million below 256 in steps of 2^-16.
+// Coordinates are read as they are, materials and textures are left alone. tinyobjloader reads; its version 2.0rc10 is
+// too lenient to be handed a file as it is: it turns a NaN or a missing coordinate into 0, wraps an index of 2^32 + 1
+// to 1, lets indices out of range through and drops polygons without a word. So a first pass checks every line it is
+// given: each number has to be finite, each index (vertex, texture, normal; negative ones count back from the last) has
+// to name something that stands above it in the file. Only v, vt, vn and f are passed on, so that nothing else in the
+// file can name a material file or make the parser allocate. Polygons are cut by tinyobjloader: convex ones exactly,
+// concave ones perhaps with triangles that overlap; a file of which it leaves out triangles is refused. Of a number
+// written with the fewest digits that name a float reading gives that float, or the next one where rounding in double
+// on the way tips the balance: 4 of 3 million floats of random bits, none of 3 million below 256 in steps of 2^-16.
 //
 // Cost: linear in the file, cubic in a polygon's corners at worst. Memory while reading: 5 times the file, up to 50
 // times if it holds little more than faces.
@@ -23,7 +21,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <filesystem>
 #include <limits>
 #include <string>
 #include <string_view>
@@ -32,51 +29,22 @@
 
 #include <tiny_obj_loader.h>
 
-#include "npsim/core/span.hpp"
 #include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/io/atomic_file.hpp"
 #include "npsim/io/error.hpp"
 #include "npsim/io/file_bytes.hpp"
 #include "npsim/io/limits.hpp"
 #include "npsim/io/mesh.hpp"
+#include "npsim/io/obj_writer.hpp"
 
 namespace npsim {
 inline namespace v1 {
 namespace io {
 
-struct ObjGroup {
-  std::string name;
-  std::size_t first_face = 0;
-};
-
-struct ObjOptions {
-  Span<const Vec2f> uv;          // one per vertex or none; (0, 0) is the image's upper left corner
-  std::string texture;           // file name of the photograph as the material file shall give it; needs uv
-  Span<const Vec3f> colours;     // one per vertex or none, 0..1
-  std::vector<ObjGroup> groups;  // by rising first_face; each lasts to the next
-};
-
 namespace detail {
 
 inline constexpr std::size_t kMaxPolygonCorners = 1024;
 inline constexpr std::size_t kMaxObjVertices = std::numeric_limits<std::int32_t>::max();  // tinyobjloader's int
-
-inline void append_float(std::string& text, float value) {
-  char digits[32];
-  const std::to_chars_result end = std::to_chars(digits, digits + sizeof digits, value);
-  text += ' ';
-  text.append(digits, end.ptr);
-}
-inline void append_index(std::string& text, std::uint32_t zero_based, bool with_uv) {
-  char digits[16];
-  const std::to_chars_result end = std::to_chars(digits, digits + sizeof digits, std::uint64_t{zero_based} + 1);
-  text += ' ';
-  text.append(digits, end.ptr);
-  if (!with_uv) return;
-  text += '/';
-  text.append(digits, end.ptr);
-}
 
 // Cuts the next word off the front of a line.
 inline std::string_view next_word(std::string_view& line) {
@@ -180,65 +148,6 @@ inline Expected<std::string> checked_obj_text(const std::string& path, std::stri
 }
 
 }  // namespace detail
-
-// Writes path and, with a texture, the material file beside it: the same name with extension mtl.
-inline Outcome write_obj(const std::string& path, const TriangleMeshView& mesh, const ObjOptions& options = {}) {
-  return guarded(path, [&]() -> Outcome {
-    const std::size_t vertices = mesh.vertices.size();
-    for (const Outcome& outcome :
-         {detail::expect_mesh(path, mesh), detail::expect_per_vertex(path, "uv", options.uv.size(), vertices),
-          detail::expect_per_vertex(path, "colours", options.colours.size(), vertices)}) {
-      if (!outcome) return outcome;
-    }
-    const bool with_uv = !options.uv.empty();
-    const bool with_texture = !options.texture.empty();
-    if (with_texture && !with_uv) return Error{path, "texture", "expected texture coordinates with it"};
-    std::string names = options.texture;
-    for (const ObjGroup& group : options.groups) names += group.name;
-    if (names.find_first_of("\n\r") != std::string::npos) {
-      return Error{path, "names", "expected texture and group names without line breaks"};
-    }
-    const std::filesystem::path material = std::filesystem::path(path).replace_extension(".mtl");
-    std::string text = "# NPSim. Camera frame: x right, y down, z forward, metres\n";
-    text.reserve(vertices * 48 + mesh.faces.size() * (with_uv ? 50 : 28) + 256);
-    if (with_texture) text += "mtllib " + material.filename().string() + "\n";
-    for (std::size_t i = 0; i < vertices; ++i) {
-      const Vec3f& v = mesh.vertices[i];
-      text += 'v';
-      for (const float c : {v.x, v.y, v.z}) detail::append_float(text, c);
-      if (!options.colours.empty()) {
-        for (const float c : {options.colours[i].x, options.colours[i].y, options.colours[i].z}) {
-          detail::append_float(text, c);
-        }
-      }
-      text += '\n';
-    }
-    for (const Vec2f& uv : options.uv) {
-      text += "vt";
-      detail::append_float(text, uv.x);
-      detail::append_float(text, 1.0F - uv.y);
-      text += '\n';
-    }
-    if (with_texture) text += "usemtl photograph\n";
-    std::size_t group = 0;
-    for (std::size_t i = 0; i < mesh.faces.size(); ++i) {
-      for (; group < options.groups.size() && options.groups[group].first_face <= i; ++group) {
-        text += "o " + options.groups[group].name + "\n";
-      }
-      text += 'f';
-      for (const std::uint32_t v : {mesh.faces[i].a, mesh.faces[i].b, mesh.faces[i].c}) {
-        detail::append_index(text, v, with_uv);
-      }
-      text += '\n';
-    }
-    if (with_texture) {
-      const Outcome written =
-          write_file(material.string(), "newmtl photograph\nKd 1 1 1\nillum 1\nmap_Kd " + options.texture + "\n");
-      if (!written) return written;
-    }
-    return write_file(path, text);
-  });
-}
 
 inline Expected<Mesh> read_obj(const std::string& path, const ReadLimits& limits = {}) {
   return guarded(path, [&]() -> Expected<Mesh> {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // PLY, binary little-endian: vertices with optional normals and 8-bit colours, triangles.
 //
-// Coordinates are written as they are: the camera frame, x right, y down, z forward, metres.
+// Metres, in the camera frame or with y up, as the comment in the header says.
 // Cost: linear. Memory: the file's bytes.
 #ifndef NPSIM_IO_PLY_HPP
 #define NPSIM_IO_PLY_HPP
@@ -26,12 +26,15 @@ namespace io {
 struct PlyOptions {
   Span<const Vec3f> normals;  // one per vertex or none
   Span<const Rgb8> colours;   // one per vertex or none, sRGB
+  MeshFrame frame = MeshFrame::camera;
 };
 
 namespace detail {
 
 inline void append_u32(std::string& bytes, std::uint32_t value) {
-  for (unsigned shift = 0; shift < 32; shift += 8) bytes += static_cast<char>(value >> shift & 0xFFU);
+  const char word[4] = {static_cast<char>(value & 0xFFU), static_cast<char>(value >> 8U & 0xFFU),
+                        static_cast<char>(value >> 16U & 0xFFU), static_cast<char>(value >> 24U)};
+  bytes.append(word, sizeof word);
 }
 inline void append_f32(std::string& bytes, float value) {
   std::uint32_t bits = 0;
@@ -54,7 +57,8 @@ inline Outcome write_ply(const std::string& path, const TriangleMeshView& mesh, 
           detail::expect_per_vertex(path, "colours", options.colours.size(), vertices)}) {
       if (!outcome) return outcome;
     }
-    std::string bytes = "ply\nformat binary_little_endian 1.0\ncomment NPSim, x right, y down, z forward, metres\n";
+    std::string bytes = "ply\nformat binary_little_endian 1.0\ncomment NPSim, ";
+    bytes += std::string(detail::frame_name(options.frame)) + "\n";
     bytes += "element vertex " + std::to_string(vertices) + "\nproperty float x\nproperty float y\nproperty float z\n";
     if (!options.normals.empty()) bytes += "property float nx\nproperty float ny\nproperty float nz\n";
     if (!options.colours.empty()) bytes += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
@@ -62,8 +66,8 @@ inline Outcome write_ply(const std::string& path, const TriangleMeshView& mesh, 
     bytes += "end_header\n";
     bytes.reserve(bytes.size() + vertices * 27 + mesh.faces.size() * 13);
     for (std::size_t i = 0; i < vertices; ++i) {
-      detail::append_vec3(bytes, mesh.vertices[i]);
-      if (!options.normals.empty()) detail::append_vec3(bytes, options.normals[i]);
+      detail::append_vec3(bytes, detail::in_frame(mesh.vertices[i], options.frame));
+      if (!options.normals.empty()) detail::append_vec3(bytes, detail::in_frame(options.normals[i], options.frame));
       if (options.colours.empty()) continue;
       const Rgb8 c = options.colours[i];
       for (const std::uint8_t channel : {c.r, c.g, c.b}) bytes += static_cast<char>(channel);
