@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// npsim evaluate: the depth steps on a scene with ground truth, as a table and as JSON.
+// npsim evaluate: the depth steps and the scene mesh on a scene with ground truth, as tables and as JSON.
 #ifndef NPSIM_SAMPLES_NPSIM_EVALUATE_COMMAND_HPP
 #define NPSIM_SAMPLES_NPSIM_EVALUATE_COMMAND_HPP
 
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <limits>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "console.hpp"
 #include "evaluation.hpp"
+#include "figures.hpp"
 #include "loading.hpp"
+#include "mesh_report.hpp"
+#include "mesh_truth.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/atomic_file.hpp"
@@ -33,16 +33,6 @@ struct EvaluateOptions {
   std::string size;
   bool quiet = false;
 };
-
-using OrderedJson = nlohmann::ordered_json;
-
-inline constexpr double kNone = std::numeric_limits<double>::quiet_NaN();  // a dash in the table, null in JSON
-
-[[nodiscard]] inline double ratio(double value, double input) { return input > 0 ? value / input : kNone; }
-
-[[nodiscard]] inline double share(std::size_t part, std::size_t whole) {
-  return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : kNone;
-}
 
 [[nodiscard]] inline OrderedJson to_json(const std::optional<DepthErrors>& e) {
   if (!e) return nullptr;
@@ -122,6 +112,8 @@ inline constexpr double kNone = std::numeric_limits<double>::quiet_NaN();  // a 
       entry[e.steps[i].key] = {{"depth", to_json(l.depth[i])}, {"normals_of_depth", to_json(l.normals[i])}};
     }
   }
+  OrderedJson meshes = OrderedJson::array();
+  for (const MeshErrors& m : e.meshes) meshes.push_back(to_json(m));
   return {{"npsim", NPSIM_VERSION_STRING},
           {"scene", scene.name},
           {"settings", {{"preset", options.preset}, {"width", scene.image.width()}, {"height", scene.image.height()}}},
@@ -142,6 +134,7 @@ inline constexpr double kNone = std::numeric_limits<double>::quiet_NaN();  // a 
             {"foreground_edges", hits_json(e.uncertain_on_foreground_edges)},
             {"share_near_edges", share(e.uncertain_near_edges.both, e.uncertain_near_edges.second)}}},
           {"labels", std::move(labels)},
+          {"mesh", std::move(meshes)},
           {"notes", scene.notes}};
 }
 
@@ -207,6 +200,9 @@ inline void print_table(const Evaluation& e, const io::Scene& scene, const Evalu
       "true edge pixels, %.1f %% of the %zu on vehicles, persons, poles, lights and signs\n",
       percent(all.second, e.pixels), percent(near.both, near.second), percent(all.both, all.first), all.first,
       percent(front.both, front.first), front.first);
+  for (const MeshErrors& m : e.meshes) {
+    print_table(m, m.key == "refined" ? "mesh of the refined depth" : "mesh of the true depth");
+  }
 }
 
 // The scene and its truth, at the size that is wanted.
@@ -237,9 +233,23 @@ inline void print_table(const Evaluation& e, const io::Scene& scene, const Evalu
       return o.error();
     }
   }
+  if (!s.truth.background_depth.empty()) {
+    io::Expected<io::Image<float>> background = io::read_truth_background_depth(s);
+    if (!background) return background.error();
+    truth.background_depth = std::move(background.value());
+    if (const io::Outcome o =
+            io::expect_shape(s.truth.background_depth, truth.background_depth.shape(), s.shape(), "the image");
+        !o) {
+      return o.error();
+    }
+  }
+  io::Expected<MeshTruth> mesh = read_mesh_truth(s);
+  if (!mesh) return mesh.error();
+  truth.mesh = std::move(mesh.value());
   if (!options.size.empty()) {
     if (const io::Outcome resized = io::resize_scene(s, size); !resized) return resized.error();
     truth.depth = io::resized_nearest(truth.depth, size);
+    if (!truth.background_depth.empty()) truth.background_depth = io::resized_nearest(truth.background_depth, size);
     if (!truth.normals.empty()) truth.normals = io::resized_nearest(truth.normals, size);
   }
   return std::pair<io::Scene, Truth>(std::move(s), std::move(truth));
@@ -263,7 +273,7 @@ inline int run_evaluate(const EvaluateOptions& options) {
   ThreadPool pool(thread_count(options.threads));
   const NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
   Evaluation evaluation;
-  const Status status = evaluate(view_of(scene), truth, params.depth, pool, console, evaluation);
+  const Status status = evaluate(view_of(scene), truth, params.depth, params.mesh, pool, console, evaluation);
   if (status.code() == StatusCode::no_valid_input) {
     return fail(io::Error{scene.file, "depth",
                           "has no usable sample on any surface: expected depth of 1e-3 m to 1e5 m "

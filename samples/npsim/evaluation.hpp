@@ -18,6 +18,8 @@
 #include <vector>
 
 #include "console.hpp"
+#include "mesh_evaluation.hpp"
+#include "mesh_truth.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/depth/normals.hpp"
 #include "npsim/exec/thread_pool.hpp"
@@ -70,6 +72,7 @@ struct Evaluation {
   MaskOverlap uncertain_on_edges;             // first: true edges, second: the uncertain map
   MaskOverlap uncertain_on_foreground_edges;  // the same for edges of vehicles, persons, poles and signs
   MaskOverlap uncertain_near_edges;           // first: within a window of a true edge
+  std::vector<MeshErrors> meshes;             // of the refined depth, of the true depth
 };
 
 // Passes everything on to the console and keeps a copy of the depth after each step.
@@ -184,12 +187,31 @@ template <class Holds>
 
 struct Truth {
   io::Image<float> depth;
-  io::Image<Vec3f> normals;  // may be empty
+  io::Image<Vec3f> normals;           // may be empty
+  io::Image<float> background_depth;  // behind the foreground; may be empty
+  MeshTruth mesh;                     // may be empty
 };
 
+inline Status evaluate_meshes(const SceneView& scene, const Truth& truth, const UncertaintyParams& uncertainty_params,
+                              const ReconstructParams& params, const RefinedDepth& refined, ThreadPool& pool,
+                              Console& console, std::vector<MeshErrors>& out) {
+  MeshJudges judges;
+  judges.true_depth = truth.depth.view();
+  judges.true_normals = truth.normals.view();
+  judges.background_depth = truth.background_depth.view();
+  judges.mesh = &truth.mesh;
+  TrueDepthAsRefined ideal;
+  NPSIM_RETURN_IF_ERROR(ideal.take(scene, refined, truth.depth.view(), uncertainty_params, pool));
+  out.resize(2);
+  out[0].key = "refined";
+  NPSIM_RETURN_IF_ERROR(evaluate_mesh(params, scene, refined, judges, pool, console, out[0]));
+  out[1].key = "true_depth";
+  return evaluate_mesh(params, scene, ideal.refined, judges, pool, console, out[1]);
+}
+
 // Runs the depth steps on the scene and judges what each of them leaves.
-inline Status evaluate(const SceneView& scene, const Truth& truth, const RefineDepthParams& params, ThreadPool& pool,
-                       Console& console, Evaluation& out) {
+inline Status evaluate(const SceneView& scene, const Truth& truth, const RefineDepthParams& params,
+                       const ReconstructParams& mesh_params, ThreadPool& pool, Console& console, Evaluation& out) {
   const Shape shape = scene.shape();
   DepthRecorder recorder(console);
   std::vector<unsigned char> memory(refine_depth_workspace_bytes(params, shape));
@@ -280,7 +302,7 @@ inline Status evaluate(const SceneView& scene, const Truth& truth, const RefineD
     }
     out.labels.push_back(std::move(errors));
   }
-  return {};
+  return evaluate_meshes(scene, truth, params.uncertainty, mesh_params, refined, pool, console, out.meshes);
 }
 
 }  // namespace npsim::tool
