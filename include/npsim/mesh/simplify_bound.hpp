@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whether a triangle with corners at pixels may stand for the part of a sheet that it covers.
+//
+// Depth: with w = 1 / z both surfaces are piecewise linear on the image, so z' / z is a ratio of linear functions on
+// each common piece and takes its extremes at the corners of the pieces: pixel centres, and crossings of an edge of the
+// triangle with an edge of the sheet. Those are all that is looked at, and the bound holds everywhere between them.
+// Labels: a face whose corners have one label covers no pixel centre of another one; a face with several labels has no
+// pixel centre inside, and an edge none between its ends unless all three have one label. Hence the label of every
+// pixel centre can be read off the faces, and is the one it had.
+// Cost: a few operations for each pixel centre and crossing. Error: in double from w rounded to float, 2^-24.
+#ifndef NPSIM_MESH_SIMPLIFY_BOUND_HPP
+#define NPSIM_MESH_SIMPLIFY_BOUND_HPP
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+
+#include "npsim/core/image_view.hpp"
+#include "npsim/mesh/sheet.hpp"
+#include "npsim/simd/isa.hpp"
+
+namespace npsim {
+inline namespace v1 {
+inline namespace NPSIM_ISA_NAMESPACE {
+namespace mesh_detail {
+
+// Depths that differ by no more than this share are the same: what rounding two depths and their reciprocals makes.
+inline constexpr double kRoundingOfDepth = 0x1p-21;
+
+struct Corner {
+  int x = 0;
+  int y = 0;
+  double w = 0;  // 1 / z
+  std::uint32_t id = 0;
+};
+
+// The sheet as it was.
+struct SheetPlanes {
+  ImageView<const float> inverse_depth;  // 1 / z, 0 where there is no vertex
+  ImageView<const std::uint8_t> quads;
+  ImageView<const std::uint32_t> ids;  // may be empty
+
+  [[nodiscard]] std::uint32_t id(int x, int y) const noexcept { return ids.data() == nullptr ? 0 : ids(x, y); }
+  [[nodiscard]] Corner corner(int x, int y) const noexcept {
+    return {x, y, static_cast<double>(inverse_depth(x, y)), id(x, y)};
+  }
+};
+
+// Twice the area of a triangle, positive when it faces the camera.
+[[nodiscard]] constexpr std::int64_t turn(const Corner& a, const Corner& b, const Corner& c) noexcept {
+  return static_cast<std::int64_t>(c.x - a.x) * (b.y - a.y) - static_cast<std::int64_t>(b.x - a.x) * (c.y - a.y);
+}
+
+// Greatest common divisor; an edge that spans (dx, dy) has as many pixel centres on it, one end left out.
+[[nodiscard]] inline int steps_between(const Corner& a, const Corner& b) noexcept {
+  int p = std::abs(a.x - b.x);
+  int q = std::abs(a.y - b.y);
+  while (q != 0) {
+    const int r = p % q;
+    p = q;
+    q = r;
+  }
+  return p;
+}
+
+// Calls f(y, first, last) for each row of pixel centres in the closed triangle; stops when f returns false.
+template <class RowFunction>
+[[nodiscard]] bool for_triangle_rows(Corner a, Corner b, Corner c, const RowFunction& f) noexcept {
+  const auto swap = [](Corner& p, Corner& q) {
+    const Corner t = p;
+    p = q;
+    q = t;
+  };
+  if (b.y < a.y) swap(a, b);
+  if (c.y < b.y) swap(b, c);
+  if (b.y < a.y) swap(a, b);
+  const auto slope = [](const Corner& p, const Corner& q) {
+    return q.y == p.y ? 0.0 : static_cast<double>(q.x - p.x) / static_cast<double>(q.y - p.y);
+  };
+  const double whole = slope(a, c);
+  const double upper = slope(a, b);
+  const double lower = slope(b, c);
+  for (int y = a.y; y <= c.y; ++y) {
+    const double p = a.x + (y - a.y) * whole;
+    const double q = y < b.y ? a.x + (y - a.y) * upper : b.x + (y - b.y) * lower;
+    // A crossing is a whole number or at least 1 / 2^15 from one.
+    const int first = static_cast<int>(std::ceil((p < q ? p : q) - 1e-6));
+    const int last = static_cast<int>(std::floor((p < q ? q : p) + 1e-6));
+    if (first <= last && !f(y, first, last)) return false;
+  }
+  return true;
+}
+
+// Plane of w over the image through three corners.
+struct InversePlane {
+  InversePlane(const Corner& a, const Corner& b, const Corner& c) noexcept : x0(a.x), y0(a.y), w0(a.w) {
+    const double scale =
+        1.0 / (static_cast<double>(b.x - a.x) * (c.y - a.y) - static_cast<double>(c.x - a.x) * (b.y - a.y));
+    dx = ((b.w - a.w) * (c.y - a.y) - (c.w - a.w) * (b.y - a.y)) * scale;
+    dy = ((c.w - a.w) * (b.x - a.x) - (b.w - a.w) * (c.x - a.x)) * scale;
+  }
+  [[nodiscard]] double at(int x, int y) const noexcept { return w0 + (x - x0) * dx + (y - y0) * dy; }
+  int x0, y0;
+  double w0, dx, dy;
+};
+
+// Calls f(w, thin) with w of the sheet and of the triangle at its pixel centres; stops when f returns false.
+template <class F>
+[[nodiscard]] bool at_centres(const SheetPlanes& sheet, const Corner& a, const Corner& b, const Corner& c,
+                              const F& f) noexcept {
+  const InversePlane plane(a, b, c);
+  return for_triangle_rows(a, b, c, [&](int y, int first, int last) {
+    const float* w = sheet.inverse_depth.row(y);
+    for (int x = first; x <= last; ++x) {
+      if (!f(static_cast<double>(w[x]), plane.at(x, y))) return false;
+    }
+    return true;
+  });
+}
+
+// Labels of the pixel centres of a triangle whose corners have one label.
+[[nodiscard]] inline bool triangle_is_pure(const SheetPlanes& sheet, const Corner& a, const Corner& b,
+                                           const Corner& c) noexcept {
+  return for_triangle_rows(a, b, c, [&](int y, int first, int last) {
+    for (int x = first; x <= last; ++x) {
+      if (sheet.id(x, y) != a.id) return false;
+    }
+    return true;
+  });
+}
+
+// Labels on an edge.
+[[nodiscard]] inline bool edge_is_pure(const SheetPlanes& sheet, const Corner& a, const Corner& b) noexcept {
+  const int steps = steps_between(a, b);
+  if (a.id != b.id) return steps == 1;
+  for (int i = 1; i < steps; ++i) {
+    if (sheet.id(a.x + (b.x - a.x) / steps * i, a.y + (b.y - a.y) / steps * i) != a.id) return false;
+  }
+  return true;
+}
+
+// No pixel centre inside: Pick's theorem.
+[[nodiscard]] inline bool triangle_is_bare(const Corner& a, const Corner& b, const Corner& c) noexcept {
+  return turn(a, b, c) + 2 == steps_between(a, b) + steps_between(b, c) + steps_between(c, a);
+}
+
+// Calls f(w, thin) where an edge crosses edges of the sheet, which lie along lines of constant x, y, x - y and x + y;
+// stops when f returns false.
+template <class F>
+[[nodiscard]] bool at_crossings(const SheetPlanes& sheet, const Corner& a, const Corner& b, const F& f) noexcept {
+  const double dx = b.x - a.x;
+  const double dy = b.y - a.y;
+  const double dw = b.w - a.w;
+  // Calls visit(s, t) at each whole value s that a coordinate with these ends takes in between, t of the way along.
+  const auto crossings = [](int from, int to, const auto& visit) {
+    const int n = std::abs(to - from);
+    const int step = to < from ? -1 : 1;
+    const double share = n > 0 ? 1.0 / n : 0.0;
+    for (int i = 1; i < n; ++i) {
+      if (!visit(from + i * step, i * share)) return false;
+    }
+    return true;
+  };
+  // A crossing at a pixel centre may come out a little before it, and must be looked up beyond.
+  const auto whole = [](double v) { return static_cast<int>(v + 1e-6); };
+  // Along the edge of the sheet from pixel 0 to pixel 1.
+  const auto at = [&](double t, int x0, int y0, int x1, int y1, double share) {
+    const double w0 = static_cast<double>(sheet.inverse_depth(x0, y0));
+    const double w1 = static_cast<double>(sheet.inverse_depth(x1, y1));
+    if (!(w0 > 0.0) || !(w1 > 0.0)) return true;
+    return f(w0 + share * (w1 - w0), a.w + t * dw);
+  };
+  const int right = sheet.inverse_depth.width() - 1;
+  const int bottom = sheet.inverse_depth.height() - 1;
+  return crossings(a.x, b.x,
+                   [&](int x, double t) {
+                     const double y = a.y + t * dy;
+                     const int row = whole(y);
+                     return row >= bottom || at(t, x, row, x, row + 1, y - row);
+                   }) &&
+         crossings(a.y, b.y,
+                   [&](int y, double t) {
+                     const double x = a.x + t * dx;
+                     const int column = whole(x);
+                     return column >= right || at(t, column, y, column + 1, y, x - column);
+                   }) &&
+         crossings(a.x - a.y, b.x - b.y,
+                   [&](int difference, double t) {
+                     const double x = a.x + t * dx;
+                     const int column = whole(x);
+                     const int row = column - difference;
+                     if (!sheet.quads.contains(column, row)) return true;  // a pixel centre
+                     return (sheet.quads(column, row) & kQuadAntiDiagonal) != 0 ||
+                            at(t, column, row, column + 1, row + 1, x - column);
+                   }) &&
+         crossings(a.x + a.y, b.x + b.y, [&](int sum, double t) {
+           const double x = a.x + t * dx;
+           const int column = whole(x);
+           const int row = sum - 1 - column;
+           if (!sheet.quads.contains(column, row)) return true;
+           return (sheet.quads(column, row) & kQuadAntiDiagonal) == 0 ||
+                  at(t, column, row + 1, column + 1, row, x - column);
+         });
+}
+
+}  // namespace mesh_detail
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_MESH_SIMPLIFY_BOUND_HPP
