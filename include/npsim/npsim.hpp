@@ -3,6 +3,7 @@
 #ifndef NPSIM_NPSIM_HPP
 #define NPSIM_NPSIM_HPP
 
+#include "npsim/core/bits.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/executor.hpp"
@@ -72,10 +73,19 @@
 #include "npsim/mesh/complete_background.hpp"
 #include "npsim/mesh/complete_foreground.hpp"
 #include "npsim/mesh/components.hpp"
+#include "npsim/mesh/connect.hpp"
+#include "npsim/mesh/foreground_growth.hpp"
+#include "npsim/mesh/foreground_pixels.hpp"
 #include "npsim/mesh/index.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
+#include "npsim/mesh/layer.hpp"
 #include "npsim/mesh/prune.hpp"
 #include "npsim/mesh/sheet.hpp"
+#include "npsim/mesh/simplified_depth.hpp"
+#include "npsim/mesh/simplify.hpp"
+#include "npsim/mesh/simplify_bound.hpp"
+#include "npsim/mesh/simplify_mesh.hpp"
+#include "npsim/mesh/simplify_thin.hpp"
 #include "npsim/mesh/solidify.hpp"
 #include "npsim/mesh/solidify_box.hpp"
 #include "npsim/mesh/solidify_params.hpp"

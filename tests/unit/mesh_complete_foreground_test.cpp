@@ -315,13 +315,13 @@ TEST_CASE("wrong arguments and a small workspace of the foreground completion ar
   const auto run = [&](std::size_t bytes, ImageView<const Label> labels) {
     std::vector<unsigned char> memory(bytes + 1);
     Workspace workspace(memory.data(), bytes);
-    return complete_foreground({}, p.sheet.vertices.cview(), labels, {}, {}, {}, p.intrinsics, p.foreground.view(),
-                               p.object.view(), workspace, executor)
+    return complete_foreground({}, {}, p.depth.cview(), p.surface.cview(), labels, {}, {}, {}, p.intrinsics,
+                               p.foreground.view(), p.object.view(), workspace, executor)
         .code();
   };
   const std::size_t enough = complete_foreground_workspace_bytes({}, p.shape);
   CHECK(run(enough, p.labels.cview()) == StatusCode::ok);
-  for (std::size_t bytes = 0; bytes < 3 * allocation_bytes<float>(p.shape.pixels()); bytes += 500) {
+  for (std::size_t bytes = 0; bytes < 4 * pixel_bits_bytes(p.shape); bytes += 60) {
     CHECK(run(bytes, p.labels.cview()) == StatusCode::workspace_exhausted);
   }
   CHECK(run(enough, {}) == StatusCode::shape_mismatch);

@@ -99,8 +99,9 @@ struct Picture {
                 .ok());
     bytes.resize(complete_foreground_workspace_bytes(fp, shape));
     Workspace for_foreground(bytes.data(), bytes.size());
-    REQUIRE(complete_foreground(fp, sheet.vertices.cview(), labels.cview(), instances.cview(), uncertain.cview(),
-                                state.cview(), intrinsics, foreground.view(), object.view(), for_foreground, executor)
+    REQUIRE(complete_foreground(fp, SheetParams{}, depth.cview(), surface.cview(), labels.cview(), instances.cview(),
+                                uncertain.cview(), state.cview(), intrinsics, foreground.view(), object.view(),
+                                for_foreground, executor)
                 .ok());
     REQUIRE(prune(PruneParams{}, uncertain.cview(), labels.cview(), sheet.view(), executor).ok());
   }

@@ -25,15 +25,18 @@ void check_bytes() {
   }
   const typename U::Table look(table);
   for (std::size_t i = 0; i < 512; i += static_cast<std::size_t>(U::lanes)) {
-    std::uint8_t low[U::lanes], high[U::lanes], looked[U::lanes], whole[U::lanes];
+    std::uint8_t low[U::lanes], high[U::lanes], looked[U::lanes], whole[U::lanes], both[U::lanes], either[U::lanes];
     const U x = U::load(&a[i]);
     const U y = U::load(&b[i]);
     min(x, y).store(low);
     max(x, y).store(high);
     lookup(look, x).store(looked);
     U(b[i]).store(whole);
+    (x & y).store(both);
+    (x | y).store(either);
     const std::uint64_t less = less_bits(x, y);
-    if (U::lanes < 64) CHECK((less >> (U::lanes % 64)) == 0);
+    const std::uint64_t equal = equal_bits(x, y);
+    if (U::lanes < 64) CHECK(((less | equal) >> (U::lanes % 64)) == 0);
     for (int k = 0; k < U::lanes; ++k) {
       const std::size_t at = i + static_cast<std::size_t>(k);
       CHECK(low[k] == std::min(a[at], b[at]));
@@ -41,10 +44,15 @@ void check_bytes() {
       CHECK(looked[k] == table[std::min<std::uint8_t>(a[at], 63)]);
       CHECK(whole[k] == b[i]);
       CHECK((less >> k & 1U) == (a[at] < b[at] ? 1U : 0U));
+      CHECK((equal >> k & 1U) == (a[at] == b[at] ? 1U : 0U));
+      CHECK(both[k] == (a[at] & b[at]));
+      CHECK(either[k] == (a[at] | b[at]));
     }
     const std::uint64_t bits = random.next_u32() | std::uint64_t{random.next_u32()} << 32;
     U::from_bits(bits).store(whole);
     for (int k = 0; k < U::lanes; ++k) CHECK(whole[k] == (bits >> k & 1U));
+    U::from_bits(bits, b[i]).store(whole);
+    for (int k = 0; k < U::lanes; ++k) CHECK(whole[k] == ((bits >> k & 1U) != 0 ? b[i] : 0));
   }
   for (int n = 0; n <= U::lanes; ++n) {
     std::uint8_t out[U::lanes + 1];

@@ -2,7 +2,7 @@
 // Completes foreground objects over their uncertain pixels (section 3.5.2): one sheet per object, all in one layer.
 //
 // An object is a connected component (4-neighbourhood) of foreground pixels with one label and, where instance ids are
-// given, one instance. Its kept vertices are those of certain pixels. From them a breadth-first search enters the
+// given, one instance. Its kept vertices are the sheet's at certain pixels. From them a breadth-first search enters the
 // object's other pixels: a new vertex gets the mean depth of its neighbours of earlier levels, in the same object.
 // An object without any kept vertex (thinner than the uncertain band around its outline: poles, far persons) would
 // vanish; it stands at one depth, the median of its own pixels' (the lower one of two), and stays empty only if it has
@@ -13,26 +13,30 @@
 // casts a shadow. The pixels added carry the object's id but another label.
 //
 // Invariant: a layer has one vertex a pixel at most, no face joins two objects, objects are numbered 1, 2, ... in
-// raster order. Levels, not the order of visits, define the means: the result is a function of the input alone. Cost:
-// linear in the pixels, serial but for the last pass. Memory: 16 bytes a pixel. Error: a mean of at most four floats,
-// summed in double: half an ulp each level.
+// raster order. Levels, not the order of visits, define the means: the result is a function of the input alone.
+// Cost: about the time of copying the output, and tens of instructions for each pixel at the rim of a run of pixels, in
+// doubt, or without one of its neighbours; numbering and growth are serial. Memory: half a byte a pixel, in whole words
+// of 64 pixels a row; the rest is done in the outputs (components.hpp, foreground_growth.hpp). Error: of a mean, half
+// an ulp each level, and of unproject().
 #ifndef NPSIM_MESH_COMPLETE_FOREGROUND_HPP
 #define NPSIM_MESH_COMPLETE_FOREGROUND_HPP
 
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <utility>
 
+#include "npsim/core/bits.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/mesh/components.hpp"
-#include "npsim/mesh/interpolate_rows.hpp"
+#include "npsim/mesh/connect.hpp"
+#include "npsim/mesh/foreground_growth.hpp"
+#include "npsim/mesh/foreground_pixels.hpp"
 #include "npsim/mesh/sheet.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/simd/batch.hpp"
 
 namespace npsim {
 inline namespace v1 {
@@ -45,221 +49,128 @@ struct ForegroundParams {
 };
 
 [[nodiscard]] constexpr std::size_t complete_foreground_workspace_bytes(const ForegroundParams&, Shape shape) noexcept {
-  const std::size_t pixels = shape.empty() ? 0 : shape.pixels();
-  // Depth, level, and in turn the labelling's own, the median's samples and cursors, the queue.
-  return 3 * allocation_bytes<std::uint32_t>(pixels) + allocation_bytes<std::uint32_t>(pixels + 1) +
-         kWorkspaceAlignment;
+  return 4 * pixel_bits_bytes(shape) + kWorkspaceAlignment;
 }
 
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace mesh_detail {
 
-inline constexpr std::uint32_t kOutside = 0xFFFFFFFFU;    // level of a pixel of no object
-inline constexpr std::uint32_t kUnreached = 0xFFFFFFFEU;  // level of a pixel without a vertex so far
-
-struct ForegroundPlanes {
-  ImageView<std::uint32_t> object;  // caller's
-  ImageView<float> depth;           // 0 where there is none yet
-  ImageView<std::uint32_t> level;
-
-  [[nodiscard]] bool joined(int x, int y, int i, int j) const noexcept {
-    return object.contains(i, j) && level(i, j) != kOutside && object(i, j) == object(x, y);
-  }
-};
-
-inline constexpr int kStepX[4] = {-1, 1, 0, 0};
-inline constexpr int kStepY[4] = {0, 0, -1, 1};
-
-// Breadth-first search from every vertex there is. The queue holds each pixel once at most.
-inline void grow_objects(const ForegroundPlanes& planes, Span<std::uint32_t> queue) {
-  const Shape shape = planes.depth.shape();
-  const auto width = static_cast<std::uint32_t>(shape.width);
-  std::size_t tail = 0;
-  const auto push_neighbours = [&](int x, int y) {
-    for (int k = 0; k < 4; ++k) {
-      const int i = x + kStepX[k];
-      const int j = y + kStepY[k];
-      if (!planes.joined(x, y, i, j) || planes.level(i, j) != kUnreached) continue;
-      planes.level(i, j) = planes.level(x, y) + 1;
-      queue[tail++] = static_cast<std::uint32_t>(j) * width + static_cast<std::uint32_t>(i);
+// Unprojects the pixels of row y that are present, and clears the others of the words that hold any.
+template <class F>
+void unproject_row(const Intrinsics& intrinsics, ImageView<const std::uint64_t> present, ImageView<Vec3f> vertices,
+                   int y) noexcept {
+  const F zero(0.0F);
+  for (int w = 0; w < present.width(); ++w) {
+    const std::uint64_t word = present(w, y);
+    if (word == 0) continue;
+    const int end = std::min(kWordBits * (w + 1), vertices.width());
+    for (int x = kWordBits * w; x < end; x += F::lanes) {
+      const int n = std::min(F::lanes, end - x);
+      float* p = &vertices(x, y).x;
+      const auto here =
+          F::MaskType::from_bits(static_cast<std::uint32_t>(word >> static_cast<unsigned>(x % kWordBits)));
+      const F z = select(here, simd::load3<F>(p, n).z, zero);
+      const simd::F32x3<F> v = unproject_pixels<F>(intrinsics, x, y, z);
+      const auto valid = z > zero;
+      simd::store3(p, simd::F32x3<F>{select(valid, v.x, zero), select(valid, v.y, zero), z}, n);
     }
-  };
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      if (planes.level(x, y) == 0) push_neighbours(x, y);
-    }
-  }
-  for (std::size_t head = 0; head < tail; ++head) {
-    const int x = static_cast<int>(queue[head] % width);
-    const int y = static_cast<int>(queue[head] / width);
-    double sum = 0;
-    double count = 0;
-    for (int k = 0; k < 4; ++k) {
-      const int i = x + kStepX[k];
-      const int j = y + kStepY[k];
-      if (!planes.joined(x, y, i, j) || planes.level(i, j) >= planes.level(x, y)) continue;
-      sum += static_cast<double>(planes.depth(i, j));
-      count += 1;
-    }
-    planes.depth(x, y) = static_cast<float>(sum / count);  // the pixel that pushed this one counts
-    push_neighbours(x, y);
   }
 }
 
-// Gives every object without a kept vertex the lower median depth of its pixels in the sheet.
-[[nodiscard]] inline Status stand_up_uncertain(const ForegroundPlanes& planes, ImageView<const Vec3f> sheet,
-                                               std::uint32_t count, Workspace& workspace) {
-  constexpr std::uint32_t kAnchored = 0x80000000U;  // flag: has a kept vertex, hence an empty bucket
-  const Shape shape = planes.depth.shape();
-  const WorkspaceScope scope(workspace);
-  Span<float> samples;         // depths, one bucket per object
-  Span<std::uint32_t> cursor;  // per object: number of samples, then start of its bucket, at last the bucket's end
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), samples));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(std::size_t{count} + 1, cursor));
-  std::fill(cursor.begin(), cursor.end(), 0U);
-  const auto for_members = [&](const auto& f) {
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        if (planes.level(x, y) != kOutside) f(x, y, cursor[planes.object(x, y)]);
+// Quads of row y from those of their corners that belong to one object; three of four decide which.
+template <class F>
+void connect_objects(ImageView<const std::uint64_t> present, ImageView<const std::uint32_t> object,
+                     const SheetLayer& layer, int y) noexcept {
+  using I = typename F::Int;
+  const int width = object.width();
+  for (int w = 0; kWordBits * w < width - 1; ++w) {
+    const int x = kWordBits * w;
+    const int n = std::min(kWordBits, width - 1 - x);
+    const bool more = w + 1 < present.width();
+    const QuadCorners there = {present(w, y), right_bits(present(w, y), more ? present(w + 1, y) : 0),
+                               present(w, y + 1), right_bits(present(w, y + 1), more ? present(w + 1, y + 1) : 0)};
+    QuadBits faces = connect_bits(there, 0);
+    if ((faces.upper | faces.lower) != 0) {
+      std::uint64_t ab = 0, ac = 0, ad = 0, bc = 0, bd = 0;  // same object
+      QuadCorners deep = {0, 0, 0, 0};
+      std::uint64_t smaller_bc = 0;
+      for (int i = 0; i < n; i += F::lanes) {
+        const auto put = [i](auto mask) { return std::uint64_t{bits(mask)} << static_cast<unsigned>(i); };
+        const auto id = [&](int px, int py) {
+          const auto* p = reinterpret_cast<const std::int32_t*>(object.row(py) + px);
+          return width - px >= I::lanes ? I::load(p) : I::load(p, std::max(0, width - px));
+        };
+        const auto depth = [&](int px, int py) {
+          return simd::load3<F>(&layer.vertices.row(py)[px].x, std::clamp(width - px, 0, F::lanes)).z;
+        };
+        const I a = id(x + i, y), b = id(x + i + 1, y), c = id(x + i, y + 1), d = id(x + i + 1, y + 1);
+        ab |= put(a == b), ac |= put(a == c), ad |= put(a == d), bc |= put(b == c), bd |= put(b == d);
+        const F za = depth(x + i, y), zb = depth(x + i + 1, y), zc = depth(x + i, y + 1), zd = depth(x + i + 1, y + 1);
+        const F zero(0.0F);
+        deep.a |= put(za > zero), deep.b |= put(zb > zero), deep.c |= put(zc > zero), deep.d |= put(zd > zero);
+        smaller_bc |= put(abs(zb - zc) < abs(za - zd));
       }
+      const std::uint64_t first = (ab & ac) | (ab & ad) | (ac & ad);  // A belongs to the object that decides; else B
+      const QuadCorners own = {deep.a & there.a & (first | ab), deep.b & there.b & (~first | ab),
+                               deep.c & there.c & ((first & ac) | (~first & bc)),
+                               deep.d & there.d & ((first & ad) | (~first & bd))};
+      faces = connect_bits(own, smaller_bc);
     }
-  };
-  for_members([&](int x, int y, std::uint32_t& c) {
-    if (planes.level(x, y) == 0) c = kAnchored;
-  });
-  for_members([&](int x, int y, std::uint32_t& c) {
-    if (c != kAnchored && has_vertex(sheet(x, y))) ++c;
-  });
-  std::uint32_t total = 0;
-  for (std::uint32_t o = 1; o <= count; ++o) {
-    const std::uint32_t size = cursor[o] & ~kAnchored;
-    cursor[o] = total | (cursor[o] & kAnchored);
-    total += size;
+    store_quads<F>(faces, layer.quads.row(y) + x, n);
   }
-  for_members([&](int x, int y, std::uint32_t& c) {
-    if ((c & kAnchored) == 0 && has_vertex(sheet(x, y))) samples[c++] = sheet(x, y).z;
-  });
-  const auto bucket_begin = [&](std::uint32_t o) { return o == 1 ? 0U : cursor[o - 1] & ~kAnchored; };
-  for (std::uint32_t o = 1; o <= count; ++o) {
-    const std::uint32_t begin = bucket_begin(o);
-    if ((cursor[o] & kAnchored) != 0 || cursor[o] == begin) continue;
-    float* first = samples.data() + begin;
-    float* last = samples.data() + cursor[o];
-    float* middle = first + (last - first - 1) / 2;
-    std::nth_element(first, middle, last);
-    std::swap(*first, *middle);
-  }
-  for_members([&](int x, int y, std::uint32_t& c) {
-    const std::uint32_t begin = bucket_begin(planes.object(x, y));
-    if ((c & kAnchored) != 0 || c == begin) return;
-    planes.depth(x, y) = samples[begin];
-    planes.level(x, y) = 0;
-  });
-  return {};
-}
-
-// The member whose depth a free pixel takes over, if any: {-1, -1} when none. Pulled, so that pixels are independent.
-struct PixelIndex {
-  int x = -1;
-  int y = -1;
-};
-[[nodiscard]] inline PixelIndex thin_neighbour(const ForegroundPlanes& planes, int x, int y) noexcept {
-  const auto joined = [&](int i, int j, int ni, int nj) {
-    return planes.joined(i, j, ni, nj) && planes.depth(ni, nj) > 0.0F;
-  };
-  const auto thin = [&](int i, int j, int dx, int dy) {
-    return planes.level.contains(i, j) && planes.level(i, j) != kOutside && planes.depth(i, j) > 0.0F &&
-           !joined(i, j, i - dx, j - dy) && !joined(i, j, i + dx, j + dy);
-  };
-  const auto taken = [&](int i, int j) { return !planes.level.contains(i, j) || planes.level(i, j) != kOutside; };
-  if (thin(x - 1, y, 1, 0)) return {x - 1, y};
-  if (thin(x + 1, y, 1, 0) && taken(x + 2, y)) return {x + 1, y};
-  if (thin(x, y - 1, 0, 1)) return {x, y - 1};
-  if (thin(x, y + 1, 0, 1) && taken(x, y + 2)) return {x, y + 1};
-  return {};
-}
-
-// Bits of a quad from those of its corners that belong to one object; three of four decide which.
-[[nodiscard]] inline std::uint8_t connect_object_quad(const SheetLayer& layer, ImageView<const std::uint32_t> object,
-                                                      int x, int y) noexcept {
-  const std::uint32_t id[4] = {object(x, y), object(x + 1, y), object(x, y + 1), object(x + 1, y + 1)};
-  const int like_first = (id[1] == id[0] ? 1 : 0) + (id[2] == id[0] ? 1 : 0) + (id[3] == id[0] ? 1 : 0);
-  const std::uint32_t own = like_first >= 2 ? id[0] : id[1];
-  if (own == 0) return 0;
-  const auto depth = [&](int k) { return id[k] == own ? layer.vertices(x + (k & 1), y + (k >> 1)).z : 0.0F; };
-  return connect_quad(depth(0), depth(1), depth(2), depth(3));
 }
 
 }  // namespace mesh_detail
 
-// sheet: vertices of build_sheet(). instances, uncertain: may be empty views. background_state: the states that
-// complete_background() wrote; foreground that it kept (thesis preset: segments far from any uncertain pixel) belongs
-// to the background layer and makes no object. Empty: every foreground pixel is an object's. object: 0 outside.
-template <class Executor>
-[[nodiscard]] Status complete_foreground(const ForegroundParams& params, ImageView<const Vec3f> sheet,
+// sheet, depth, surface: as for build_sheet(); surface, instances, uncertain may be empty views. background_state: the
+// states that complete_background() wrote; foreground that it kept (thesis preset: segments far from any uncertain
+// pixel) belongs to the background layer and makes no object. Empty: every foreground pixel is an object's. object: 0
+// outside.
+template <class F = simd::F32, class Executor>
+[[nodiscard]] Status complete_foreground(const ForegroundParams& params, const SheetParams& sheet,
+                                         ImageView<const float> depth, ImageView<const std::uint8_t> surface,
                                          ImageView<const Label> labels, ImageView<const std::uint16_t> instances,
                                          ImageView<const std::uint8_t> uncertain,
                                          ImageView<const std::uint8_t> background_state, const Intrinsics& intrinsics,
                                          const SheetLayer& foreground, ImageView<std::uint32_t> object,
                                          Workspace& workspace, Executor& executor) {
+  NPSIM_RETURN_IF_ERROR(validate(sheet));
   NPSIM_RETURN_IF_ERROR(validate(intrinsics));
   NPSIM_RETURN_IF_ERROR(validate(foreground));
   const Shape shape = foreground.vertices.shape();
-  if (sheet.data() == nullptr || sheet.shape() != shape || labels.data() == nullptr || labels.shape() != shape ||
-      object.data() == nullptr || object.shape() != shape || !mesh_detail::mask_fits(instances, shape) ||
-      !mesh_detail::mask_fits(uncertain, shape) || !mesh_detail::mask_fits(background_state, shape)) {
-    return {StatusCode::shape_mismatch, "sheet, labels, instances, masks, object and foreground must have one shape"};
+  if (depth.data() == nullptr || depth.shape() != shape || labels.data() == nullptr || labels.shape() != shape ||
+      object.data() == nullptr || object.shape() != shape || !mesh_detail::mask_fits(surface, shape) ||
+      !mesh_detail::mask_fits(instances, shape) || !mesh_detail::mask_fits(uncertain, shape) ||
+      !mesh_detail::mask_fits(background_state, shape)) {
+    return {StatusCode::shape_mismatch, "depth, labels, instances, masks, object and foreground must have one shape"};
   }
   if (shape.pixels() >= 0x80000000U) return {StatusCode::capacity_exceeded, "the image has 2^31 pixels or more"};
   const WorkspaceScope scope(workspace);
-  mesh_detail::ForegroundPlanes planes;
-  planes.object = object;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, planes.depth));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, planes.level));
+  mesh_detail::ObjectPixels planes;
+  planes.pixels = foreground.vertices;
+  NPSIM_RETURN_IF_ERROR(mesh_detail::allocate_links(shape, workspace, planes.links));
+  NPSIM_RETURN_IF_ERROR(mesh_detail::allocate_bits(shape, workspace, planes.known));
+  const mesh_detail::ForegroundSource source{
+      {sheet, depth, surface, intrinsics}, params.foreground, labels, instances, uncertain, background_state};
+  mesh_detail::for_rows(executor, shape.height, [&](int y) { mesh_detail::find_objects<F>(source, planes, y); });
+  mesh_detail::for_rows(executor, shape.height, [&](int y) {
+    for (int w = 0; y > 0 && w < planes.known.width(); ++w) planes.links.above(w, y) &= planes.links.member(w, y - 1);
+  });
   std::uint32_t count = 0;
-  NPSIM_RETURN_IF_ERROR(connected_components(
-      [&](int x, int y) {
-        return params.foreground.contains(labels(x, y)) &&
-               (background_state.data() == nullptr || background_state(x, y) != row_state::known);
-      },
-      [&](int x0, int y0, int x1, int y1) {
-        return labels(x0, y0) == labels(x1, y1) &&
-               (instances.data() == nullptr || instances(x0, y0) == instances(x1, y1));
-      },
-      object, workspace, count));
-  mesh_detail::for_rows(executor, shape.height, [&](int y) {
-    for (int x = 0; x < shape.width; ++x) {
-      const bool member = object(x, y) != 0;
-      const bool kept = member && !mesh_detail::mask_at(uncertain, x, y, false) && has_vertex(sheet(x, y));
-      planes.depth(x, y) = kept ? sheet(x, y).z : 0.0F;
-      planes.level(x, y) = kept ? 0U : (member ? mesh_detail::kUnreached : mesh_detail::kOutside);
-    }
-  });
-  NPSIM_RETURN_IF_ERROR(mesh_detail::stand_up_uncertain(planes, sheet, count, workspace));
-  {
-    const WorkspaceScope queue_scope(workspace);
-    Span<std::uint32_t> queue;
-    NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), queue));
-    mesh_detail::grow_objects(planes, queue);
+  NPSIM_RETURN_IF_ERROR(label_components(planes.links, object, count));
+  mesh_detail::grow_objects(planes);
+  mesh_detail::stand_up_uncertain(planes);
+  // Now every member is known; the plane that said so takes the pixels with an object.
+  const ImageView<std::uint64_t> present = planes.known;
+  if (params.widen_thin) {
+    mesh_detail::for_rows(executor, shape.height, [&](int y) {
+      mesh_detail::widen_thin(planes.links, present, foreground.vertices, object, y);
+    });
   }
-  mesh_detail::for_rows(executor, shape.height, [&](int y) {
-    for (int x = 0; x < shape.width; ++x) {
-      float z = planes.depth(x, y);
-      if (params.widen_thin && planes.level(x, y) == mesh_detail::kOutside) {
-        const mesh_detail::PixelIndex from = mesh_detail::thin_neighbour(planes, x, y);
-        if (from.x >= 0) {
-          z = planes.depth(from.x, from.y);
-          object(x, y) = object(from.x, from.y);  // only members' ids are read, and theirs do not change
-        }
-      }
-      foreground.vertices(x, y) = z > 0.0F ? unproject_pixel(intrinsics, x, y, z) : Vec3f{};
-    }
-  });
-  mesh_detail::for_rows(executor, quad_shape(shape).height, [&](int y) {
-    for (int x = 0; x + 1 < shape.width; ++x) {
-      foreground.quads(x, y) = mesh_detail::connect_object_quad(foreground, object, x, y);
-    }
-  });
+  mesh_detail::for_rows(executor, shape.height,
+                        [&](int y) { mesh_detail::unproject_row<F>(intrinsics, present, foreground.vertices, y); });
+  mesh_detail::for_rows(executor, quad_shape(shape).height,
+                        [&](int y) { mesh_detail::connect_objects<F>(present, object, foreground, y); });
   return {};
 }
 

@@ -70,7 +70,7 @@ inline constexpr std::size_t kMaxFacesPerPixel = 6;
                                  complete_foreground_workspace_bytes(params.foreground, shape) +
                                  index_layer_workspace_bytes(shape) + ground_workspace_bytes(params.ground, shape) +
                                  solidify_workspace_bytes(params.solidify, shape, 2 * pixels, 2 * pixels);
-  return 3 * allocation_bytes<Vec3f>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
+  return 2 * allocation_bytes<Vec3f>(pixels) + 2 * allocation_bytes<std::uint8_t>(pixels) +
          allocation_bytes<std::uint8_t>(pixels) + 2 * allocation_bytes<std::uint32_t>(pixels) +
          allocation_bytes<Vec3f>(kMaxVerticesPerPixel * pixels) +
          allocation_bytes<std::uint32_t>(kMaxVerticesPerPixel * pixels) + allocation_bytes<Face>(kMaxFacesPerPixel * pixels) +
@@ -139,27 +139,25 @@ Status reconstruct(const ReconstructParams& params, const SceneView& scene, cons
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, layer.vertices));
     return workspace.allocate_image(quads, layer.quads);
   };
-  SheetLayer sheet;
-  SheetLayer background;
+  SheetLayer background;  // the sheet at first: it is completed in place
   SheetLayer foreground;
-  NPSIM_RETURN_IF_ERROR(allocate_layer(sheet));
   NPSIM_RETURN_IF_ERROR(allocate_layer(background));
   NPSIM_RETURN_IF_ERROR(allocate_layer(foreground));
 
   observer.begin(Stage::sheet);
-  NPSIM_RETURN_IF_ERROR(build_sheet(params.sheet, refined.depth, refined.surface, scene.camera, sheet, executor));
+  NPSIM_RETURN_IF_ERROR(build_sheet(params.sheet, refined.depth, refined.surface, scene.camera, background, executor));
   observer.end(Stage::sheet);
 
   observer.begin(Stage::prune);
-  NPSIM_RETURN_IF_ERROR(prune(params.prune, refined.uncertain, refined.labels, sheet, executor));
+  NPSIM_RETURN_IF_ERROR(prune(params.prune, refined.uncertain, refined.labels, background, executor));
   observer.end(Stage::prune);
 
   observer.begin(Stage::complete);
-  NPSIM_RETURN_IF_ERROR(complete_background(params.background, sheet.vertices, refined.labels, refined.uncertain,
+  NPSIM_RETURN_IF_ERROR(complete_background(params.background, background.vertices, refined.labels, refined.uncertain,
                                             refined.surface, scene.camera, background, state, workspace, executor));
-  NPSIM_RETURN_IF_ERROR(complete_foreground(params.foreground, sheet.vertices, refined.labels, scene.instances,
-                                            refined.uncertain, state, scene.camera, foreground, object, workspace,
-                                            executor));
+  NPSIM_RETURN_IF_ERROR(complete_foreground(params.foreground, params.sheet, refined.depth, refined.surface,
+                                            refined.labels, scene.instances, refined.uncertain, state, scene.camera,
+                                            foreground, object, workspace, executor));
   const MeshSize behind = mesh_size(background);
   const MeshSize front = mesh_size(foreground);
   MeshSize backs;

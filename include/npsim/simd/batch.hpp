@@ -29,7 +29,7 @@
 //   scale_by_floor(y, x) = y 2^floor(x), rounded once, for 0.5 <= |y| <= 4 and finite x (one instruction with AVX-512).
 //   I: load, store, gather, iota and lane alike, I::load_u8(p), I::load_u16(p) (also with n); + - * & | ^ ~ << >>,
 //   shift_right_logical, comparisons, min, max, select.
-//   M(bool), M::first(n), m.lane(i), & | ^ ~, any, all, none, bits (lane i in bit i).
+//   M(bool), M::first(n), M::from_bits(bits), m.lane(i), & | ^ ~, any, all, none, bits (lane i in bit i).
 // Mixed calls take a float for a batch where one argument is a batch: x * 2.0F, max(x, 0.0F).
 #ifndef NPSIM_SIMD_BATCH_HPP
 #define NPSIM_SIMD_BATCH_HPP

@@ -4,8 +4,9 @@
 // Like the float batch it comes as a native and a one-lane type with the same results; BytesOf<F> is the one that
 // belongs to the float batch F. Invariants: load(p, n) and store(p, n), 0 <= n <= lanes, touch n elements, the other
 // lanes are 0; comparisons are unsigned and come as bits (lane i in bit i), because masks of bytes end up in bit maps.
-//   U(x), U::load(p), U::load(p, n), U::from_bits(bits) (1 where the bit is set), u.store(p), u.store(p, n), min, max,
-//   less_bits(a, b) (a < b), lookup(U::Table(p), index): p[min(index, 63)] from 64 bytes p, which the table keeps.
+//   U(x), U::load(p), U::load(p, n), U::from_bits(bits) (1 where the bit is set), U::from_bits(bits, x) (x there),
+//   u.store(p), u.store(p, n), & |, min, max, less_bits(a, b) (a < b), equal_bits(a, b), lookup(U::Table(p), index):
+//   p[min(index, 63)] from 64 bytes p, which the table keeps.
 // slide<K>(a, b), 0 < K <= lanes: lanes K, K + 1, ... of a followed by b; neighbours without going through memory.
 // Cost: about one instruction each, lookup about ten (plain SSE2, which has no byte shuffle: a loop). No error.
 #ifndef NPSIM_SIMD_BYTES_HPP
@@ -31,13 +32,16 @@ struct U8 {
   U8(std::uint8_t x) noexcept : value(x) {}  // NOLINT(google-explicit-constructor)
   [[nodiscard]] static U8 load(const std::uint8_t* p) noexcept { return *p; }
   [[nodiscard]] static U8 load(const std::uint8_t* p, int n) noexcept { return n > 0 ? *p : std::uint8_t{0}; }
-  [[nodiscard]] static U8 from_bits(std::uint64_t bits) noexcept { return static_cast<std::uint8_t>(bits & 1U); }
+  [[nodiscard]] static U8 from_bits(std::uint64_t bits, std::uint8_t x = 1) noexcept { return (bits & 1U) != 0 ? x : std::uint8_t{0}; }
   void store(std::uint8_t* p) const noexcept { *p = value; }
   void store(std::uint8_t* p, int n) const noexcept { if (n > 0) *p = value; }
 
+  friend U8 operator&(U8 a, U8 b) noexcept { return static_cast<std::uint8_t>(a.value & b.value); }
+  friend U8 operator|(U8 a, U8 b) noexcept { return static_cast<std::uint8_t>(a.value | b.value); }
   [[nodiscard]] friend U8 min(U8 a, U8 b) noexcept { return a.value < b.value ? a : b; }
   [[nodiscard]] friend U8 max(U8 a, U8 b) noexcept { return a.value > b.value ? a : b; }
   [[nodiscard]] friend std::uint64_t less_bits(U8 a, U8 b) noexcept { return a.value < b.value ? 1U : 0U; }
+  [[nodiscard]] friend std::uint64_t equal_bits(U8 a, U8 b) noexcept { return a.value == b.value ? 1U : 0U; }
 
   struct Table {
     explicit Table(const std::uint8_t* p) noexcept { std::memcpy(bytes, p, sizeof(bytes)); }
@@ -82,7 +86,7 @@ struct U8 {
     std::memcpy(all, p, static_cast<std::size_t>(n));
     return load(all);
   }
-  [[nodiscard]] static U8 from_bits(std::uint64_t bits) noexcept;
+  [[nodiscard]] static U8 from_bits(std::uint64_t bits, std::uint8_t x = 1) noexcept;
   void store(std::uint8_t* p) const noexcept;
   void store(std::uint8_t* p, int n) const noexcept {
     std::uint8_t all[lanes];
@@ -90,9 +94,12 @@ struct U8 {
     std::memcpy(p, all, static_cast<std::size_t>(n));
   }
 
+  friend U8 operator&(U8 a, U8 b) noexcept;
+  friend U8 operator|(U8 a, U8 b) noexcept;
   friend U8 min(U8 a, U8 b) noexcept;
   friend U8 max(U8 a, U8 b) noexcept;
   friend std::uint64_t less_bits(U8 a, U8 b) noexcept;
+  friend std::uint64_t equal_bits(U8 a, U8 b) noexcept;
 
   struct Table {
     explicit Table(const std::uint8_t* p) noexcept;
@@ -112,11 +119,16 @@ struct U8 {
 
 inline U8::U8(std::uint8_t x) noexcept : value(_mm512_set1_epi8(static_cast<char>(x))) {}
 inline U8 U8::load(const std::uint8_t* p) noexcept { return U8(_mm512_loadu_si512(p)); }
-inline U8 U8::from_bits(std::uint64_t bits) noexcept { return U8(_mm512_maskz_set1_epi8(bits, 1)); }
+inline U8 U8::from_bits(std::uint64_t bits, std::uint8_t x) noexcept {
+  return U8(_mm512_maskz_set1_epi8(bits, static_cast<char>(x)));
+}
 inline void U8::store(std::uint8_t* p) const noexcept { _mm512_storeu_si512(p, value); }
+inline U8 operator&(U8 a, U8 b) noexcept { return U8(_mm512_and_si512(a.value, b.value)); }
+inline U8 operator|(U8 a, U8 b) noexcept { return U8(_mm512_or_si512(a.value, b.value)); }
 inline U8 min(U8 a, U8 b) noexcept { return U8(_mm512_min_epu8(a.value, b.value)); }
 inline U8 max(U8 a, U8 b) noexcept { return U8(_mm512_max_epu8(a.value, b.value)); }
 inline std::uint64_t less_bits(U8 a, U8 b) noexcept { return _mm512_cmplt_epu8_mask(a.value, b.value); }
+inline std::uint64_t equal_bits(U8 a, U8 b) noexcept { return _mm512_cmpeq_epi8_mask(a.value, b.value); }
 inline U8::Table::Table(const std::uint8_t* p) noexcept {
   for (__m512i& r : part) {
     r = _mm512_maskz_broadcast_i32x4(kAllLanes, _mm_loadu_si128(reinterpret_cast<const __m128i*>(p)));
@@ -138,18 +150,24 @@ inline U8::U8(std::uint8_t x) noexcept : value(_mm256_set1_epi8(static_cast<char
 inline U8 U8::load(const std::uint8_t* p) noexcept {
   return U8(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(p)));
 }
-inline U8 U8::from_bits(std::uint64_t bits) noexcept {
+inline U8 U8::from_bits(std::uint64_t bits, std::uint8_t x) noexcept {
   const __m256i eight_lanes = _mm256_setr_epi64x(0, 0x0101010101010101, 0x0202020202020202, 0x0303030303030303);
   const __m256i copied = _mm256_shuffle_epi8(_mm256_set1_epi32(static_cast<int>(bits)), eight_lanes);
-  const __m256i own = _mm256_and_si256(copied, _mm256_set1_epi64x(static_cast<std::int64_t>(0x8040201008040201U)));
-  return U8(_mm256_min_epu8(own, _mm256_set1_epi8(1)));
+  const __m256i each = _mm256_set1_epi64x(static_cast<std::int64_t>(0x8040201008040201U));
+  const __m256i set = _mm256_cmpeq_epi8(_mm256_and_si256(copied, each), each);
+  return U8(_mm256_and_si256(set, _mm256_set1_epi8(static_cast<char>(x))));
 }
 inline void U8::store(std::uint8_t* p) const noexcept { _mm256_storeu_si256(reinterpret_cast<__m256i*>(p), value); }
+inline U8 operator&(U8 a, U8 b) noexcept { return U8(_mm256_and_si256(a.value, b.value)); }
+inline U8 operator|(U8 a, U8 b) noexcept { return U8(_mm256_or_si256(a.value, b.value)); }
 inline U8 min(U8 a, U8 b) noexcept { return U8(_mm256_min_epu8(a.value, b.value)); }
 inline U8 max(U8 a, U8 b) noexcept { return U8(_mm256_max_epu8(a.value, b.value)); }
 inline std::uint64_t less_bits(U8 a, U8 b) noexcept {
   const __m256i not_less = _mm256_cmpeq_epi8(_mm256_max_epu8(a.value, b.value), a.value);
   return static_cast<std::uint32_t>(~_mm256_movemask_epi8(not_less));
+}
+inline std::uint64_t equal_bits(U8 a, U8 b) noexcept {
+  return static_cast<std::uint32_t>(_mm256_movemask_epi8(_mm256_cmpeq_epi8(a.value, b.value)));
 }
 inline U8::Table::Table(const std::uint8_t* p) noexcept {
   for (__m256i& r : part) {
@@ -171,19 +189,25 @@ inline U8 lookup(const U8::Table& table, U8 index) noexcept {
 
 inline U8::U8(std::uint8_t x) noexcept : value(_mm_set1_epi8(static_cast<char>(x))) {}
 inline U8 U8::load(const std::uint8_t* p) noexcept { return U8(_mm_loadu_si128(reinterpret_cast<const __m128i*>(p))); }
-inline U8 U8::from_bits(std::uint64_t bits) noexcept {
+inline U8 U8::from_bits(std::uint64_t bits, std::uint8_t x) noexcept {
   constexpr std::uint64_t kEach = 0x0101010101010101U;
   const __m128i copied = _mm_set_epi64x(static_cast<std::int64_t>((bits >> 8 & 0xFFU) * kEach),
                                         static_cast<std::int64_t>((bits & 0xFFU) * kEach));
-  const __m128i own = _mm_and_si128(copied, _mm_set1_epi64x(static_cast<std::int64_t>(0x8040201008040201U)));
-  return U8(_mm_min_epu8(own, _mm_set1_epi8(1)));
+  const __m128i each = _mm_set1_epi64x(static_cast<std::int64_t>(0x8040201008040201U));
+  const __m128i set = _mm_cmpeq_epi8(_mm_and_si128(copied, each), each);
+  return U8(_mm_and_si128(set, _mm_set1_epi8(static_cast<char>(x))));
 }
 inline void U8::store(std::uint8_t* p) const noexcept { _mm_storeu_si128(reinterpret_cast<__m128i*>(p), value); }
+inline U8 operator&(U8 a, U8 b) noexcept { return U8(_mm_and_si128(a.value, b.value)); }
+inline U8 operator|(U8 a, U8 b) noexcept { return U8(_mm_or_si128(a.value, b.value)); }
 inline U8 min(U8 a, U8 b) noexcept { return U8(_mm_min_epu8(a.value, b.value)); }
 inline U8 max(U8 a, U8 b) noexcept { return U8(_mm_max_epu8(a.value, b.value)); }
 inline std::uint64_t less_bits(U8 a, U8 b) noexcept {
   const __m128i not_less = _mm_cmpeq_epi8(_mm_max_epu8(a.value, b.value), a.value);
   return static_cast<std::uint32_t>(_mm_movemask_epi8(not_less)) ^ 0xFFFFU;
+}
+inline std::uint64_t equal_bits(U8 a, U8 b) noexcept {
+  return static_cast<std::uint32_t>(_mm_movemask_epi8(_mm_cmpeq_epi8(a.value, b.value)));
 }
 inline U8::Table::Table(const std::uint8_t* p) noexcept { std::memcpy(bytes, p, sizeof(bytes)); }
 inline U8 lookup(const U8::Table& table, U8 index) noexcept {
@@ -197,20 +221,23 @@ inline U8 lookup(const U8::Table& table, U8 index) noexcept {
 
 inline U8::U8(std::uint8_t x) noexcept : value(vdupq_n_u8(x)) {}
 inline U8 U8::load(const std::uint8_t* p) noexcept { return U8(vld1q_u8(p)); }
-inline U8 U8::from_bits(std::uint64_t bits) noexcept {
+inline U8 U8::from_bits(std::uint64_t bits, std::uint8_t x) noexcept {
   const uint8x16_t weight = vreinterpretq_u8_u64(vdupq_n_u64(0x8040201008040201U));
   const uint8x16_t copied = vcombine_u8(vdup_n_u8(static_cast<std::uint8_t>(bits & 0xFFU)),
                                         vdup_n_u8(static_cast<std::uint8_t>(bits >> 8 & 0xFFU)));
-  return U8(vminq_u8(vandq_u8(copied, weight), vdupq_n_u8(1)));
+  return U8(vandq_u8(vtstq_u8(copied, weight), vdupq_n_u8(x)));
 }
 inline void U8::store(std::uint8_t* p) const noexcept { vst1q_u8(p, value); }
+inline U8 operator&(U8 a, U8 b) noexcept { return U8(vandq_u8(a.value, b.value)); }
+inline U8 operator|(U8 a, U8 b) noexcept { return U8(vorrq_u8(a.value, b.value)); }
 inline U8 min(U8 a, U8 b) noexcept { return U8(vminq_u8(a.value, b.value)); }
 inline U8 max(U8 a, U8 b) noexcept { return U8(vmaxq_u8(a.value, b.value)); }
-inline std::uint64_t less_bits(U8 a, U8 b) noexcept {
-  const uint8x16_t weight = vreinterpretq_u8_u64(vdupq_n_u64(0x8040201008040201U));
-  const uint8x16_t own = vandq_u8(vcltq_u8(a.value, b.value), weight);
+inline std::uint64_t lane_bits(uint8x16_t all_or_none) noexcept {
+  const uint8x16_t own = vandq_u8(all_or_none, vreinterpretq_u8_u64(vdupq_n_u64(0x8040201008040201U)));
   return std::uint64_t{vaddv_u8(vget_low_u8(own))} | std::uint64_t{vaddv_u8(vget_high_u8(own))} << 8;
 }
+inline std::uint64_t less_bits(U8 a, U8 b) noexcept { return lane_bits(vcltq_u8(a.value, b.value)); }
+inline std::uint64_t equal_bits(U8 a, U8 b) noexcept { return lane_bits(vceqq_u8(a.value, b.value)); }
 inline U8::Table::Table(const std::uint8_t* p) noexcept {
   for (uint8x16_t& r : part) {
     r = vld1q_u8(p);

@@ -92,6 +92,7 @@ struct Mask {
   explicit Mask(const FloatBool& m) noexcept : value(m) {}
   // The first n lanes.
   [[nodiscard]] static Mask first(int n) noexcept;
+  [[nodiscard]] static Mask from_bits(std::uint32_t bits) noexcept;
   [[nodiscard]] bool lane(int i) const noexcept { return ((bool_bits(value) >> static_cast<unsigned>(i)) & 1U) != 0; }
 
   friend Mask operator&(Mask a, Mask b) noexcept { return Mask(a.value & b.value); }
@@ -252,6 +253,14 @@ struct F32 {
 [[nodiscard]] inline F32 bitcast_float(I32 a) noexcept { return F32(as_float(a.value)); }
 
 inline Mask Mask::first(int n) noexcept { return I32::iota() < I32(n); }
+inline Mask Mask::from_bits(std::uint32_t bits) noexcept {
+#if defined(NPSIM_SIMD_AVX512)
+  return Mask(FloatBool(static_cast<__mmask16>(bits)));
+#else
+  alignas(64) static constexpr std::int32_t kLaneBit[8] = {1, 2, 4, 8, 16, 32, 64, 128};
+  return (I32(static_cast<std::int32_t>(bits)) & I32::load(kLaneBit)) != I32(0);
+#endif
+}
 inline F32 F32::iota() noexcept { return to_float(I32::iota()); }
 
 }  // namespace native

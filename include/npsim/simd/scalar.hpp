@@ -43,6 +43,7 @@ struct Mask {
   Mask() = default;
   Mask(bool all) noexcept : value(all) {}  // NOLINT(google-explicit-constructor)
   [[nodiscard]] static Mask first(int n) noexcept { return n > 0; }
+  [[nodiscard]] static Mask from_bits(std::uint32_t bits) noexcept { return (bits & 1U) != 0; }
   [[nodiscard]] bool lane(int) const noexcept { return value; }
 
   friend Mask operator&(Mask a, Mask b) noexcept { return a.value && b.value; }
