@@ -106,6 +106,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.0, 100.0))->capture_default_str();
   view_app->add_option("--shading", view.shading, "How much a face darkens by its direction, 0 to 1")
       ->check(CLI::Range(0.0, 1.0))->capture_default_str();
+  view_app->add_flag("--y-down", view.y_down, "An OBJ has y down and z ahead, as truth/street.obj; else y is up");
   view_app->add_flag("--plain", view.plain, "Without the photograph");
   view_app->add_option("--picture", view.picture, "Size of the picture, WIDTHxHEIGHT; default: the scene's");
   view_app->add_option("--size", view.size, "Work at WIDTHxHEIGHT; default: the image's size");

@@ -10,11 +10,11 @@
 #include <utility>
 #include <vector>
 
+#include "mesh_textures.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/mesh/interpolate_rows.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/render/preview.hpp"
 #include "npsim/render/view_pose.hpp"
@@ -35,50 +35,22 @@ struct MeshViewParams {
   return closer(turned(ViewPose{}, params.turn_deg * kRadians, params.climb_deg * kRadians, pivot_m), params.closer_m);
 }
 
-// The photograph twice, one above the other: with what the camera sees, and with the background's colours continued
-// behind objects in the way its surface is, so that no object is painted on the wall behind it.
-class MeshTexture {
+// The photograph twice, one above the other: as the camera saw it, and without its objects, so that none is painted on
+// the wall behind it.
+class ViewColours {
  public:
   // Of the whole mesh.
-  template <class Executor>
-  MeshTexture(ImageView<const Rgb8> photograph, const SceneMesh& mesh, Executor& executor)
-      : MeshTexture(photograph, mesh.vertex_pixel) {
-    const Shape shape = photograph.shape();
-    const auto below = static_cast<std::uint32_t>(shape.pixels());
+  ViewColours(const io::Image<Rgb8>& photograph, const SceneMesh& mesh)
+      : ViewColours(photograph, without_objects(photograph, mesh), mesh.vertex_pixel) {
+    const auto below = static_cast<std::uint32_t>(photograph.shape().pixels());
     for (std::size_t v = 0; v < mesh.background_vertices; ++v) texel_[v] += below;
-    io::Image<std::uint8_t> state(shape);
-    io::Image<Vec3f> colour(shape);
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        const bool blocked = mesh.background_state(x, y) == row_state::blocked;
-        const bool seen = mesh.visible_vertex(x, y) < mesh.background_vertices;
-        state(x, y) = seen ? row_state::known : (blocked ? row_state::blocked : row_state::missing);
-        const Rgb8 c = photograph(x, y);
-        colour(x, y) = {static_cast<float>(c.r), static_cast<float>(c.g), static_cast<float>(c.b)};
-      }
-    }
-    // Shapes agree; without a status there is nothing to report.
-    if (!interpolate_rows(state.view(), colour.view(), executor).ok()) return;
-    const auto byte = [](float v) { return static_cast<std::uint8_t>(v + 0.5F); };
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        const Vec3f c = colour(x, y);
-        texture_(x, shape.height + y) = {byte(c.x), byte(c.y), byte(c.z)};
-      }
-    }
   }
-
   // Of a sheet that has nothing hidden.
-  MeshTexture(ImageView<const Rgb8> photograph, Span<const std::uint32_t> vertex_pixel)
-      : texture_({photograph.width(), 2 * photograph.height()}), texel_(vertex_pixel.begin(), vertex_pixel.end()) {
-    for (int y = 0; y < photograph.height(); ++y) {
-      std::copy_n(photograph.row(y), photograph.width(), texture_.view().row(y));
-      std::copy_n(photograph.row(y), photograph.width(), texture_.view().row(photograph.height() + y));
-    }
-  }
+  ViewColours(const io::Image<Rgb8>& photograph, Span<const std::uint32_t> vertex_pixel)
+      : ViewColours(photograph, photograph, vertex_pixel) {}
 
   // The colours of the first `vertices` vertices.
-  [[nodiscard]] PreviewColours colours(std::size_t vertices) const {
+  [[nodiscard]] PreviewColours of(std::size_t vertices) const {
     PreviewColours out;
     out.texel = {texel_.data(), vertices};
     out.texture = texture_.view();
@@ -86,6 +58,14 @@ class MeshTexture {
   }
 
  private:
+  ViewColours(const io::Image<Rgb8>& upper, const io::Image<Rgb8>& lower, Span<const std::uint32_t> texel)
+      : texture_({upper.width(), 2 * upper.height()}), texel_(texel.begin(), texel.end()) {
+    for (int y = 0; y < upper.height(); ++y) {
+      std::copy_n(upper.view().row(y), upper.width(), texture_.view().row(y));
+      std::copy_n(lower.view().row(y), upper.width(), texture_.view().row(upper.height() + y));
+    }
+  }
+
   io::Image<Rgb8> texture_;
   std::vector<std::uint32_t> texel_;
 };
@@ -109,16 +89,16 @@ template <class Executor>
 // The mesh as the thesis shows it: from the photograph's camera, 3 m closer, turned by 45 degrees; and the background
 // alone.
 template <class Executor>
-[[nodiscard]] Status mesh_panels(ImageView<const Rgb8> photograph, const SceneMesh& mesh, ImageView<const float> depth,
+[[nodiscard]] Status mesh_panels(const io::Image<Rgb8>& photograph, const SceneMesh& mesh, ImageView<const float> depth,
                                  const Intrinsics& camera, Executor& executor, std::vector<Panel>& panels) {
   const Shape shape = photograph.shape();
   const int width = std::min(shape.width, 640);
   const Shape small{width, std::max(1, shape.height * width / shape.width)};
-  const MeshTexture texture(photograph, mesh, executor);
+  const ViewColours colours(photograph, mesh);
   const float pivot_m = axis_pivot_m(PivotParams{}, depth);
   const auto draw = [&](const char* title, const TriangleMeshView& part, const MeshViewParams& view) {
     io::Image<Rgb8> picture;
-    NPSIM_RETURN_IF_ERROR(draw_mesh(PreviewParams{}, part, texture.colours(part.vertices.size()),
+    NPSIM_RETURN_IF_ERROR(draw_mesh(PreviewParams{}, part, colours.of(part.vertices.size()),
                                     scaled(camera, shape, small), view_pose(view, pivot_m), small, executor, picture));
     panels.push_back({title, std::move(picture)});
     return Status();

@@ -70,7 +70,7 @@ class NightWriter {
       panels_.push_back({"depth, refined", depth_picture(refined.depth)});
       panels_.push_back({"uncertain", mask_picture(scene_.image.view(), refined.uncertain)});
       panels_.push_back({"normals", normal_picture(refined.normals)});
-      const Status drawn = mesh_panels(scene_.image.view(), mesh, refined.depth, scene_.intrinsics, pool_, panels_);
+      const Status drawn = mesh_panels(scene_.image, mesh, refined.depth, scene_.intrinsics, pool_, panels_);
       if (!drawn.ok()) return io::Error{options_.scene, "views of the mesh", drawn.message()};
       counts_ = {mesh.mesh.vertices.size(), mesh.mesh.faces.size(), mesh.background_faces, light.emitters.size()};
       ground_ = light.ground;

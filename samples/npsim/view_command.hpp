@@ -36,6 +36,7 @@ struct ViewOptions {
   float wire_px = 0;
   int threads = 0;
   bool plain = false;
+  bool y_down = false;  // an OBJ's axes are those of the camera
   bool quiet = false;
 };
 
@@ -87,8 +88,11 @@ int write_view(const ViewOptions& options, const DrawnMesh& drawn, Executor& exe
 
 // A mesh from a file has no photograph and no camera: it is seen plain, with a field of view of 60 degrees.
 inline int view_file(const ViewOptions& options) {
-  const io::Expected<io::Mesh> mesh = io::read_obj(options.scene);
+  io::Expected<io::Mesh> mesh = io::read_obj(options.scene);
   if (!mesh) return fail(mesh.error());
+  if (!options.y_down) {
+    for (Vec3f& v : mesh.value().vertices) v = {v.x, -v.y, -v.z};
+  }
   DrawnMesh drawn;
   drawn.mesh = mesh.value().view();
   drawn.shape = {960, 540};
@@ -147,18 +151,18 @@ inline int run_view(const ViewOptions& options) {
   Status status = refine_depth(params.depth, scene, workspace, pool, console, refined);
   if (!status.ok()) return fail(options.scene, status);
   DrawnMesh drawn;
-  std::unique_ptr<MeshTexture> texture;
+  std::unique_ptr<ViewColours> colours;
   if (options.mesh == "raw" || options.mesh == "pruned") {
     Span<const std::uint32_t> pixels;
     status = open_sheet(params.mesh, scene, refined, options.mesh == "pruned", workspace, pool, drawn.mesh, pixels);
     if (!status.ok()) return fail(options.scene, status);
-    texture = std::make_unique<MeshTexture>(scene.image, pixels);
+    colours = std::make_unique<ViewColours>(loaded.value().image, pixels);
     print_mesh(options.mesh.c_str(), drawn.mesh);
   } else {
     SceneMesh mesh;
     status = reconstruct(params.mesh, scene, refined, workspace, pool, console, mesh);
     if (!status.ok()) return fail(options.scene, status);
-    texture = std::make_unique<MeshTexture>(scene.image, mesh, pool);
+    colours = std::make_unique<ViewColours>(loaded.value().image, mesh);
     const std::size_t all_faces = mesh.mesh.faces.size();
     const TriangleMeshView background{mesh.mesh.vertices.sub(0, mesh.background_vertices),
                                       mesh.mesh.faces.sub(0, mesh.background_faces)};
@@ -168,7 +172,7 @@ inline int run_view(const ViewOptions& options) {
     if (options.mesh != "objects") print_mesh("background", background);
     if (options.mesh != "background") print_mesh("objects", objects);
   }
-  drawn.colours = texture->colours(drawn.mesh.vertices.size());
+  drawn.colours = colours->of(drawn.mesh.vertices.size());
   drawn.camera = scene.camera;
   drawn.shape = scene.shape();
   drawn.pivot_m = axis_pivot_m(PivotParams{}, refined.depth);

@@ -323,7 +323,7 @@ TEST_CASE("tool: view draws the mesh from any side, and an OBJ file, and says wh
   view(fixture().street, "pruned.png", "--mesh pruned --preset thesis --size 160x90");
   view(fixture().street, "background.png", "--mesh background --wire 0.5 --plain");
   view(fixture().street, "objects.png", "--mesh objects --climb 30");
-  view(fixture().street + "/truth/street.obj", "truth.png", "--turn 30 --climb 20");
+  view(fixture().street + "/truth/street.obj", "truth.png", "--turn 30 --climb 20 --y-down");
   CHECK(fs::file_size(fixture().out("truth.png")) > 1000);
 }
 
