@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sheet, pruning and foreground completion against their definitions, bit by bit: every number of lanes, chunks in any
+// order, rows that end within a word and pictures wider than a strip.
+#include <cstring>
+#include <vector>
+
+#include "mesh_fixture.hpp"
+#include "npsim/simd/batch.hpp"
+#include "reference/mesh_layers.hpp"
+
+using namespace mesh_test;
+
+namespace {
+
+template <class T>
+[[nodiscard]] bool same_bytes(const Plane<T>& plane, const std::vector<T>& expected) {
+  std::size_t i = 0;
+  for (int y = 0; y < plane.shape.height; ++y) {
+    for (int x = 0; x < plane.shape.width; ++x, ++i) {
+      if (std::memcmp(&plane(x, y), &expected[i], sizeof(T)) != 0) return false;
+    }
+  }
+  return i == expected.size();
+}
+
+// What stands between the rows is nobody's.
+template <class T>
+[[nodiscard]] bool padding_intact(const Plane<T>& plane, const Plane<T>& fresh) {
+  for (int y = 0; y < plane.shape.height; ++y) {
+    const auto end = static_cast<std::size_t>(y * (plane.shape.width + Plane<T>::kPadding) + plane.shape.width);
+    if (std::memcmp(plane.data.data() + end, fresh.data.data() + end, sizeof(T) * Plane<T>::kPadding) != 0) {
+      return false;
+    }
+  }
+  return true;
+}
+
+struct Options {
+  BackgroundParams background;
+  ForegroundParams foreground;
+  PruneParams prune;
+  bool instances = true;
+  bool masks = true;  // surface and uncertain
+};
+
+template <class F, class Executor>
+void compare(Picture& p, const Options& o, Executor& executor) {
+  const ImageView<const std::uint8_t> surface = o.masks ? p.surface.cview() : ImageView<const std::uint8_t>();
+  const ImageView<const std::uint8_t> uncertain = o.masks ? p.uncertain.cview() : ImageView<const std::uint8_t>();
+  const ImageView<const std::uint16_t> instances = o.instances ? p.instances.cview() : ImageView<const std::uint16_t>();
+  Picture fresh(p.shape);
+  p.sheet = fresh.sheet;
+  p.foreground = fresh.foreground;
+  p.object = fresh.object;
+
+  reference::Layer sheet = reference::build_sheet({}, p.depth.cview(), surface, p.intrinsics);
+  REQUIRE(build_sheet<F>({}, p.depth.cview(), surface, p.intrinsics, p.sheet.view(), executor).ok());
+  REQUIRE(same_bytes(p.sheet.vertices, sheet.vertices));
+  REQUIRE(same_bytes(p.sheet.quads, sheet.quads));
+
+  std::vector<unsigned char> bytes(complete_background_workspace_bytes(o.background, p.shape));
+  Workspace for_background(bytes.data(), bytes.size());
+  REQUIRE(complete_background(o.background, p.sheet.vertices.cview(), p.labels.cview(), uncertain, surface,
+                              p.intrinsics, p.background.view(), p.state.view(), for_background, executor)
+              .ok());
+  const reference::Objects objects = reference::complete_foreground(
+      o.foreground, sheet, {p.labels.cview(), instances, uncertain, p.state.cview(), p.intrinsics});
+  bytes.assign(complete_foreground_workspace_bytes(o.foreground, p.shape), 0xA5);
+  Workspace for_foreground(bytes.data(), bytes.size());
+  REQUIRE(complete_foreground<F>(o.foreground, {}, p.depth.cview(), surface, p.labels.cview(), instances, uncertain,
+                                 p.state.cview(), p.intrinsics, p.foreground.view(), p.object.view(), for_foreground,
+                                 executor)
+              .ok());
+  REQUIRE(same_bytes(p.object, objects.object));
+  REQUIRE(same_bytes(p.foreground.vertices, objects.layer.vertices));
+  REQUIRE(same_bytes(p.foreground.quads, objects.layer.quads));
+
+  reference::prune(o.prune, p.uncertain.cview(), p.labels.cview(), sheet);
+  REQUIRE(prune<F>(o.prune, p.uncertain.cview(), p.labels.cview(), p.sheet.view(), executor).ok());
+  REQUIRE(same_bytes(p.sheet.quads, sheet.quads));
+
+  REQUIRE(padding_intact(p.sheet.vertices, fresh.sheet.vertices));
+  REQUIRE(padding_intact(p.sheet.quads, fresh.sheet.quads));
+  REQUIRE(padding_intact(p.foreground.vertices, fresh.foreground.vertices));
+  REQUIRE(padding_intact(p.foreground.quads, fresh.foreground.quads));
+  REQUIRE(padding_intact(p.object, fresh.object));
+}
+
+void compare_all(Picture& p, const Options& o) {
+  SerialExecutor serial;
+  ReverseExecutor reverse;
+  compare<simd::F32>(p, o, serial);
+  compare<simd::F32>(p, o, reverse);
+  compare<simd::scalar::F32>(p, o, serial);
+}
+
+// Blobs of labels, smeared with single pixels; `change`: the share of pixels that change the label at random.
+Picture random_picture(Shape shape, std::uint32_t trial) {
+  RandomStream random(11, RandomPurpose::test, trial, 0, 0, 0);
+  Picture p(shape);
+  if (trial % 4 == 1) p.intrinsics = {1310.5F, 1290.25F, 12.75F, 9.5F};
+  const Label choice[] = {label::road, label::car,    label::pole, label::sky,
+                          label::car,  label::person, 99,          static_cast<Label>(63)};
+  const float change = trial % 3 == 0 ? 0.9F : (trial % 3 == 1 ? 0.02F : 0.0F);
+  const float doubt = trial % 2 == 0 ? 0.1F : 0.7F;
+  const auto below = [&random](int n) { return static_cast<int>(random.uniform(0.0F, static_cast<float>(n))); };
+  for (int blob = 0; blob < 2 + shape.width / 20; ++blob) {
+    const int x = below(shape.width);
+    const int y = below(shape.height);
+    const float z = random.uniform(2.0F, 60.0F);
+    const Label l = choice[below(8)];
+    const int right = std::min(shape.width - 1, x + below(90));
+    const int bottom = std::min(shape.height - 1, y + below(40));
+    p.rectangle(x, y, right, bottom, l, z);
+    if (random.uniform() < 0.5F) p.doubt(x, y, right, bottom);
+  }
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (random.uniform() < change) p.rectangle(x, y, x, y, choice[below(8)], random.uniform(1.0F, 60.0F));
+      if (random.uniform() < 0.05F) p.depth(x, y) = kNaN;
+      if (random.uniform() < 0.3F) p.depth(x, y) *= random.uniform(0.9F, 1.1F);
+      if (change > 0.1F && random.uniform() < doubt) p.uncertain(x, y) = 255;
+      p.instances(x, y) = static_cast<std::uint16_t>(x < shape.width / 2 ? 26000 : 26256);  // they differ above 8 bits
+    }
+  }
+  return p;
+}
+
+}  // namespace
+
+TEST_CASE("random pictures of every width up to two words, bit by bit") {
+  for (std::uint32_t trial = 0; trial < 2 * 131; ++trial) {
+    CAPTURE(trial);
+    Picture p = random_picture({1 + static_cast<int>(trial / 2), 1 + static_cast<int>(trial * 7 % 23)}, trial);
+    Options o;
+    if (trial % 5 == 0) o.background = BackgroundParams::thesis();
+    if (trial % 2 == 0) o.foreground.widen_thin = false;
+    if (trial % 7 == 0) o.foreground.foreground = LabelSet::all();
+    if (trial % 2 == 1) o.prune.policy = PrunePolicy::keep_within_foreground;
+    o.instances = trial % 4 < 2;
+    o.masks = trial % 9 != 0;
+    compare_all(p, o);
+  }
+}
+
+TEST_CASE("pictures wider than a strip of columns, with more rows than a chunk, bit by bit") {
+  for (const int width : {1023, 1024, 1025, 1026, 2049}) {
+    CAPTURE(width);
+    Picture p = random_picture({width, 35}, static_cast<std::uint32_t>(width));
+    compare_all(p, {});
+  }
+}
+
+TEST_CASE("a spiral, a comb and a picture in doubt as a whole, bit by bit") {
+  const Shape shape{150, 97};
+  Picture spiral(shape);
+  for (int ring = 0; 4 * ring + 3 < shape.height; ++ring) {
+    const int a = 2 * ring;
+    spiral.rectangle(a, a, shape.width - 1 - a, a, label::car, 5.0F);
+    spiral.rectangle(shape.width - 1 - a, a, shape.width - 1 - a, shape.height - 1 - a, label::car, 5.0F);
+    spiral.rectangle(a, shape.height - 1 - a, shape.width - 1 - a, shape.height - 1 - a, label::car, 5.0F);
+    spiral.rectangle(a, a + 2, a, shape.height - 1 - a, label::car, 5.0F);
+    spiral.rectangle(a, a + 2, a + 2, a + 2, label::car, 5.0F);
+  }
+  spiral.doubt(0, 0, shape.width - 1, shape.height - 1);
+  spiral.uncertain(0, 0) = 0;  // the search follows the arm to the middle
+  spiral.depth(0, 0) = 3.0F;
+  compare_all(spiral, {});
+  CHECK(spiral.foreground.vertices(shape.width / 2, 46).z == 3.0F);
+
+  Picture comb(shape);
+  for (int x = 0; x < shape.width; x += 2) comb.rectangle(x, 0, x, 95, label::person, static_cast<float>(x + 1));
+  comb.rectangle(0, 96, shape.width - 1, 96, label::person, 4.0F);
+  compare_all(comb, {});
+  CHECK(comb.object(148, 0) == 1);
+
+  RandomStream random(12, RandomPurpose::test, 0, 0, 0, 0);
+  Picture doubtful(shape);  // one object of thousands of samples and many of a few: both ways to a median
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const Label l = x < 90 ? label::bus : (random.uniform() < 0.5F ? label::person : label::rider);
+      doubtful.rectangle(x, y, x, y, l, std::exp(random.uniform(-4.0F, 13.0F)));
+    }
+  }
+  doubtful.doubt(0, 0, shape.width - 1, shape.height - 1);
+  compare_all(doubtful, {});
+}
