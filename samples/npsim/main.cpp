@@ -71,6 +71,8 @@ int main(int argc, char** argv) {
   night_app->add_option("--lights", night.light_set,
                         "JSON list of measured light sources [{class, strength, xy | rg_bg}] that replaces the built-in "
                         "strengths and colours of the classes it names");
+  night_app->add_option("--texture", night.texture, "What the exported mesh wears: the photograph, or its albedo")
+      ->check(CLI::IsMember({"photograph", "albedo"}))->capture_default_str();
   night_app->add_flag("--quiet", night.quiet, "No progress");
 
   StreetOptions street;
@@ -100,7 +102,7 @@ int main(int argc, char** argv) {
   view_app->add_option("--climb", view.from.climb_deg, "Degrees above the pivot, looking down on it")
       ->check(CLI::Range(-90.0, 90.0))->capture_default_str();
   view_app->add_option("--pivot", view.from.pivot_m,
-                       "Metres ahead of the photograph's camera; 0: median depth of the picture's middle, 6 to 14 m")
+                       "Metres ahead of the photograph's camera; 0: so that the view shows most of the scene")
       ->check(CLI::Range(0.0, 1000.0))->capture_default_str();
   view_app->add_option("--wire", view.wire_px, "Width in pixels at which edges are drawn; 0: not")
       ->check(CLI::Range(0.0, 100.0))->capture_default_str();

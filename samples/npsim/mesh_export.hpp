@@ -138,8 +138,8 @@ struct JoinedParts {
   if (io::Outcome o = write_textures(folder, textures); !o) return o;
   if (mesh.mesh.faces.empty()) return io::Done{};  // a single row or column of pixels
 
-  const LayeredMesh layers{mesh.mesh.vertices, light.points.normal,      mesh.vertex_pixel,
-                           mesh.mesh.faces,    mesh.background_vertices, mesh.background_faces};
+  const LayeredMesh layers{mesh.mesh.vertices, light.points.normal, mesh.vertex_pixel, mesh.mesh.faces,
+                           mesh.background_faces};
   std::vector<MeshPart> parts;
   const bool background = mesh.background_faces > 0;  // a picture of nothing but objects has none
   if (background) parts.push_back(background_part(layers, kBackgroundTexture));

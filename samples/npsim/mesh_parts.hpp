@@ -41,7 +41,6 @@ struct LayeredMesh {
   Span<const Vec3f> normals;
   Span<const std::uint32_t> pixels;
   Span<const Face> faces;
-  std::size_t background_vertices = 0;
   std::size_t background_faces = 0;
 };
 
@@ -50,16 +49,38 @@ struct LayeredMesh {
   return name;
 }
 
+inline constexpr std::uint32_t kUnused = 0xFFFFFFFFU;
+
+// Spreads the layers over the parts that part_of(pixel) tells; vertices without a face are left out, the others
+// keep their order.
+template <class PartOf>
+void fill_parts(const LayeredMesh& mesh, std::size_t first_face, std::size_t last_face, const PartOf& part_of,
+                std::vector<MeshPart>& parts) {
+  std::vector<std::uint32_t> local(mesh.vertices.size(), kUnused);
+  for (std::size_t f = first_face; f < last_face; ++f) {
+    for (const std::uint32_t v : {mesh.faces[f].a, mesh.faces[f].b, mesh.faces[f].c}) local[v] = 0;
+  }
+  for (std::size_t v = 0; v < mesh.vertices.size(); ++v) {
+    if (local[v] == kUnused) continue;
+    MeshPart& part = parts[part_of(mesh.pixels[v])];
+    local[v] = static_cast<std::uint32_t>(part.vertices.size());
+    part.vertices.push_back(mesh.vertices[v]);
+    part.normals.push_back(mesh.normals[v]);
+    part.pixels.push_back(mesh.pixels[v]);
+  }
+  for (std::size_t f = first_face; f < last_face; ++f) {
+    const Face& face = mesh.faces[f];
+    parts[part_of(mesh.pixels[face.a])].faces.push_back({local[face.a], local[face.b], local[face.c]});
+  }
+}
+
 [[nodiscard]] inline MeshPart background_part(const LayeredMesh& mesh, std::size_t texture) {
-  MeshPart part;
-  part.name = part.material = "background";
-  part.texture = texture;
-  const std::size_t n = mesh.background_vertices;
-  part.vertices.assign(mesh.vertices.begin(), mesh.vertices.begin() + n);
-  part.normals.assign(mesh.normals.begin(), mesh.normals.begin() + n);
-  part.pixels.assign(mesh.pixels.begin(), mesh.pixels.begin() + n);
-  part.faces.assign(mesh.faces.begin(), mesh.faces.begin() + mesh.background_faces);
-  return part;
+  std::vector<MeshPart> parts(1);
+  parts[0].name = parts[0].material = "background";
+  parts[0].texture = texture;
+  fill_parts(
+      mesh, 0, mesh.background_faces, [](std::uint32_t) { return std::size_t{0}; }, parts);
+  return std::move(parts[0]);
 }
 
 // One part per object that has a face. labels: may be empty; object: the number of every pixel's.
@@ -67,39 +88,29 @@ struct LayeredMesh {
                                                         ImageView<const std::uint32_t> object, std::size_t texture) {
   const auto width = static_cast<std::uint32_t>(object.width());
   const auto object_of = [&](std::uint32_t pixel) {
-    return object(static_cast<int>(pixel % width), static_cast<int>(pixel / width));
+    return std::size_t{object(static_cast<int>(pixel % width), static_cast<int>(pixel / width))};
   };
-  std::vector<MeshPart> parts;
-  std::vector<std::uint32_t> local(mesh.vertices.size() - mesh.background_vertices);
-  for (std::size_t v = mesh.background_vertices; v < mesh.vertices.size(); ++v) {
-    const std::uint32_t pixel = mesh.pixels[v];
-    const std::uint32_t number = object_of(pixel);
-    if (number >= parts.size()) parts.resize(std::size_t{number} + 1);
-    MeshPart& part = parts[number];
-    // An object may reach over its outline by a pixel of another label.
-    if (part.name.empty() && !labels.empty()) {
-      const Label label = labels(static_cast<int>(pixel % width), static_cast<int>(pixel / width));
-      if (kForegroundLabels.contains(label)) {
-        part.name = without_spaces(kLabels[label].name) + "_" + std::to_string(number);
-      }
-    }
-    local[v - mesh.background_vertices] = static_cast<std::uint32_t>(part.vertices.size());
-    part.vertices.push_back(mesh.vertices[v]);
-    part.normals.push_back(mesh.normals[v]);
-    part.pixels.push_back(pixel);
+  std::size_t count = 0;
+  for (int y = 0; y < object.height(); ++y) {
+    for (int x = 0; x < object.width(); ++x) count = std::max<std::size_t>(count, object(x, y));
   }
-  for (std::size_t f = mesh.background_faces; f < mesh.faces.size(); ++f) {
-    const Face& face = mesh.faces[f];
-    const auto at = [&](std::uint32_t v) { return local[v - mesh.background_vertices]; };
-    parts[object_of(mesh.pixels[face.a])].faces.push_back({at(face.a), at(face.b), at(face.c)});
-  }
+  std::vector<MeshPart> parts(count + 1);
+  fill_parts(mesh, mesh.background_faces, mesh.faces.size(), object_of, parts);
   std::vector<MeshPart> kept;
   for (std::size_t i = 0; i < parts.size(); ++i) {
-    if (parts[i].faces.empty()) continue;
-    if (parts[i].name.empty()) parts[i].name = "object_" + std::to_string(i);
-    parts[i].material = "objects";
-    parts[i].texture = texture;
-    kept.push_back(std::move(parts[i]));
+    MeshPart& part = parts[i];
+    if (part.faces.empty()) continue;
+    part.name = "object_" + std::to_string(i);
+    for (std::size_t v = 0; v < part.pixels.size() && !labels.empty(); ++v) {
+      const std::uint32_t pixel = part.pixels[v];
+      const Label label = labels(static_cast<int>(pixel % width), static_cast<int>(pixel / width));
+      if (!kForegroundLabels.contains(label)) continue;  // an object may reach over its outline by a pixel
+      part.name = without_spaces(kLabels[label].name) + "_" + std::to_string(i);
+      break;
+    }
+    part.material = "objects";
+    part.texture = texture;
+    kept.push_back(std::move(part));
   }
   return kept;
 }

@@ -40,6 +40,7 @@ struct NightOptions {
   int threads = 0;
   std::string size;
   std::string light_set;
+  std::string texture = "photograph";
   bool quiet = false;
 };
 
@@ -78,7 +79,7 @@ class NightWriter {
       if (auto o = io::write_pfm(path("depth.pfm"), refined.depth); !o) return o;
       if (auto o = io::write_png(path("uncertain.png"), refined.uncertain); !o) return o;
       if (auto o = io::write_png(path("normals.png"), panels_[4].picture.view()); !o) return o;
-      return export_mesh(options_.output, scene_, mesh, light);
+      return export_mesh(options_.output, scene_, mesh, light, {options_.texture == "albedo"});
     }));
   }
 

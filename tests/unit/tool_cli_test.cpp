@@ -102,11 +102,13 @@ TEST_CASE("tool: one run writes everything that is promised, whole and under its
   const std::string out = fixture().out("night");
   const Run run = run_tool("night '" + fixture().street + "' -o '" + out + "' --variants 2 --quiet");
   REQUIRE_MESSAGE(run.status == 0, run.output);
-  for (const char* name : {"depth.pfm", "depth.png", "uncertain.png", "normals.png", "mesh.glb", "mesh.obj", "report.json",
+  for (const char* name : {"depth.pfm", "depth.png", "uncertain.png", "normals.png", "mesh.glb", "mesh.obj", "mesh.mtl",
+                           "mesh.ply", "background.glb", "background.obj", "background.mtl", "background.ply", "day.png",
+                           "background.png", "report.json",
                            "overview.png", "night_000.png", "night_000.pfm", "night_000.json", "night_001.png",
                            "night_001.pfm", "night_001.json"}) {
     CHECK_MESSAGE(fs::exists(fs::path(out) / name), name);
-    CHECK_MESSAGE(fs::file_size(fs::path(out) / name) > 100, name);
+    CHECK_MESSAGE(fs::file_size(fs::path(out) / name) > 50, name);
   }
   for (const auto& entry : fs::directory_iterator(out)) CHECK(entry.path().extension() != ".partial");
   const nlohmann::json report = json_of(fs::path(out) / "report.json");
@@ -133,7 +135,7 @@ TEST_CASE("tool: the same seed gives the same bytes for 1, 2 and 5 threads") {
                           std::to_string(threads));
     REQUIRE_MESSAGE(run.status == 0, run.output);
     std::vector<std::string> all;
-    for (const char* name : {"depth.pfm", "uncertain.png", "normals.png", "mesh.glb", "mesh.obj", "night_000.png",
+    for (const char* name : {"depth.pfm", "uncertain.png", "normals.png", "mesh.glb", "mesh.obj", "mesh.ply", "night_000.png",
                              "night_000.pfm", "night_000.json", "night_001.png", "night_001.pfm", "overview.png"}) {
       all.push_back(bytes_of(fs::path(out) / name));
     }
