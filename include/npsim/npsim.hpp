@@ -77,6 +77,7 @@
 #include "npsim/mesh/foreground_growth.hpp"
 #include "npsim/mesh/foreground_pixels.hpp"
 #include "npsim/mesh/index.hpp"
+#include "npsim/mesh/index_fans.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
 #include "npsim/mesh/layer.hpp"
 #include "npsim/mesh/prune.hpp"

@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -243,6 +244,76 @@ struct ForegroundInput {
     }
   }
   return out;
+}
+
+struct Mesh {
+  std::vector<Vec3f> vertices;
+  std::vector<Face> faces;
+  std::vector<std::uint32_t> pixels;
+};
+
+// Vertices in raster order; the faces around a vertex, clockwise from the edge above, get one copy for each stretch of
+// them in which each shares an edge with the next, and the copies follow one another in the order of where they begin.
+[[nodiscard]] inline Mesh index_layer(const SheetLayer& layer) {
+  const Shape shape = layer.vertices.shape();
+  Mesh mesh;
+  struct Corner {
+    int quad_x, quad_y;
+    bool upper;
+  };
+  // The faces at the vertex (x, y) in clockwise order: of two in one quad the one that comes first.
+  const auto faces_around = [&](int x, int y) {
+    std::vector<Corner> slots(8, Corner{0, 0, false});
+    std::vector<bool> there(8, false);
+    const int quad[4][2] = {{x, y - 1}, {x, y}, {x - 1, y}, {x - 1, y - 1}};  // from the edge above: C, A, B, D
+    for (int k = 0; k < 4; ++k) {
+      const int i = quad[k][0];
+      const int j = quad[k][1];
+      if (layer.quads.data() == nullptr || !layer.quads.contains(i, j)) continue;
+      const std::uint8_t q = layer.quads(i, j);
+      const bool anti = (q & kQuadAntiDiagonal) != 0;
+      const bool left_is_upper = anti;  // B-C cuts off A, with the left and the top edge
+      const bool by_corner[4][2] = {
+          {left_is_upper, false}, {true, left_is_upper}, {!left_is_upper, true}, {false, !left_is_upper}};
+      for (int e = 0; e < 2; ++e) {
+        const bool upper = by_corner[k][e];
+        const auto slot = static_cast<std::size_t>(2 * k + e);
+        there[slot] = (q & (upper ? kQuadUpperFace : kQuadLowerFace)) != 0;
+        slots[slot] = {i, j, upper};
+      }
+    }
+    return std::make_pair(slots, there);
+  };
+  std::map<std::tuple<int, int, bool, int, int>, std::uint32_t> number;  // of the vertex (x, y) in a face
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const auto [slots, there] = faces_around(x, y);
+      const bool whole = std::find(there.begin(), there.end(), false) == there.end();
+      for (std::size_t k = 0; k < 8; ++k) {
+        if (!there[k] || (whole ? k != 0 : there[(k + 7) % 8])) continue;
+        for (std::size_t step = 0; step < 8 && there[(k + step) % 8]; ++step) {
+          const Corner& c = slots[(k + step) % 8];
+          number[{c.quad_x, c.quad_y, c.upper, x, y}] = static_cast<std::uint32_t>(mesh.vertices.size());
+        }
+        mesh.vertices.push_back(layer.vertices(x, y));
+        mesh.pixels.push_back(static_cast<std::uint32_t>(y * shape.width + x));
+      }
+    }
+  }
+  for (int y = 0; y < layer.quads.height(); ++y) {
+    for (int x = 0; x < layer.quads.width(); ++x) {
+      const std::uint8_t q = layer.quads(x, y);
+      for (const bool upper : {true, false}) {
+        if ((q & (upper ? kQuadUpperFace : kQuadLowerFace)) == 0) continue;
+        const Face f = quad_face((q & kQuadAntiDiagonal) != 0, upper, 0, 1, 2, 3);
+        const auto vertex = [&, px = x, py = y](std::uint32_t corner) {
+          return number.at({px, py, upper, px + static_cast<int>(corner & 1U), py + static_cast<int>(corner >> 1U)});
+        };
+        mesh.faces.push_back({vertex(f.a), vertex(f.b), vertex(f.c)});
+      }
+    }
+  }
+  return mesh;
 }
 
 }  // namespace reference

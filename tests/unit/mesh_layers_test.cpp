@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sheet, pruning and foreground completion against their definitions, bit by bit: every number of lanes, chunks in any
-// order, rows that end within a word and pictures wider than a strip.
+// Sheet, pruning, foreground completion and index against their definitions, bit by bit: every number of lanes, chunks
+// in any order, rows that end within a word and pictures wider than a strip.
 #include <cstring>
 #include <vector>
 
@@ -86,12 +86,34 @@ void compare(Picture& p, const Options& o, Executor& executor) {
   REQUIRE(padding_intact(p.object, fresh.object));
 }
 
+template <class F, class Executor>
+void compare_index(const SheetLayer& layer, Executor& executor) {
+  const reference::Mesh expected = reference::index_layer(layer);
+  MeshSize size = mesh_size<F>(layer);
+  REQUIRE(size.vertices == expected.vertices.size());
+  REQUIRE(size.faces == expected.faces.size());
+  Indexed mesh{std::vector<Vec3f>(size.vertices), std::vector<Face>(size.faces),
+               std::vector<std::uint32_t>(size.vertices)};
+  std::vector<unsigned char> bytes(index_layer_workspace_bytes(layer.vertices.shape()), 0xA5);
+  Workspace workspace(bytes.data(), bytes.size());
+  const MeshBuffers out{
+      {mesh.vertices.data(), size.vertices}, {mesh.faces.data(), size.faces}, {mesh.pixels.data(), size.vertices}};
+  REQUIRE(index_layer<F>(layer, 0, out, size, workspace, executor).ok());
+  REQUIRE(mesh.pixels == expected.pixels);
+  REQUIRE(mesh.vertices == expected.vertices);
+  REQUIRE((size.faces == 0 || std::memcmp(mesh.faces.data(), expected.faces.data(), size.faces * sizeof(Face)) == 0));
+}
+
 void compare_all(Picture& p, const Options& o) {
   SerialExecutor serial;
   ReverseExecutor reverse;
   compare<simd::F32>(p, o, serial);
   compare<simd::F32>(p, o, reverse);
   compare<simd::scalar::F32>(p, o, serial);
+  for (const SheetLayer& layer : {p.sheet.view(), p.foreground.view()}) {
+    compare_index<simd::F32>(layer, reverse);
+    compare_index<simd::scalar::F32>(layer, serial);
+  }
 }
 
 // Blobs of labels, smeared with single pixels; `change`: the share of pixels that change the label at random.
@@ -148,6 +170,26 @@ TEST_CASE("pictures wider than a strip of columns, with more rows than a chunk, 
     CAPTURE(width);
     Picture p = random_picture({width, 35}, static_cast<std::uint32_t>(width));
     compare_all(p, {});
+  }
+}
+
+TEST_CASE("faces that are there or not at random, two fans and more at a vertex: the index as defined") {
+  for (std::uint32_t trial = 0; trial < 40; ++trial) {
+    CAPTURE(trial);
+    RandomStream random(13, RandomPurpose::test, trial, 0, 0, 0);
+    Picture p({60 + static_cast<int>(trial) * 2, 19});
+    const float density = 0.5F + 0.0125F * static_cast<float>(trial);
+    for (int y = 0; y + 1 < p.shape.height; ++y) {
+      for (int x = 0; x + 1 < p.shape.width; ++x) {
+        unsigned quad = random.uniform() < 0.5F ? 0U : kQuadAntiDiagonal;
+        if (random.uniform() < density) quad |= kQuadUpperFace;
+        if (random.uniform() < density) quad |= kQuadLowerFace;
+        p.sheet.quads(x, y) = static_cast<std::uint8_t>(quad);
+      }
+    }
+    SerialExecutor executor;
+    compare_index<simd::F32>(p.sheet.view(), executor);
+    compare_index<simd::scalar::F32>(p.sheet.view(), executor);
   }
 }
 

@@ -56,6 +56,23 @@ void store_quads(const QuadBits& bits, std::uint8_t* out, int n) noexcept {
   }
 }
 
+// The same the other way; the bits after the n-th are 0.
+template <class F>
+[[nodiscard]] QuadBits load_quads(const std::uint8_t* p, int n) noexcept {
+  using U = simd::BytesOf<F>;
+  QuadBits bits = {0, 0, 0};
+  for (int i = 0; i < n; i += U::lanes) {
+    const U quads = n - i >= U::lanes ? U::load(p + i) : U::load(p + i, n - i);
+    const auto put = [i, quads](std::uint8_t bit) {
+      return less_bits(U(0), quads & U(bit)) << static_cast<unsigned>(i);
+    };
+    bits.anti |= put(kQuadAntiDiagonal);
+    bits.upper |= put(kQuadUpperFace);
+    bits.lower |= put(kQuadLowerFace);
+  }
+  return bits;
+}
+
 // Columns that are worked on together. A depth buffer holds one more, and what the last batch may read beyond it.
 inline constexpr int kStripColumns = 1024;
 inline constexpr int kStripBuffer = kStripColumns + 2 * kWordBits;

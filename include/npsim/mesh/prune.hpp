@@ -96,11 +96,7 @@ template <class F = simd::F32, class Executor>
                                               mesh_detail::nonzero_bits<U>(uncertain.row(y) + x + 1, n),
                                               mesh_detail::nonzero_bits<U>(uncertain.row(y + 1) + x, n),
                                               mesh_detail::nonzero_bits<U>(uncertain.row(y + 1) + x + 1, n)};
-      const auto quad_bits = [row, n](std::uint8_t bit) {
-        return mesh_detail::test_bytes<U>(row, n, [bit](U q) { return less_bits(U(0), q & U(bit)); });
-      };
-      mesh_detail::QuadBits faces = {quad_bits(kQuadAntiDiagonal), quad_bits(kQuadUpperFace),
-                                     quad_bits(kQuadLowerFace)};
+      mesh_detail::QuadBits faces = mesh_detail::load_quads<F>(row, n);
       const std::uint64_t anti = faces.anti;
       std::uint64_t upper = faces.upper & (doubt.a | doubt.b | (anti & doubt.c) | (~anti & doubt.d));  // spurious
       std::uint64_t lower = faces.lower & (doubt.c | doubt.d | (anti & doubt.b) | (~anti & doubt.a));
