@@ -76,8 +76,6 @@ struct JoinedParts {
   for (const MeshTexture* t : {&textures.background, &textures.objects}) {
     files.push_back({t->name, {t->png.data(), t->png.size()}});
   }
-  // The background alone carries no picture that nothing in it shows.
-  if (parts.size() == 1) files.resize(1);
   std::vector<std::vector<Vec2f>> uv;
   std::vector<io::GlbPrimitive> primitives;
   uv.reserve(parts.size());

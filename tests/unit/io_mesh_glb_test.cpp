@@ -168,10 +168,12 @@ TEST_CASE("what no viewer could show is refused, and nothing is left behind") {
   CHECK(folder.files() == 0);
 }
 
-TEST_CASE("parts that agree in their material share it, each texture is there once") {
+TEST_CASE("parts that agree in their material share it, each texture that is worn is there once") {
   const TemporaryFolder folder;
   const std::vector<Vec2f> uv(4, Vec2f{0.5F, 0.5F});
-  const io::GlbTexture textures[2] = {{"photograph", {kPng, sizeof kPng}}, {"background", {kPng, sizeof kPng - 1}}};
+  const io::GlbTexture textures[3] = {{"photograph", {kPng, sizeof kPng}},
+                                      {"nobody's", {kPng, sizeof kPng - 2}},
+                                      {"background", {kPng, sizeof kPng - 1}}};
   std::vector<io::GlbPrimitive> parts(5);
   for (std::size_t i = 0; i < parts.size(); ++i) {
     parts[i].name = "part " + std::to_string(i);
@@ -180,17 +182,18 @@ TEST_CASE("parts that agree in their material share it, each texture is there on
     if (i < 3) parts[i].emissive = {1, 1, 0};
   }
   parts[3].uv = parts[4].uv = {uv.data(), 4};
-  parts[3].texture = 1;
-  require_ok(io::write_glb(folder / "a.glb", {parts.data(), 5}, {textures, 2}));
+  parts[3].texture = 2;
+  require_ok(io::write_glb(folder / "a.glb", {parts.data(), 5}, {textures, 3}));
   const Glb glb(contents(folder / "a.glb"));
   CHECK(glb.document["nodes"].size() == 5);
   REQUIRE(glb.document["materials"].size() == 3);
   for (std::size_t i = 0; i < 3; ++i) CHECK(glb.primitive(i)["material"] == 0);
   CHECK(glb.document["materials"][0]["name"] == "lamp");
   CHECK(glb.document["materials"][1]["name"] == "part 3");
-  CHECK(glb.document["materials"][1]["pbrMetallicRoughness"]["baseColorTexture"]["index"] == 1);
-  CHECK(glb.document["materials"][2]["pbrMetallicRoughness"]["baseColorTexture"]["index"] == 0);
+  CHECK(glb.document["materials"][1]["pbrMetallicRoughness"]["baseColorTexture"]["index"] == 0);
+  CHECK(glb.document["materials"][2]["pbrMetallicRoughness"]["baseColorTexture"]["index"] == 1);
   REQUIRE(glb.document["images"].size() == 2);
-  CHECK(glb.document["images"][1]["name"] == "background");
+  CHECK(glb.document["images"][0]["name"] == "background");
+  CHECK(glb.document["images"][1]["name"] == "photograph");
   CHECK(glb.document["textures"][1]["source"] == 1);
 }

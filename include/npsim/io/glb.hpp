@@ -110,12 +110,14 @@ inline std::size_t add_positions(GlbBuilder& glb, Span<const Vec3f> vertices) {
   return accessor;
 }
 
+inline constexpr std::size_t kNoGlbTexture = ~std::size_t{0};
+
 // Number of the material of a primitive: the last one where it is the same.
-inline std::size_t add_material(GlbBuilder& glb, const GlbPrimitive& p, bool textured) {
+inline std::size_t add_material(GlbBuilder& glb, const GlbPrimitive& p, std::size_t texture) {
   nlohmann::json surface = {{"metallicFactor", 0}, {"roughnessFactor", static_cast<double>(p.roughness)}};
   surface["baseColorFactor"] = json_of(p.base_colour);
   surface["baseColorFactor"].push_back(1.0);
-  if (textured) surface["baseColorTexture"] = {{"index", p.texture}};
+  if (texture != kNoGlbTexture) surface["baseColorTexture"] = {{"index", texture}};
   nlohmann::json material = {{"name", p.material.empty() ? p.name : p.material}, {"pbrMetallicRoughness", surface}};
   if (p.emissive != Vec3f{}) material["emissiveFactor"] = json_of(p.emissive);
   if (p.double_sided) material["doubleSided"] = true;
@@ -124,7 +126,7 @@ inline std::size_t add_material(GlbBuilder& glb, const GlbPrimitive& p, bool tex
   return materials.size() - 1;
 }
 
-inline void add_primitive(GlbBuilder& glb, const GlbPrimitive& p, bool textured) {
+inline void add_primitive(GlbBuilder& glb, const GlbPrimitive& p, std::size_t texture) {
   nlohmann::json attributes = {{"POSITION", add_positions(glb, p.mesh.vertices)}};
   const std::size_t vertices = p.mesh.vertices.size();
   if (!p.normals.empty()) {
@@ -134,7 +136,7 @@ inline void add_primitive(GlbBuilder& glb, const GlbPrimitive& p, bool textured)
     }
     attributes["NORMAL"] = glb.add_accessor(glb.add_view(begin, kGlArrayBuffer), kGlFloat, vertices, "VEC3");
   }
-  if (textured) {
+  if (texture != kNoGlbTexture) {
     const std::size_t begin = glb.binary.size();
     for (const Vec2f& uv : p.uv) {
       append_f32(glb.binary, uv.x);
@@ -153,7 +155,7 @@ inline void add_primitive(GlbBuilder& glb, const GlbPrimitive& p, bool textured)
                                 {"primitives",
                                  {{{"attributes", attributes},
                                    {"indices", indices},
-                                   {"material", add_material(glb, p, textured)},
+                                   {"material", add_material(glb, p, texture)},
                                    {"mode", 4}}}}});
   glb.root["nodes"].push_back({{"name", p.name}, {"mesh", number}});
   glb.root["scenes"][0]["nodes"].push_back(number);
@@ -197,7 +199,7 @@ inline Outcome expect_primitive(const std::string& path, const GlbPrimitive& p, 
 
 }  // namespace detail
 
-// Without textures no texture coordinates are written either.
+// Textures that no primitive wears are left out; without textures no texture coordinates are written either.
 inline Outcome write_glb(const std::string& path, Span<const GlbPrimitive> primitives,
                          Span<const GlbTexture> textures = {}) {
   return guarded(path, [&]() -> Outcome {
@@ -209,25 +211,28 @@ inline Outcome write_glb(const std::string& path, Span<const GlbPrimitive> primi
     glb.root["asset"] = {{"version", "2.0"}, {"generator", "NPSim " NPSIM_VERSION_STRING}};
     glb.root["scene"] = 0;
     glb.root["scenes"] = nlohmann::json::array({nlohmann::json::object()});
-    bool any_textured = false;
+    std::vector<std::size_t> worn;  // textures, in the order in which they are needed
     for (const GlbPrimitive& p : primitives) {
       const Outcome outcome = detail::expect_primitive(path, p, textures.size());
       if (!outcome) return outcome;
       if (p.mesh.faces.empty()) continue;
-      const bool textured = !textures.empty() && !p.uv.empty();
-      any_textured = any_textured || textured;
-      detail::add_primitive(glb, p, textured);
+      std::size_t texture = detail::kNoGlbTexture;
+      if (!textures.empty() && !p.uv.empty()) {
+        texture = static_cast<std::size_t>(std::find(worn.begin(), worn.end(), p.texture) - worn.begin());
+        if (texture == worn.size()) worn.push_back(p.texture);
+      }
+      detail::add_primitive(glb, p, texture);
     }
     if (glb.root.count("nodes") == 0) return Error{path, "", "would have no face: expected at least one"};
-    if (any_textured) {
-      for (const GlbTexture& t : textures) {
-        const std::size_t begin = glb.binary.size();
-        glb.binary.append(reinterpret_cast<const char*>(t.file.data()), t.file.size());
-        const std::size_t number = glb.root["images"].size();
-        glb.root["images"].push_back(
-            {{"name", t.name}, {"mimeType", detail::texture_type(t.file)}, {"bufferView", glb.add_view(begin, 0)}});
-        glb.root["textures"].push_back({{"source", number}, {"sampler", 0}});
-      }
+    for (std::size_t number = 0; number < worn.size(); ++number) {
+      const GlbTexture& t = textures[worn[number]];
+      const std::size_t begin = glb.binary.size();
+      glb.binary.append(reinterpret_cast<const char*>(t.file.data()), t.file.size());
+      glb.root["images"].push_back(
+          {{"name", t.name}, {"mimeType", detail::texture_type(t.file)}, {"bufferView", glb.add_view(begin, 0)}});
+      glb.root["textures"].push_back({{"source", number}, {"sampler", 0}});
+    }
+    if (!worn.empty()) {
       // Clamped and without mip levels: the sheet has one vertex a pixel.
       glb.root["samplers"].push_back({{"magFilter", 9729}, {"minFilter", 9729}, {"wrapS", 33071}, {"wrapT", 33071}});
     }
