@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scene mesh of generated streets, and of real scenes where there are any, is whole.
+#include <doctest/doctest.h>
+
+#include <cstdint>
+#include <cstdlib>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "io_fixture.hpp"
+#include "npsim/core/executor.hpp"
+#include "npsim/core/observe.hpp"
+#include "npsim/exec/thread_pool.hpp"
+#include "npsim/io/scene.hpp"
+#include "npsim/io/scene_resize.hpp"
+#include "npsim/mesh/check.hpp"
+#include "npsim/mesh/check_layer.hpp"
+#include "npsim/pipeline/night.hpp"
+#include "street/street.hpp"
+
+namespace {
+
+using namespace npsim;
+using namespace io_test;
+
+MeshReport report_of(const TriangleMeshView& mesh) {
+  std::vector<unsigned char> bytes(check_mesh_workspace_bytes(mesh.vertices.size(), mesh.faces.size()));
+  Workspace workspace(bytes.data(), bytes.size());
+  MeshReport report;
+  REQUIRE(check_mesh(mesh, workspace, report).ok());
+  return report;
+}
+
+// With a preset: both layers, the whole mesh, and the objects on their own.
+void check_whole(const NightParams& params, const SceneView& scene) {
+  const std::size_t bytes = refine_depth_workspace_bytes(params.depth, scene.shape()) +
+                            reconstruct_workspace_bytes(params.mesh, scene.shape());
+  const std::unique_ptr<unsigned char[]> memory(new unsigned char[bytes]);
+  Workspace workspace(memory.get(), bytes);
+  ThreadPool pool(2);
+  NullObserver observer;
+  RefinedDepth refined;
+  SceneMesh mesh;
+  REQUIRE(refine_depth(params.depth, scene, workspace, pool, observer, refined).ok());
+  REQUIRE(reconstruct(params.mesh, scene, refined, workspace, pool, observer, mesh).ok());
+
+  LayerReport layer;
+  REQUIRE(check_background(mesh.background, mesh.background_state, layer).ok());
+  CHECK(layer.whole());
+  CHECK(layer.covered_pixels > 0);
+  std::vector<unsigned char> small(check_foreground_workspace_bytes(scene.shape()));
+  Workspace for_objects(small.data(), small.size());
+  REQUIRE(check_foreground(mesh.foreground, mesh.object, for_objects, layer).ok());
+  CHECK(layer.whole());
+
+  const MeshReport all = report_of(mesh.mesh);
+  CHECK(all.oriented_manifold());
+  CHECK(all.smallest_angle_rad > 0.0);
+  // The background keeps its faces and vertices to itself; so the objects are the rest.
+  const std::vector<Face> objects(mesh.mesh.faces.begin() + mesh.background_faces, mesh.mesh.faces.end());
+  if (objects.empty()) return;
+  const MeshReport solids = report_of({mesh.mesh.vertices, {objects.data(), objects.size()}});
+  CHECK(solids.oriented_manifold());
+  CHECK(solids.watertight() == params.mesh.backs);
+}
+
+void check_whole(const SceneView& scene) {
+  check_whole(default_night_params(), scene);
+  NightParams thesis = default_night_params();  // by another depth: the thesis' own takes long
+  thesis.mesh = thesis_night_params().mesh;
+  check_whole(thesis, scene);
+}
+
+SceneView view_of(const street::Street& s) {
+  SceneView view;
+  view.camera = s.intrinsics;
+  view.image = s.image.view();
+  view.depth = s.est_depth.view();
+  view.labels = s.labels.view();
+  view.instances = s.instances.view();
+  view.normals = s.est_normals.view();
+  view.light_index = s.light_index.view();
+  view.lights = Span<const LightMark>(s.marks.data(), s.marks.size());
+  return view;
+}
+
+SceneView view_of(const io::Scene& s) {
+  SceneView view;
+  view.camera = s.intrinsics;
+  view.image = s.image.view();
+  view.depth = s.depth.view();
+  view.labels = s.labels.view();
+  view.instances = s.instances.view();
+  view.light_index = s.light_index.view();
+  view.lights = Span<const LightMark>(s.lights.data(), s.lights.size());
+  return view;
+}
+
+}  // namespace
+
+TEST_CASE("every generated street: layers without a hole, a mesh without a fault, closed objects") {
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    CAPTURE(seed);
+    street::StreetParams params;
+    params.seed = seed;
+    params.shape = {160, 90};
+    ThreadPool pool(2);
+    street::Street made;
+    REQUIRE(street::make_street(params, pool, made).ok());
+    check_whole(view_of(made));
+    SceneView bare = view_of(made);  // the same with its true depth, and without instances
+    bare.depth = made.depth.view();
+    bare.instances = {};
+    check_whole(bare);
+  }
+}
+
+TEST_CASE("real scenes, where the environment names them: whole as well") {
+  const char* const data = std::getenv("NPSIM_TEST_DATA");
+  if (data == nullptr || *data == '\0') {
+    MESSAGE("skipped: NPSIM_TEST_DATA is not set");
+    return;
+  }
+  const std::string root = std::string(data) + "/";
+  const auto cityscapes = [&](const std::string& name) {
+    const std::string d = root + "cityscapes/" + name;
+    const std::string ids =
+        "{\"file\": \"" + d + "_gtFine_instanceIds.png\", \"encoding\": \"cityscapes_instance_ids\"}";
+    return "{\"image\": \"" + d + "_leftImg8bit.png\", \"depth\": {\"file\": \"" + d +
+           "_disparity.png\", \"encoding\": \"cityscapes_disparity\"}, \"camera\": {\"cityscapes\": \"" + d +
+           "_camera.json\"}, \"labels\": " + ids + ", \"instances\": " + ids + "}";
+  };
+  const auto plain = [&](const std::string& image, const std::string& depth, const char* scale, const char* rest) {
+    return "{\"image\": \"" + root + image + "\", \"depth\": {\"file\": \"" + root + depth +
+           "\", \"encoding\": \"uint16\", \"scale\": " + scale + "}, " + rest + "}";
+  };
+  const std::string carla_labels =
+      "\"camera\": {\"fx\": 951.07, \"fy\": 951.07, \"cx\": 691, \"cy\": 256}, "
+      "\"labels\": {\"file\": \"" +
+      root + "carla/0183_labelIds_DERIVED.png\", \"encoding\": \"cityscapes_label_ids\"}";
+  const std::string scenes[] = {
+      cityscapes("dusseldorf_000020_000019"), cityscapes("aachen_000001_000019"),
+      plain("carla/0183_rgb.png", "carla/0183_depth_m_x256_DERIVED.png", "0.00390625", carla_labels.c_str()),
+      plain("kitti/0000000050_rgb.png", "kitti/0000000050_depth.png", "0.00390625",
+            R"("camera": {"fx": 707.0493, "fy": 707.0493, "cx": 604.0814, "cy": 180.5066})"),
+      plain("rgbd/frame-000000.color.jpg", "rgbd/frame-000000.depth.png", "0.001",
+            R"("camera": {"fx": 585, "fy": 585, "cx": 320, "cy": 240})")};
+  for (const std::string& text : scenes) {
+    CAPTURE(text);
+    const TemporaryFolder folder;
+    put(folder / "scene.json", text);
+    io::Expected<io::Scene> scene = io::read_scene(folder / "scene.json");
+    require_ok(scene);
+    const Shape full = scene.value().shape();
+    require_ok(io::resize_scene(scene.value(), {full.width / 4, full.height / 4}));
+    check_whole(view_of(scene.value()));
+  }
+}
