@@ -68,6 +68,7 @@
 #include "npsim/depth/uncertainty_moments.hpp"
 #include "npsim/depth/uncertainty_variance.hpp"
 
+#include "npsim/mesh/background_state.hpp"
 #include "npsim/mesh/check.hpp"
 #include "npsim/mesh/check_layer.hpp"
 #include "npsim/mesh/complete_background.hpp"

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "mesh_fixture.hpp"
+#include "npsim/mesh/background_state.hpp"
 #include "npsim/simd/batch.hpp"
 #include "reference/mesh_layers.hpp"
 
@@ -190,6 +191,50 @@ TEST_CASE("faces that are there or not at random, two fans and more at a vertex:
     SerialExecutor executor;
     compare_index<simd::F32>(p.sheet.view(), executor);
     compare_index<simd::scalar::F32>(p.sheet.view(), executor);
+  }
+}
+
+namespace {
+
+template <class F>
+void check_states(Picture& p, bool marked, bool masks, bool in_place) {
+  SerialExecutor executor;
+  REQUIRE(build_sheet<F>({}, p.depth.cview(), {}, p.intrinsics, p.sheet.view(), executor).ok());
+  const Layer before = p.sheet;
+  const LabelSet removed = LabelSet::of(label::car, label::person, 63);
+  for (int y = 0; y < p.shape.height; ++y) {
+    for (int x = 0; x < p.shape.width; ++x) p.state(x, y) = p.instances(x, y) % 3 == 0 ? 7 : 0;
+    const std::vector<std::uint8_t> marks(p.state.view().row(y), p.state.view().row(y) + p.shape.width);
+    mesh_detail::find_states<F>(marked ? nullptr : &removed, p.labels.view().row(y),
+                                masks ? p.uncertain.view().row(y) : nullptr, masks ? p.surface.view().row(y) : nullptr,
+                                p.sheet.vertices.view().row(y), p.shape.width, p.state.view().row(y));
+    Layer& kept = in_place ? p.sheet : p.background;
+    mesh_detail::keep_known<F>(p.state.view().row(y), p.sheet.vertices.view().row(y), p.shape.width,
+                               kept.vertices.view().row(y));
+    for (int x = 0; x < p.shape.width; ++x) {
+      const bool gone = marked ? marks[static_cast<std::size_t>(x)] != 0 : removed.contains(p.labels(x, y));
+      const bool blocked = !gone && masks && p.surface(x, y) == 0;
+      const bool missing = gone || (masks && p.uncertain(x, y) != 0) || !has_vertex(before.vertices(x, y));
+      REQUIRE(p.state(x, y) == (blocked ? row_state::blocked : missing ? row_state::missing : row_state::known));
+      REQUIRE(kept.vertices(x, y) == (blocked || missing ? Vec3f{} : before.vertices(x, y)));
+    }
+    REQUIRE(p.state.view().row(y)[p.shape.width] == 78);
+    REQUIRE(kept.vertices.view().row(y)[p.shape.width] == Vec3f{7, 7, 7});
+  }
+}
+
+}  // namespace
+
+TEST_CASE("states of the background as defined, and what is kept, in place and not") {
+  for (std::uint32_t trial = 0; trial < 64; ++trial) {
+    CAPTURE(trial);
+    Picture p = random_picture({1 + static_cast<int>(trial) * 3, 5}, trial);
+    for (int y = 0; y < 5; ++y) {
+      for (int x = 0; x < p.shape.width; ++x) p.instances(x, y) = static_cast<std::uint16_t>(x * x + y);
+    }
+    Picture copy = p;
+    check_states<simd::F32>(p, trial % 2 == 0, trial % 3 != 0, trial % 4 < 2);
+    check_states<simd::scalar::F32>(copy, trial % 2 == 0, trial % 3 != 0, trial % 4 < 2);
   }
 }
 

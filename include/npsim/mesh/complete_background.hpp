@@ -35,6 +35,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
+#include "npsim/mesh/background_state.hpp"
 #include "npsim/mesh/components.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
 #include "npsim/mesh/sheet.hpp"
@@ -169,7 +170,7 @@ namespace mesh_detail {
 // sheet: vertices of build_sheet(); may be background.vertices itself. labels: Cityscapes ids. uncertain, surface:
 // masks, may be empty views (nothing uncertain; surface everywhere). A foreground pixel is completed whatever its
 // surface says: the mask speaks of what is seen there, not of what is behind. state: row_state of every pixel.
-template <class Executor>
+template <class F = simd::F32, class Executor>
 [[nodiscard]] Status complete_background(const BackgroundParams& params, ImageView<const Vec3f> sheet,
                                          ImageView<const Label> labels, ImageView<const std::uint8_t> uncertain,
                                          ImageView<const std::uint8_t> surface, const Intrinsics& intrinsics,
@@ -189,18 +190,14 @@ template <class Executor>
     NPSIM_RETURN_IF_ERROR(mesh_detail::mark_touching_segments(params.foreground, labels, uncertain, state, workspace));
   }
   mesh_detail::for_rows(executor, shape.height, [&](int y) {
-    for (int x = 0; x < shape.width; ++x) {
-      const bool removed = all ? params.foreground.contains(labels(x, y)) : state(x, y) != 0;
-      const bool no_surface = !removed && !mesh_detail::mask_at(surface, x, y, true);
-      const bool region = removed || mesh_detail::mask_at(uncertain, x, y, false) || !has_vertex(sheet(x, y));
-      state(x, y) = no_surface ? row_state::blocked : (region ? row_state::missing : row_state::known);
-    }
+    mesh_detail::find_states<F>(all ? &params.foreground : nullptr, labels.row(y),
+                                uncertain.data() != nullptr ? uncertain.row(y) : nullptr,
+                                surface.data() != nullptr ? surface.row(y) : nullptr, sheet.row(y), shape.width,
+                                state.row(y));
   });
   // From here on only kept vertices are read, and only the others written: rows cannot disturb each other.
   mesh_detail::for_rows(executor, shape.height, [&](int y) {
-    for (int x = 0; x < shape.width; ++x) {
-      background.vertices(x, y) = state(x, y) == row_state::known ? sheet(x, y) : Vec3f{};
-    }
+    mesh_detail::keep_known<F>(state.row(y), sheet.row(y), shape.width, background.vertices.row(y));
   });
   const ImageView<const Vec3f> kept = background.vertices;
   mesh_detail::for_rows(executor, shape.height, [&](int y) {
@@ -234,7 +231,7 @@ template <class Executor>
       }
     });
   });
-  mesh_detail::connect_layer(background, executor);
+  mesh_detail::connect_layer<F>(background, executor);
   return {};
 }
 
