@@ -32,10 +32,8 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/uncertainty_bits.hpp"
-#include "npsim/depth/uncertainty_counted.hpp"
 #include "npsim/depth/uncertainty_labels.hpp"
-#include "npsim/depth/uncertainty_moments.hpp"
-#include "npsim/depth/uncertainty_variance.hpp"
+#include "npsim/depth/uncertainty_search.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/simd/bytes.hpp"
 
@@ -63,161 +61,6 @@ struct UncertaintyOutput {
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
-// The windows of one image: everything that a band needs.
-template <class F, int kMaxWindow>
-struct WindowSearch {
-  ImageView<const float> depth;
-  ImageView<const Label> labels;
-  LabelCodes codes;
-  int l;
-  double threshold;
-  ImageView<std::uint64_t> fires;  // 64 windows a word
-  ImageView<float> variance;       // may be empty
-
-  // Decides the windows with upper-left pixels in the rows y .. end - 1. `fires` is zero there, and `variance` too.
-  void band(int y, int end) const noexcept {
-    const int right = depth.width() - l + 1;
-    for (int x = 0; x < right; x += kStripWindows) {
-      const WindowBlock strip{x, y, right - x < kStripWindows ? right - x : kStripWindows, end - y};
-      std::uint64_t columns[kStripWords];
-      StripCodes kept;
-      edge_columns<F, kMaxWindow>(codes, labels, strip, l, columns, kept);
-      for (int t = 0; t < strip.width; t += kTileWindows) {
-        const int width = strip.width - t < kTileWindows ? strip.width - t : kTileWindows;
-        if (!variance.empty()) {
-          tile_in_double({x + t, y, width, end - y});
-        } else if ((columns[t / 64] | columns[t / 64 + 1]) == 0) {
-          continue;
-        } else if (l == MergedMoments<F>::kWindow) {
-          tile_of_eights({x + t, y, width, end - y}, columns + t / 64, kept, t);
-        } else {
-          tile_in_double({x + t, y, width, end - y});
-        }
-      }
-    }
-  }
-
- private:
-  static constexpr std::size_t kRows = kBandRows<kMaxWindow>;
-
-  // Windows of 8 x 8. Depth is read for the smallest block that holds all windows with edges.
-  void tile_of_eights(const WindowBlock& block, const std::uint64_t* columns, const StripCodes& kept,
-                      int x_in_strip) const noexcept {
-    std::uint64_t edges[kTileWords][kRows] = {};
-    std::uint64_t any[kTileWords] = {};
-    int first = block.height;
-    int last = -1;
-    for (int w = 0; w < kTileWords; ++w) {
-      if (columns[w] == 0) continue;
-      const int count = block.width - 64 * w < 64 ? block.width - 64 * w : 64;
-      const auto codes_of = [&](int y) { return kept.row[y] + x_in_strip + 64 * w; };
-      edge_windows_8<F>(codes_of, codes_of, count, block.height, edges[w]);
-      for (int y = 0; y < block.height; ++y) {
-        if (edges[w][y] == 0) continue;
-        any[w] |= edges[w][y];
-        first = first < y ? first : y;
-        last = last > y ? last : y;
-      }
-    }
-    if (last < 0) return;
-    const WindowBlock trimmed{block.x, block.y + first, highest_bit(any) + 1, last - first + 1};
-    if (block_without_holes(trimmed, any, &edges[0][first], &edges[1][first])) return;
-    for (int w = 0; w < kTileWords; ++w) {
-      if (any[w] == 0) continue;
-      const int count = block.width - 64 * w < 64 ? block.width - 64 * w : 64;
-      const WindowBlock word{trimmed.x + 64 * w, trimmed.y, count, trimmed.height};
-      const auto codes_of = [&](int y) { return kept.row[first + y] + x_in_strip + 64 * w; };
-      if (!word_with_holes(word, any[w], codes_of)) tile_in_double(word);
-    }
-  }
-
-  // Decides the windows of the block that have a bit in their row's left or right word; `any` is all rows' together.
-  // False, and nothing is done, if a depth is missing or out of range.
-  bool block_without_holes(const WindowBlock& block, const std::uint64_t (&any)[kTileWords], const std::uint64_t* left,
-                           const std::uint64_t* right) const noexcept {
-    MergedMoments<F> moments;
-    if (!moments.read(depth, block, any)) return false;
-    if (moments.all_below(threshold)) return true;
-    moments.set_threshold(threshold);
-    for (int y = 0; y < block.height; ++y) {
-      const std::uint64_t row[kTileWords] = {left[y], right[y]};
-      if ((row[0] | row[1]) == 0) continue;
-      VarianceBits bits;
-      moments.decide(y, lowest_bit(row), highest_bit(row), bits);
-      for (int w = 0; w < kTileWords; ++w) {
-        const std::uint64_t edge = row[w];
-        if (edge == 0) continue;
-        fires(block.x / 64 + w, block.y + y) =
-            (edge & bits.above[w]) | decide_exactly(block.x + 64 * w, block.y + y, edge & bits.doubtful[w]);
-      }
-    }
-    return true;
-  }
-
-  // The same where depths are missing, for 64 columns of windows. Those in `any` hold an edge among all their pixels in
-  // some row; codes_of(y) are the codes of a row. False, and nothing is done, if a depth is out of range.
-  template <class Codes>
-  bool word_with_holes(const WindowBlock& block, std::uint64_t any, const Codes& codes_of) const noexcept {
-    CountedMoments<F> moments;
-    if (!moments.read(depth, block, lowest_bit(any), highest_bit(any))) return false;
-    if (moments.all_below(threshold)) return true;
-    alignas(64) std::uint8_t least[StripCodes::kRows][2 * 64];
-    alignas(64) std::uint8_t greatest[StripCodes::kRows][2 * 64];
-    constexpr int kBytes = simd::BytesOf<F>::lanes;
-    const int read = (block.width + kBytes - 1) / kBytes * kBytes + l - 1;
-    for (int y = 0; y < block.height + l - 1; ++y)
-      mask_codes<F>(codes_of(y), moments.valid(y), read, least[y], greatest[y]);
-    std::uint64_t edges[kRows];
-    edge_windows_8<F>([&](int y) { return least[y]; }, [&](int y) { return greatest[y]; }, block.width, block.height,
-                      edges);
-    moments.set_threshold(threshold);
-    for (int y = 0; y < block.height; ++y) {
-      const std::uint64_t edge = edges[y] & any;
-      if (edge == 0) continue;
-      std::uint64_t above = 0;
-      std::uint64_t doubtful = 0;
-      moments.decide(y, lowest_bit(edge), highest_bit(edge), above, doubtful);
-      fires(block.x / 64, block.y + y) = (edge & above) | decide_exactly(block.x, block.y + y, edge & doubtful);
-    }
-    return true;
-  }
-
-  // Those of the windows from (x, y) on, one per bit, that fire.
-  [[nodiscard]] std::uint64_t decide_exactly(int x, int y, std::uint64_t doubtful) const noexcept {
-    std::uint64_t above = 0;
-    for (; doubtful != 0; doubtful &= doubtful - 1) {
-      const double exact = window_variance(depth.sub(x + lowest_bit(doubtful), y, {l, l}));
-      if (exact > threshold) above |= doubtful & (~doubtful + 1);
-    }
-    return above;
-  }
-
-  void tile_in_double(const WindowBlock& block) const noexcept {
-    WindowSums<kMaxWindow> sums(depth, block, l);
-    std::uint64_t edges[kRows][kTileWords];
-    const ImageView<const float>* holes = sums.has_holes() ? &depth : nullptr;
-    edge_windows<F, kMaxWindow>(codes, labels, holes, block, l, edges);
-    for (int y = 0; y < block.height; ++y) {
-      double count[kTileWindows];
-      double spread[kTileWindows];
-      sums.row(y, count, spread);
-      for (int i = 0; i < block.width; ++i) {
-        const bool edge = (edges[y][i / 64] >> static_cast<unsigned>(i % 64) & 1U) != 0;
-        if (!edge && variance.empty()) continue;
-        if (count[i] < 2) continue;
-        double value = spread[i] / count[i];
-        const bool known = variance.empty() ? std::abs(spread[i] - count[i] * threshold) > sums.error()
-                                            : sums.error() <= 4e-7 * spread[i];
-        if (!known) value = window_variance(depth.sub(block.x + i, block.y + y, {l, l}));
-        if (!variance.empty()) variance(block.x + i, block.y + y) = static_cast<float>(value);
-        if (edge && value > threshold) {
-          fires((block.x + i) / 64, block.y + y) |= std::uint64_t{1} << static_cast<unsigned>((block.x + i) % 64);
-        }
-      }
-    }
-  }
-};
-
 template <class F, int kMaxWindow, class Executor>
 void find_windows(const UncertaintyParams& params, ImageView<const float> depth, ImageView<const Label> labels,
                   ImageView<std::uint64_t> fires, const UncertaintyOutput& output, Executor& executor) noexcept {
@@ -228,12 +71,14 @@ void find_windows(const UncertaintyParams& params, ImageView<const float> depth,
                       [&](std::size_t begin, std::size_t end) {
                         const int first = static_cast<int>(begin);
                         const int last = static_cast<int>(end);
+                        const int right = depth.width() - l + 1;
+                        const int bottom = depth.height() - l + 1;
                         for (int y = first; y < last; ++y) {
                           for (int w = 0; w < fires.width(); ++w) fires(w, y) = 0;
                           if (output.variance_m2.empty()) continue;
-                          for (int x = 0; x < depth.width(); ++x) output.variance_m2(x, y) = 0;
+                          const int inside = y < bottom && right > 0 ? right : 0;
+                          for (int x = inside; x < depth.width(); ++x) output.variance_m2(x, y) = 0;
                         }
-                        const int bottom = depth.height() - l + 1;
                         if (first < bottom) search.band(first, last < bottom ? last : bottom);
                         for (int y = first; y < last; ++y) {
                           if (!output.windows.empty())
