@@ -27,12 +27,16 @@ struct MeshViewParams {
   float closer_m = 0;
   float turn_deg = 0;   // clockwise, seen from above
   float climb_deg = 0;  // looking down
-  float pivot_m = 0;    // ahead of the photograph's camera; 0: axis_pivot_m()
+  float pivot_m = 0;    // ahead of the photograph's camera; 0: chosen for the scene
 };
 
-[[nodiscard]] inline ViewPose view_pose(const MeshViewParams& params, float pivot_m) {
+[[nodiscard]] inline ViewPose view_pose(const MeshViewParams& params, ImageView<const float> depth,
+                                        const Intrinsics& camera) {
   constexpr float kRadians = 3.14159265F / 180.0F;
-  return closer(turned(ViewPose{}, params.turn_deg * kRadians, params.climb_deg * kRadians, pivot_m), params.closer_m);
+  const float turn = params.turn_deg * kRadians;
+  const float climb = params.climb_deg * kRadians;
+  const float pivot = params.pivot_m > 0 ? params.pivot_m : pivot_m(PivotParams{}, depth, camera, turn, climb);
+  return closer(turned(ViewPose{}, turn, climb, pivot), params.closer_m);
 }
 
 // The photograph twice, one above the other: as the camera saw it, and without its objects, so that none is painted on
@@ -95,11 +99,11 @@ template <class Executor>
   const int width = std::min(shape.width, 640);
   const Shape small{width, std::max(1, shape.height * width / shape.width)};
   const ViewColours colours(photograph, mesh);
-  const float pivot_m = axis_pivot_m(PivotParams{}, depth);
   const auto draw = [&](const char* title, const TriangleMeshView& part, const MeshViewParams& view) {
     io::Image<Rgb8> picture;
     NPSIM_RETURN_IF_ERROR(draw_mesh(PreviewParams{}, part, colours.of(part.vertices.size()),
-                                    scaled(camera, shape, small), view_pose(view, pivot_m), small, executor, picture));
+                                    scaled(camera, shape, small), view_pose(view, depth, camera), small, executor,
+                                    picture));
     panels.push_back({title, std::move(picture)});
     return Status();
   };

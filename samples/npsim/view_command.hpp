@@ -65,7 +65,7 @@ struct DrawnMesh {
   PreviewColours colours;
   Intrinsics camera;  // of a picture of `shape`
   Shape shape;
-  float pivot_m = 0;
+  ViewPose pose;
 };
 
 template <class Executor>
@@ -75,11 +75,10 @@ int write_view(const ViewOptions& options, const DrawnMesh& drawn, Executor& exe
   PreviewParams params;
   params.shading = options.plain && !(options.shading > 0) ? 0.65F : options.shading;
   params.wire_px = 2 * options.wire_px;  // it is drawn at twice the size
-  const float pivot_m = options.from.pivot_m > 0 ? options.from.pivot_m : drawn.pivot_m;
   io::Image<Rgb8> picture;
-  const Status status = draw_mesh(params, drawn.mesh, options.plain ? PreviewColours{} : drawn.colours,
-                                  scaled(drawn.camera, drawn.shape, shape.value()), view_pose(options.from, pivot_m),
-                                  shape.value(), executor, picture);
+  const Status status =
+      draw_mesh(params, drawn.mesh, options.plain ? PreviewColours{} : drawn.colours,
+                scaled(drawn.camera, drawn.shape, shape.value()), drawn.pose, shape.value(), executor, picture);
   if (!status.ok()) return fail(options.scene, status);
   if (const io::Outcome o = io::write_png(options.output, picture.view()); !o) return fail(o.error());
   std::printf("%s\n", options.output.c_str());
@@ -97,7 +96,9 @@ inline int view_file(const ViewOptions& options) {
   drawn.mesh = mesh.value().view();
   drawn.shape = {960, 540};
   drawn.camera = intrinsics_from_fov(drawn.shape, 1.0471976F);
-  drawn.pivot_m = PivotParams{}.max_m;
+  MeshViewParams from = options.from;
+  if (!(from.pivot_m > 0)) from.pivot_m = 14;  // there is no depth to choose one by
+  drawn.pose = view_pose(from, {}, drawn.camera);
   ViewOptions plain = options;
   plain.plain = true;
   print_mesh("mesh", drawn.mesh);
@@ -175,7 +176,7 @@ inline int run_view(const ViewOptions& options) {
   drawn.colours = colours->of(drawn.mesh.vertices.size());
   drawn.camera = scene.camera;
   drawn.shape = scene.shape();
-  drawn.pivot_m = axis_pivot_m(PivotParams{}, refined.depth);
+  drawn.pose = view_pose(options.from, refined.depth, scene.camera);
   return write_view(options, drawn, pool);
 }
 

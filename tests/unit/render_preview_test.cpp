@@ -586,19 +586,34 @@ TEST_CASE("render preview: the pivot stays where it is in the picture, and the c
   CHECK(near.eye_m.z > pose.eye_m.z);
 }
 
-TEST_CASE("render preview: the pivot is the median depth of the middle, within limits") {
-  io::Image<float> depth({30, 30}, 100.0F);
+TEST_CASE("render preview: the pivot keeps the camera out of the houses, and shows an open place") {
+  const Intrinsics k{150, 150, 160, 90};
+  // A street between two rows of houses, or a place with one row of houses across its far end.
+  const auto depth_of = [&](float half_width, float end) {
+    io::Image<float> depth({320, 180}, kNaN);
+    for (int y = 0; y < 180; ++y) {
+      for (int x = 0; x < 320; ++x) {
+        const Vec3f ray = unproject_pixel(k, x, y, 1.0F);
+        float z = std::min(end, half_width / std::fabs(ray.x));
+        if (ray.y > 0) z = std::min(z, 1.5F / ray.y);
+        depth(x, y) = z;
+      }
+    }
+    return depth;
+  };
   PivotParams params;
-  CHECK(axis_pivot_m(params, depth.view()) == doctest::Approx(params.max_m).epsilon(0.01));
-  for (int y = 10; y < 20; ++y) {
-    for (int x = 10; x < 20; ++x) depth(x, y) = x < 16 ? 9.0F : 200.0F;
-  }
-  CHECK(axis_pivot_m(params, depth.view()) == doctest::Approx(9.0F).epsilon(0.01));
-  io::Image<float> none({30, 30}, kNaN);
-  CHECK(axis_pivot_m(params, none.view()) == params.max_m);
-  CHECK(axis_pivot_m(params, ImageView<const float>{}) == params.max_m);
-  io::Image<float> near({1, 1}, 0.5F);
-  CHECK(axis_pivot_m(params, near.view()) == doctest::Approx(params.min_m).epsilon(0.01));
+  const io::Image<float> street = depth_of(7.0F, 150.0F);
+  const io::Image<float> place = depth_of(1000.0F, 40.0F);
+  const float in_street = pivot_m(params, street.view(), k, 0.7853982F, 0);
+  const float in_place = pivot_m(params, place.view(), k, 0.7853982F, 0);
+  CHECK(in_street * 0.70711F < 7.0F);  // before the left row of houses
+  CHECK(in_street >= params.min_m);
+  CHECK(in_place > 20.0F);
+  const io::Image<float> none({30, 30}, kNaN);
+  CHECK(pivot_m(params, none.view(), k, 0.7853982F, 0) == params.min_m);
+  CHECK(pivot_m(params, ImageView<const float>{}, k, 0.7853982F, 0) == params.min_m);
+  const io::Image<float> one({1, 1}, 5.0F);
+  CHECK(pivot_m(params, one.view(), k, 0.7853982F, 0) == params.min_m);
 }
 
 }  // namespace

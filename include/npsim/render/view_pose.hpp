@@ -4,17 +4,15 @@
 //
 // The mesh's frame is that of the photograph's camera: x right, y down, z forward, metres. Clockwise is as seen from
 // above: the camera's heading turns to the right, and the camera itself moves to the left, round the pivot.
-// A camera that turns about a far pivot leaves the street and stands in a house; one that turns about a near pivot sees
-// little else than the road. axis_pivot_m() takes the median depth of the middle of the picture, which is where its
-// objects are, within limits that keep the camera in a street of two lanes and pavements.
-// Error: a pose made from a unit pose stays orthonormal to 1e-6. Cost: the pivot is one pass over the middle ninth.
-// Memory: a histogram of 256 bins on the stack.
+// Which pivot shows the scene depends on it: about a far one the camera leaves a narrow street and stands behind the
+// house fronts, about a near one it sees little of an open place. pivot_m() tries some on a coarse picture of points.
+// Error: a pose made from a unit pose stays orthonormal to 1e-6. Cost: the pivot is at most 160 x 90 points a
+// candidate. Memory: 4 KB on the stack.
 #ifndef NPSIM_RENDER_VIEW_POSE_HPP
 #define NPSIM_RENDER_VIEW_POSE_HPP
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
@@ -66,33 +64,81 @@ struct ViewPose {
 }
 
 struct PivotParams {
-  float min_m = 6.0F;
-  float max_m = 14.0F;
+  float min_m = 6.0F;  // > 0
+  float max_m = 40.0F;
+  int candidates = 12;  // 2 .. 64, each the same factor farther than the one before
 };
 
-// How far ahead the point lies that a view turns about: the median of the valid depths in the middle ninth of the
-// picture, within the limits; the upper limit where there is no depth. Error: half a bin, 1/512 of the limits' range.
-[[nodiscard]] inline float axis_pivot_m(const PivotParams& params, ImageView<const float> depth_m) noexcept {
-  constexpr std::size_t kBins = 256;
-  std::size_t count[kBins] = {};
-  std::size_t total = 0;
-  const float scale = static_cast<float>(kBins) / (params.max_m - params.min_m);
-  for (int y = depth_m.height() / 3; y < depth_m.height() - depth_m.height() / 3; ++y) {
-    for (int x = depth_m.width() / 3; x < depth_m.width() - depth_m.width() / 3; ++x) {
-      const float z = depth_m(x, y);
-      if (!is_valid_depth(z)) continue;
-      const float bin = std::clamp((z - params.min_m) * scale, 0.0F, static_cast<float>(kBins - 1));
-      ++count[static_cast<std::size_t>(bin)];
-      ++total;
+namespace view_pose_detail {
+
+// How many of at most 160 x 90 samples of the depth map's upright surfaces a view shows from their front: the ground is
+// seen from everywhere. What hides them is found on a coarse picture of all samples.
+[[nodiscard]] inline int fronts_seen(ImageView<const float> depth_m, const Intrinsics& k,
+                                     const ViewPose& pose) noexcept {
+  constexpr int kColumns = 40;
+  constexpr int kRows = 24;
+  float nearest[kRows][kColumns] = {};  // inverse depth of a cell's nearest sample; negative where its back is seen
+  const int step = std::max(1, std::max(depth_m.width() / 160, depth_m.height() / 90));
+  const float columns_per_px = static_cast<float>(kColumns) / static_cast<float>(depth_m.width());
+  const float rows_per_px = static_cast<float>(kRows) / static_cast<float>(depth_m.height());
+  const auto for_samples = [&](auto&& f) {
+    for (int y = 0; y + 1 < depth_m.height(); y += step) {
+      for (int x = 0; x + 1 < depth_m.width(); x += step) {
+        const float z = depth_m(x, y);
+        if (!is_valid_depth(z) || !is_valid_depth(depth_m(x + 1, y)) || !is_valid_depth(depth_m(x, y + 1))) continue;
+        const Vec3f at = unproject_pixel(k, x, y, z);
+        const Vec3f seen = at - pose.eye_m;
+        const Vec3f p{dot(pose.right, seen), dot(pose.down, seen), dot(pose.forward, seen)};
+        if (!(p.z > 0.1F)) continue;
+        const Vec2f uv = project(k, p);
+        const float column = uv.x * columns_per_px;
+        const float row = uv.y * rows_per_px;
+        if (!(column >= 0.0F && row >= 0.0F && column < kColumns && row < kRows)) continue;
+        // Towards the photograph's camera, as every face of a sheet.
+        const Vec3f normal = cross(unproject_pixel(k, x, y + 1, depth_m(x, y + 1)) - at,
+                                   unproject_pixel(k, x + 1, y, depth_m(x + 1, y)) - at);
+        const bool level = normal.y * normal.y > 0.5F * dot(normal, normal);
+        f(nearest[static_cast<int>(row)][static_cast<int>(column)], dot(normal, seen) < 0.0F ? 1.0F / p.z : -1.0F / p.z,
+          level);
+      }
     }
+  };
+  for_samples([](float& cell, float inverse_depth, bool) {
+    if (std::fabs(inverse_depth) > std::fabs(cell)) cell = inverse_depth;
+  });
+  constexpr float kSlack = 0.7F;  // the depth that a cell of a slanting surface spans
+  int fronts = 0;
+  for_samples([&](const float& cell, float inverse_depth, bool level) {
+    fronts += !level && inverse_depth > kSlack * std::fabs(cell) && inverse_depth > 0.0F ? 1 : 0;
+  });
+  return fronts;
+}
+
+}  // namespace view_pose_detail
+
+// How far ahead the point lies that a view turns about: the farthest of the candidates from which nearly as much of the
+// upright surfaces that the photograph saw is seen again, from its front, as from the best of them. The lower limit
+// where there is no depth.
+[[nodiscard]] inline float pivot_m(const PivotParams& params, ImageView<const float> depth_m, const Intrinsics& camera,
+                                   float clockwise_rad, float climb_rad) noexcept {
+  constexpr int kMaxCandidates = 64;
+  constexpr float kNearly = 0.85F;
+  int fronts[kMaxCandidates] = {};
+  const int candidates = std::clamp(params.candidates, 2, kMaxCandidates);
+  const auto candidate_m = [&](int i) {
+    return params.min_m *
+           std::pow(params.max_m / params.min_m, static_cast<float>(i) / static_cast<float>(candidates - 1));
+  };
+  int best = 0;
+  for (int i = 0; i < candidates; ++i) {
+    const ViewPose pose = turned(ViewPose{}, clockwise_rad, climb_rad, candidate_m(i));
+    fronts[i] = view_pose_detail::fronts_seen(depth_m, camera, pose);
+    best = std::max(best, fronts[i]);
   }
-  if (total == 0) return params.max_m;
-  std::size_t below = 0;
-  for (std::size_t i = 0; i < kBins; ++i) {
-    below += count[i];
-    if (2 * below >= total) return params.min_m + (static_cast<float>(i) + 0.5F) / scale;
+  for (int i = candidates - 1; i > 0 && best > 0; --i) {
+    if (static_cast<float>(fronts[i]) >= kNearly * static_cast<float>(best)) return candidate_m(i);
   }
-  return params.max_m;
+  return params.min_m;
 }
 
 }  // namespace v1
