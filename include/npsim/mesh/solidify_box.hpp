@@ -13,8 +13,9 @@
 // from the side that faces it; along an axis on which the camera stands abreast of the vehicle, to both sides alike.
 //
 // Invariant: a function of the vertices in their order, no trigonometry, so the same bits everywhere. Cost: linear in
-// the vertices (two selections). Memory: 4 bytes a vertex of the largest object. Error: on exact depth of a box seen on
-// two sides 1e-3 of its size; of the generated street's cars see the test.
+// the vertices (two selections). Memory: 4 bytes a vertex of the largest object. Error: on exact depth of a box of
+// nominal size seen on two sides its outline lies within 0.65 m (test); the headings of the cars and buses of four
+// generated streets are within 3 degrees, most within 1.5, on their exact and on their refined depth.
 #ifndef NPSIM_MESH_SOLIDIFY_BOX_HPP
 #define NPSIM_MESH_SOLIDIFY_BOX_HPP
 
@@ -37,6 +38,7 @@ struct UprightBox {
   Vec3f along[2];
   float low_m[2] = {0.0F, 0.0F};
   float high_m[2] = {0.0F, 0.0F};
+  int length_axis = 1;  // of the two
 };
 
 // Sum of w exp(4 i angle) over the faces of an object, angle from `right` towards `forward`.
@@ -133,8 +135,9 @@ inline void set_extent(const SolidifyParams& params, const BackRule& rule, Span<
     seen[k] = box.high_m[k] - box.low_m[k];
   }
   const bool right_is_length = seen[0] > seen[1] && seen[0] > 1.4F * rule.width_m;
+  box.length_axis = right_is_length ? 0 : 1;
   for (int k = 0; k < 2; ++k) {
-    const float nominal = (k == 0) == right_is_length ? rule.length_m : rule.width_m;
+    const float nominal = k == box.length_axis ? rule.length_m : rule.width_m;
     if (seen[k] >= params.full_side * nominal) continue;
     if (box.low_m[k] > 0.0F) {
       box.high_m[k] = box.low_m[k] + nominal;
@@ -148,15 +151,27 @@ inline void set_extent(const SolidifyParams& params, const BackRule& rule, Span<
   }
 }
 
-// The ray from the camera through p leaves the box at this multiple of p: below 1 for a point behind the box.
-[[nodiscard]] inline float exit_ratio(const UprightBox& box, const Vec3f& p) noexcept {
+// The ray from the camera through p leaves the box at this multiple of p: below 1 for a point behind the box. end_m and
+// side_m are taken off its far end and side.
+[[nodiscard]] inline float exit_ratio(const UprightBox& box, const Vec3f& p, float end_m, float side_m) noexcept {
   float ratio = std::numeric_limits<float>::infinity();
   for (int k = 0; k < 2; ++k) {
     const float x = dot(p, box.along[k]);
-    const float limit = x > 0.0F ? box.high_m[k] : box.low_m[k];
+    const float inset = k == box.length_axis ? end_m : side_m;
+    const float limit = x > 0.0F ? box.high_m[k] - inset : box.low_m[k] + inset;
     if (x != 0.0F) ratio = std::fmin(ratio, limit / x);
   }
   return ratio;
+}
+
+// The same of box and cabin. camera_height_m: 0 where it is not known, and then there is no cabin.
+[[nodiscard]] inline float exit_ratio(const UprightBox& box, const BackRule& rule, const Vec3f& up,
+                                      float camera_height_m, const Vec3f& p) noexcept {
+  if (rule.belt_m > 0.0F && camera_height_m > 0.0F) {
+    const float ratio = std::fmax(exit_ratio(box, p, rule.cabin_end_m, rule.cabin_side_m), 1.0F);
+    if (camera_height_m + ratio * dot(up, p) > rule.belt_m) return ratio;
+  }
+  return exit_ratio(box, p, 0.0F, 0.0F);
 }
 
 }  // namespace solidify_detail

@@ -198,7 +198,8 @@ template <class Executor>
         }
         float r = 1.0F + thickness / distance;
         if (rule.shape == BackShape::box) {
-          r = std::fmin(solidify_detail::exit_ratio(box, p), 1.0F + diagonal / distance);
+          r = std::fmin(solidify_detail::exit_ratio(box, rule, scene.up, scene.camera_height_m, p),
+                        1.0F + diagonal / distance);
         }
         if (!scene.background.empty() && has_vertex(scene.background(x, y))) {
           r = std::fmin(r, scene.background(x, y).z / p.z * (1.0F - params.background_gap));
