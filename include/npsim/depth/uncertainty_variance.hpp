@@ -11,7 +11,7 @@
 //    sample is an outlier, measured: 2e-14 at l = 8, 2e-11 at 64, 2e-9 at 256.
 // Whatever is decided by 1 or 2 is decided as the exact variance decides; the result does not depend on the way.
 //
-// Cost per window: 2. about 1.5 ns; 3. about 30 ns. Memory: 10 KiB of stack up to l = 16, 35 KiB above.
+// Cost per window: 2. about 3 ns; 3. about 30 ns. Memory: 10 KiB of stack up to l = 16, 35 KiB above.
 #ifndef NPSIM_DEPTH_UNCERTAINTY_VARIANCE_HPP
 #define NPSIM_DEPTH_UNCERTAINTY_VARIANCE_HPP
 
