@@ -65,7 +65,7 @@ struct ViewPose {
 
 struct PivotParams {
   float min_m = 6.0F;  // > 0
-  float max_m = 40.0F;
+  float max_m = 30.0F;
   int candidates = 12;  // 2 .. 64, each the same factor farther than the one before
 };
 
@@ -122,7 +122,7 @@ namespace view_pose_detail {
 [[nodiscard]] inline float pivot_m(const PivotParams& params, ImageView<const float> depth_m, const Intrinsics& camera,
                                    float clockwise_rad, float climb_rad) noexcept {
   constexpr int kMaxCandidates = 64;
-  constexpr float kNearly = 0.85F;
+  constexpr float kNearly = 0.95F;
   int fronts[kMaxCandidates] = {};
   const int candidates = std::clamp(params.candidates, 2, kMaxCandidates);
   const auto candidate_m = [&](int i) {
