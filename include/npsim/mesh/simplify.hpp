@@ -70,7 +70,7 @@ struct SimplifyResult {
   if (shape.empty()) return kWorkspaceAlignment;
   const std::size_t pixels = shape.pixels();
   const std::size_t halves = 6 * quad_shape(shape).pixels();
-  return allocation_bytes<float>(pixels) + allocation_bytes<float>(static_cast<std::size_t>(shape.height)) +
+  return allocation_bytes<float>(pixels + 16) + allocation_bytes<float>(static_cast<std::size_t>(shape.height)) +
          2 * allocation_bytes<std::uint32_t>(halves) + allocation_bytes<std::uint32_t>(pixels) +
          allocation_bytes<std::uint8_t>(pixels) + kWorkspaceAlignment;
 }
@@ -102,10 +102,29 @@ inline constexpr int kSimplifyTile = 96;  // px: its half-edges, 440 kB, stay in
     const bool pinched = (starts & (starts - 1)) != 0;
     const float distance = pixel_distance(intrinsics, v, x, y);
     const bool away = !(distance <= params.max_pixel_error) || !(inverse_depth(x, y) > 0.0F);
-    state[x] = static_cast<std::uint8_t>(kVertexUsed | (pinched ? kVertexFixed : 0) | (away ? kVertexAway : 0));
+    state[x] = static_cast<std::uint8_t>(kVertexUsed | (pinched ? kVertexFixed : 0U) | (away ? kVertexAway : 0U));
     if (!away && distance > farthest) farthest = distance;
   }
   return farthest;
+}
+
+// Whether a row or column is a seam between tiles; the sides of the image are none.
+[[nodiscard]] constexpr bool is_seam(int at, int offset, int size) noexcept {
+  return (at + offset) % kSimplifyTile == 0 && at > 0 && at < size;
+}
+
+// Makes every vertex due that may go and has not been tried with all its neighbours; on seams of the tiles to come all.
+inline void make_due(const ThinMesh& mesh, int offset) noexcept {
+  std::uint8_t* state = mesh.state.data();
+  for (int y = 0; y < mesh.shape.height; ++y) {
+    const bool row = is_seam(y, offset, mesh.shape.height);
+    for (int x = 0; x < mesh.shape.width; ++x, ++state) {
+      unsigned s = *state & ~(3 * kVertexDue);
+      if (row || is_seam(x, offset, mesh.shape.width)) s &= ~kVertexSettled;
+      *state = static_cast<std::uint8_t>(
+          (s & (kVertexUsed | kVertexFixed | kVertexSettled)) == kVertexUsed ? s | kVertexDue : s);
+    }
+  }
 }
 
 // Vertices that are away from their pixels, and their neighbours, stay.
@@ -125,8 +144,8 @@ inline void fix_away(const ThinMesh& mesh) noexcept {
   }
 }
 
-template <class Executor>
-void thin_tiles(const Thinner& thinner, int offset, Executor& executor) {
+template <class F, class Executor>
+void thin_tiles(const Thinner<F>& thinner, int offset, Executor& executor) {
   const Shape shape = thinner.mesh.shape;
   const auto columns = static_cast<std::size_t>((shape.width + offset) / kSimplifyTile + 1);
   const auto rows = static_cast<std::size_t>((shape.height + offset) / kSimplifyTile + 1);
@@ -140,8 +159,6 @@ void thin_tiles(const Thinner& thinner, int offset, Executor& executor) {
                          y + kSimplifyTile >= shape.height ? shape.height : y + kSimplifyTile});
     }
   });
-  find_outgoing(thinner.mesh);
-  for (std::uint8_t& s : thinner.mesh.state) s = static_cast<std::uint8_t>(s & ~(kVertexSettled | kVertexTouched));
 }
 
 // The copy of a pinched vertex that the fan of half-edge h uses: noted down at the rim where the fan begins.
@@ -206,11 +223,14 @@ template <class Executor>
   const WorkspaceScope scope(workspace);
   ImageView<float> inverse_depth;
   Span<float> farthest;
-  mesh_detail::Thinner thinner;
+  mesh_detail::Thinner<simd::F32> thinner;
   mesh_detail::ThinMesh& mesh = thinner.mesh;
   mesh.shape = shape;
   const std::size_t halves = 6 * layer.quads.shape().pixels();
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, inverse_depth));
+  Span<float> plane;  // and what a batch reads beyond its end
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels() + simd::kMaxLanes, plane));
+  inverse_depth = ImageView<float>(plane.data(), shape);
+  for (std::size_t i = shape.pixels(); i < plane.size(); ++i) plane[i] = 0.0F;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(shape.height), farthest));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(halves, mesh.corner));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(halves, mesh.opposite));
@@ -227,9 +247,13 @@ template <class Executor>
   });
   for (const float f : farthest) result.pixel_error = f > result.pixel_error ? f : result.pixel_error;
   mesh_detail::fix_away(mesh);
+  for (const int offset : {0, mesh_detail::kSimplifyTile / 2}) {
+    mesh_detail::find_outgoing(mesh);
+    mesh_detail::make_due(mesh, offset);
+    mesh_detail::thin_tiles(thinner, offset, executor);
+  }
   mesh_detail::find_outgoing(mesh);
-  mesh_detail::thin_tiles(thinner, 0, executor);
-  mesh_detail::thin_tiles(thinner, mesh_detail::kSimplifyTile / 2, executor);
+  mesh_detail::make_due(mesh, 0);
   thinner.thin_tile({-1, -1, shape.width, shape.height});
 
   result.full = mesh_size(layer);

@@ -18,7 +18,7 @@
 
 #include "npsim/core/image_view.hpp"
 #include "npsim/mesh/sheet.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/simd/batch.hpp"
 
 namespace npsim {
 inline namespace v1 {
@@ -117,6 +117,59 @@ template <class F>
     }
     return true;
   });
+}
+
+// Whether depth at all pixel centres of a triangle is within a bound. Lanes are neighbouring pixels, in float with room
+// for its rounding; what float cannot decide is looked at in double, so that every batch gives the same answer.
+template <class F>
+[[nodiscard]] bool centres_are_close(const SheetPlanes& sheet, const Corner& a, const Corner& b, const Corner& c,
+                                     double bound) noexcept {
+  using I = typename F::Int;
+  if (turn(a, b, c) <= 1) return true;  // no centres but the corners
+  const auto low = [](int p, int q, int r) { return p < q ? (p < r ? p : r) : (q < r ? q : r); };
+  const auto high = [](int p, int q, int r) { return p > q ? (p > r ? p : r) : (q > r ? q : r); };
+  const int x0 = low(a.x, b.x, c.x);
+  const int x1 = high(a.x, b.x, c.x);
+  const int y0 = low(a.y, b.y, c.y);
+  const int y1 = high(a.y, b.y, c.y);
+  const InversePlane plane(a, b, c);
+  const double largest = a.w > b.w ? (a.w > c.w ? a.w : c.w) : (b.w > c.w ? b.w : c.w);
+  // Rounding of the start of a batch, at most 16 slopes beyond w, of the slope, of their product and sum, of the
+  // difference and of what is allowed: 5 of the largest w and 45 of the slope, in units of 2^-24.
+  const F margin(static_cast<float>((largest + 4.0 * std::fabs(plane.dx)) * 0x1p-20));
+  const F share(static_cast<float>(bound));
+  const F slope = F::iota() * F(static_cast<float>(plane.dx));
+  // Each side as a form that is not negative inside.
+  struct Side {
+    int dx, dy, start;
+  };
+  const auto side = [&](const Corner& p, const Corner& q) {
+    const int dx = q.y - p.y;
+    const int dy = p.x - q.x;
+    return Side{dx, dy, (x0 - p.x) * dx + (y0 - p.y) * dy};
+  };
+  const Side sides[3] = {side(a, b), side(b, c), side(c, a)};
+  for (int x = x0; x <= x1; x += F::lanes) {
+    I along[3];
+    for (int k = 0; k < 3; ++k) along[k] = I::iota() * I(sides[k].dx) + I(sides[k].start + (x - x0) * sides[k].dx);
+    for (int y = y0; y <= y1; ++y) {
+      const auto inside = (along[0] | along[1] | along[2]) >= I(0);
+      for (int k = 0; k < 3; ++k) along[k] = along[k] + I(sides[k].dy);
+      const F w = F::load(sheet.inverse_depth.row(y) + x);
+      const F thin = slope + F(static_cast<float>(plane.at(x, y)));
+      const F off = abs(w - thin);
+      const F allowed = share * thin;
+      const auto doubtful = inside & ~(off <= allowed - margin);
+      if (none(doubtful)) continue;
+      if (any(inside & ~(off <= allowed + margin))) return false;
+      for (int i = 0; i < F::lanes; ++i) {
+        if (!doubtful.lane(i)) continue;
+        const double exact = plane.at(x + i, y);
+        if (!(std::fabs(static_cast<double>(sheet.inverse_depth(x + i, y)) - exact) <= bound * exact)) return false;
+      }
+    }
+  }
+  return true;
 }
 
 // Labels of the pixel centres of a triangle whose corners have one label.

@@ -26,15 +26,16 @@ namespace mesh_detail {
 
 inline constexpr std::uint32_t kRim = 0x80000000U;   // opposite: there is none
 inline constexpr std::uint32_t kGone = 0xFFFFFFFFU;  // first corner of a face that is gone
-inline constexpr int kMaxSimplifySide = 0x8000;      // px, of the image
+inline constexpr int kMaxSimplifySide = 0x4000;      // px, of the image
 inline constexpr int kMaxRing = 32;                  // neighbours of a vertex that may be taken away
 
-inline constexpr std::uint8_t kVertexUsed = 1;      // has faces
-inline constexpr std::uint8_t kVertexFixed = 2;     // stays
-inline constexpr std::uint8_t kVertexSettled = 4;   // was tried, and nothing around it has changed since
-inline constexpr std::uint8_t kVertexTouched = 8;   // something around it has changed in this pass
-inline constexpr std::uint8_t kVertexAway = 16;     // away from the centre of its pixel
-inline constexpr std::uint8_t kVertexPinched = 32;  // of several fans
+// Bits of the state of a vertex.
+inline constexpr unsigned kVertexUsed = 1;      // has faces
+inline constexpr unsigned kVertexFixed = 2;     // stays
+inline constexpr unsigned kVertexAway = 4;      // away from the centre of its pixel
+inline constexpr unsigned kVertexPinched = 8;   // of several fans
+inline constexpr unsigned kVertexSettled = 16;  // was tried, and nothing around it has changed since
+inline constexpr unsigned kVertexDue = 32;      // to be tried in this pass; twice as much: in the next, and in turns
 
 [[nodiscard]] constexpr std::uint32_t pack_pixel(int x, int y) noexcept {
   return (static_cast<std::uint32_t>(y) << 16U) | static_cast<std::uint32_t>(x);
@@ -73,33 +74,35 @@ struct ThinMesh {
   // False when the vertex has too many neighbours.
   [[nodiscard]] bool ring_of(std::uint32_t v, Ring& ring) const noexcept {
     const std::uint32_t first = outgoing[at(v)];
-    std::uint32_t h = first;
-    for (int step = 0; step <= kMaxRing; ++step) {  // back to where the fan begins
-      const std::uint32_t back = opposite[h];
-      if (is_rim(back)) break;
-      h = next_half(back);
-      if (h == first) break;
-    }
-    ring.closed = !is_rim(opposite[h]);
-    const std::uint32_t start = h;
-    for (ring.count = 0; ring.count < kMaxRing;) {
-      ring.half[ring.count] = h;
-      ring.vertex[ring.count++] = end(h);
-      const std::uint32_t across = opposite[previous_half(h)];
-      if (is_rim(across)) {
-        if (ring.closed || ring.count == kMaxRing) return false;
-        ring.vertex[ring.count++] = corner[previous_half(h)];
-        return true;
-      }
-      h = across;
-      if (h == start) return true;
-    }
-    return false;
+    if (!follow_ring(first, ring)) return false;
+    if (ring.closed) return true;
+    std::uint32_t h = first;  // back to where the fan begins
+    for (int step = 0; step < kMaxRing && !is_rim(opposite[h]); ++step) h = next_half(opposite[h]);
+    return follow_ring(h, ring) && is_rim(opposite[h]);
   }
 
   void join(std::uint32_t h, std::uint32_t outer) const noexcept {
     opposite[h] = outer;
     if (!is_rim(outer)) opposite[outer] = h;
+  }
+
+  // The ring as far as it goes from a half-edge on.
+  [[nodiscard]] bool follow_ring(std::uint32_t start, Ring& ring) const noexcept {
+    std::uint32_t h = start;
+    for (ring.count = 0; ring.count < kMaxRing;) {
+      ring.half[ring.count] = h;
+      ring.vertex[ring.count++] = end(h);
+      const std::uint32_t last = previous_half(h);
+      h = opposite[last];
+      if (h == start) return ring.closed = true;
+      if (is_rim(h)) {
+        ring.closed = false;
+        if (ring.count == kMaxRing) return false;
+        ring.vertex[ring.count++] = corner[last];
+        return true;
+      }
+    }
+    return false;
   }
 
   // Moves v onto its neighbour j. `owned(vertex)` says whether outgoing[] of a vertex may be written.
