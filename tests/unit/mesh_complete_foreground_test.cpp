@@ -164,6 +164,92 @@ TEST_CASE("an object at the image border and one touching the sky are whole") {
   CHECK(p.foreground.vertices(4, 2).z == 5.0F);
 }
 
+TEST_CASE("one object in front of another: both are whole, neither takes the other's depth") {
+  Picture p({30, 14});
+  p.rectangle(3, 4, 26, 11, label::car, 12.0F);
+  p.rectangle(12, 1, 15, 12, label::person, 4.0F);  // cuts the car in two
+  p.doubt(10, 0, 17, 13);
+  for (int y = 3; y <= 10; ++y) p.uncertain(13, y) = p.uncertain(14, y) = 0;
+  p.run();
+  const MeshReport r = check_layer(p.foreground.view());
+  check_objects(p);
+  CHECK(r.components == 3);
+  CHECK(r.boundary_loops == 3);
+  CHECK(r.faces == 2 * 3 * 11 + 2 * 8 * 7 + 2 * 10 * 7);
+  for (int y = 4; y <= 11; ++y) {
+    CHECK(p.foreground.vertices(11, y).z == 12.0F);
+    CHECK(p.foreground.vertices(12, y).z == 4.0F);
+    CHECK(p.foreground.vertices(15, y).z == 4.0F);
+    CHECK(p.foreground.vertices(16, y).z == 12.0F);
+  }
+  CHECK(p.object(12, 1) == 1);
+  CHECK(p.object(3, 4) == 2);
+  CHECK(p.object(16, 4) == 3);
+}
+
+TEST_CASE("no face of any layer touches the sky, whatever touches it") {
+  Picture p({40, 24});
+  p.rectangle(0, 0, 39, 11, label::sky, 900.0F);
+  p.rectangle(0, 3, 6, 11, label::building, 30.0F);
+  p.rectangle(9, 2, 15, 20, label::bus, 7.0F);
+  p.rectangle(20, 0, 20, 22, label::pole, 6.0F);  // from the upper border, through the sky
+  p.rectangle(26, 5, 31, 15, label::vegetation, 15.0F);
+  p.rectangle(28, 9, 29, 18, label::person, 5.0F);  // half before the leaves, with sky through a gap
+  p.rectangle(30, 8, 31, 9, label::sky, 900.0F);
+  p.doubt(8, 1, 16, 12);
+  p.doubt(19, 0, 21, 23);
+  p.depth(12, 2) = 700.0F;  // smeared into the sky
+  for (const bool thesis : {false, true}) {
+    p.run(thesis ? BackgroundParams::thesis() : BackgroundParams{}, kNoWidening);
+    for (const SheetLayer& layer : {p.sheet.view(), p.background.view(), p.foreground.view()}) {
+      CHECK(check_layer(layer).faces > 0);
+      for (const std::uint32_t pixel : index(layer).pixels) {
+        REQUIRE(p.labels(static_cast<int>(pixel) % 40, static_cast<int>(pixel) / 40) != label::sky);
+      }
+    }
+  }
+  // Widened, the pole has its second column in front of the sky: that is the pole, not the sky.
+  p.run();
+  const Indexed mesh = index(p.foreground.view());
+  check_layer(p.foreground.view());
+  bool beside_pole = false;
+  for (const std::uint32_t pixel : mesh.pixels) {
+    const int x = static_cast<int>(pixel) % 40;
+    const int y = static_cast<int>(pixel) / 40;
+    if (p.labels(x, y) != label::sky) continue;
+    REQUIRE(x == 21);
+    REQUIRE(p.foreground.vertices(x, y).z == 6.0F);
+    beside_pole = true;
+  }
+  CHECK(beside_pole);
+}
+
+TEST_CASE("uncertain pixels only: the sheet keeps no face, every object still stands") {
+  Picture p({20, 12});
+  p.rectangle(2, 2, 8, 9, label::car, 8.0F);
+  p.rectangle(12, 1, 17, 10, label::rider, 5.0F);
+  p.doubt(0, 0, 19, 11);
+  p.run();
+  CHECK(check_layer(p.sheet.view()).faces == 0);
+  CHECK(check_layer(p.background.view()).faces == 0);  // nothing is left to continue from
+  const MeshReport r = check_layer(p.foreground.view());
+  CHECK(r.faces == 2 * 6 * 7 + 2 * 5 * 9);
+  CHECK(r.components == 2);
+  check_objects(p);
+}
+
+TEST_CASE("objects with vertices at 1e5 m next to vertices at half a metre make faces that are not flat") {
+  Picture p({16, 16});
+  p.intrinsics = {1000.0F, 1000.0F, 8.0F, 8.0F};
+  for (int y = 0; y < 16; ++y) {
+    for (int x = 0; x < 16; ++x) p.rectangle(x, y, x, y, label::car, (x + y) % 3 == 0 ? 1.0e5F : 0.5F);
+  }
+  p.doubt(5, 5, 9, 9);
+  p.run();
+  CHECK(check_layer(p.foreground.view()).faces == 2 * 15 * 15);
+  check_objects(p);
+}
+
 TEST_CASE("a ring of NaN inside an object is filled from its certain pixels") {
   Picture p({9, 9});
   p.rectangle(0, 0, 8, 8, label::truck, 7.0F);
@@ -173,14 +259,19 @@ TEST_CASE("a ring of NaN inside an object is filled from its certain pixels") {
   CHECK(check_layer(p.foreground.view()).faces == 2 * 8 * 8);
 }
 
-TEST_CASE("labels that change in every pixel make no face that joins them") {
+TEST_CASE("labels that change in every pixel make no face that joins them, in doubt or not") {
   Picture p({8, 8});
   for (int y = 0; y < 8; ++y) {
     for (int x = 0; x < 8; ++x) p.labels(x, y) = (x + y) % 2 == 0 ? label::car : label::person;
   }
-  p.run();
-  CHECK(p.object(7, 7) == 64);
-  CHECK(check_layer(p.foreground.view()).faces == 0);
+  for (const bool doubt : {false, true}) {
+    if (doubt) p.doubt(0, 0, 7, 7);
+    p.run();
+    CHECK(p.object(7, 7) == 64);
+    CHECK(p.foreground.vertices(3, 4).z == 10.0F);
+    CHECK(check_layer(p.foreground.view()).faces == 0);
+    check_objects(p);
+  }
 }
 
 TEST_CASE("an empty foreground, one row and one column") {
@@ -194,6 +285,8 @@ TEST_CASE("an empty foreground, one row and one column") {
     q.run();
     CHECK(q.foreground.vertices(0, 0).z == 4.0F);
     check_layer(q.foreground.view());
+    CHECK(index(q.foreground.view()).faces.empty());
+    CHECK(q.foreground.vertices(s.width - 1, s.height - 1).z == 4.0F);
   }
 }
 
