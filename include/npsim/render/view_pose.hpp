@@ -116,13 +116,13 @@ namespace view_pose_detail {
 
 }  // namespace view_pose_detail
 
-// How far ahead the point lies that a view turns about: the farthest of the candidates from which nearly as much of the
-// upright surfaces that the photograph saw is seen again, from its front, as from the best of them. The lower limit
-// where there is no depth.
+// How far ahead the point lies that a view turns about. Of the candidates those count from which nearly as much of the
+// upright surfaces that the photograph saw is seen again, from its front, as from the best; the middle one of them is
+// taken. The lower limit where there is no depth.
 [[nodiscard]] inline float pivot_m(const PivotParams& params, ImageView<const float> depth_m, const Intrinsics& camera,
                                    float clockwise_rad, float climb_rad) noexcept {
   constexpr int kMaxCandidates = 64;
-  constexpr float kNearly = 0.95F;
+  constexpr float kNearly = 0.8F;
   int fronts[kMaxCandidates] = {};
   const int candidates = std::clamp(params.candidates, 2, kMaxCandidates);
   const auto candidate_m = [&](int i) {
@@ -135,9 +135,12 @@ namespace view_pose_detail {
     fronts[i] = view_pose_detail::fronts_seen(depth_m, camera, pose);
     best = std::max(best, fronts[i]);
   }
-  for (int i = candidates - 1; i > 0 && best > 0; --i) {
-    if (static_cast<float>(fronts[i]) >= kNearly * static_cast<float>(best)) return candidate_m(i);
+  int good[kMaxCandidates] = {};
+  int count = 0;
+  for (int i = 0; i < candidates; ++i) {
+    if (static_cast<float>(fronts[i]) >= kNearly * static_cast<float>(best)) good[count++] = i;
   }
+  if (best > 0) return candidate_m(good[(count - 1) / 2]);
   return params.min_m;
 }
 
