@@ -66,6 +66,7 @@
 #include "npsim/depth/uncertainty_counted.hpp"
 #include "npsim/depth/uncertainty_labels.hpp"
 #include "npsim/depth/uncertainty_moments.hpp"
+#include "npsim/depth/uncertainty_search.hpp"
 #include "npsim/depth/uncertainty_variance.hpp"
 
 #include "npsim/mesh/background_state.hpp"
@@ -92,6 +93,8 @@
 #include "npsim/mesh/solidify_box.hpp"
 #include "npsim/mesh/solidify_params.hpp"
 #include "npsim/mesh/solidify_thickness.hpp"
+#include "npsim/mesh/street_background.hpp"
+#include "npsim/mesh/street_floor.hpp"
 
 #include "npsim/trace/build.hpp"
 #include "npsim/trace/bvh.hpp"
@@ -149,11 +152,13 @@
 #include "npsim/pipeline/lamp_faces.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "npsim/pipeline/photograph.hpp"
+#include "npsim/pipeline/point_of_hit.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/pipeline/refine_depth_params.hpp"
 #include "npsim/pipeline/relight.hpp"
 #include "npsim/pipeline/scene_view.hpp"
+#include "npsim/pipeline/simplify_faces.hpp"
 #include "npsim/pipeline/source_pixels.hpp"
 #include "npsim/pipeline/surface_attributes.hpp"
 

@@ -53,9 +53,7 @@ struct NightParams {
 [[nodiscard]] inline NightParams thesis_night_params() noexcept {
   NightParams params;
   params.depth = RefineDepthParams::thesis();
-  params.mesh.background = BackgroundParams::thesis();
-  params.mesh.foreground = ForegroundParams::thesis();
-  params.mesh.backs = false;
+  params.mesh = ReconstructParams::thesis();
   params.camera = PhotographParams::thesis();
   return params;
 }

@@ -25,6 +25,7 @@
 #include "npsim/mesh/solidify.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/pipeline/scene_view.hpp"
+#include "npsim/pipeline/simplify_faces.hpp"
 
 namespace npsim {
 inline namespace v1 {
@@ -39,6 +40,17 @@ struct ReconstructParams {
   bool backs = true;  // objects are solids, not shells
   SolidifyParams solidify;
   GroundParams ground;  // that solids stand on
+  bool simplify_faces = true;  // rays meet no more faces than these bounds need; points stay one per pixel
+  SimplifyParams simplify;
+
+  [[nodiscard]] static ReconstructParams thesis() noexcept {
+    ReconstructParams params;
+    params.background = BackgroundParams::thesis();
+    params.foreground = ForegroundParams::thesis();
+    params.backs = false;
+    params.simplify_faces = false;
+    return params;
+  }
 };
 
 // The scene as geometry; views over the workspace. Vertices and faces alike: the background's [0, background), the
@@ -52,6 +64,8 @@ struct SceneMesh {
   std::size_t sheet_faces = 0;
   SheetLayer background;  // what the indexed sheets were made from
   SheetLayer foreground;
+  ImageView<const std::uint32_t> background_vertex;  // per pixel, the first of its fans, kNoVertex for none
+  ImageView<const std::uint32_t> foreground_vertex;
   ImageView<const std::uint32_t> visible_vertex;  // per pixel, kNoVertex where no surface is seen
   ImageView<const std::uint8_t> background_state;  // row_state of each pixel in the background
   ImageView<const std::uint32_t> object;           // 0 = background, else the number of the object
@@ -69,9 +83,10 @@ inline constexpr std::size_t kMaxFacesPerPixel = 6;
   const std::size_t completion = complete_background_workspace_bytes(params.background, shape) +
                                  complete_foreground_workspace_bytes(params.foreground, shape) +
                                  index_layer_workspace_bytes(shape) + ground_workspace_bytes(params.ground, shape) +
-                                 solidify_workspace_bytes(params.solidify, shape, 2 * pixels, 2 * pixels);
+                                 solidify_workspace_bytes(params.solidify, shape, 2 * pixels, 2 * pixels) +
+                                 simplify_faces_workspace_bytes(params.simplify, shape);
   return 2 * allocation_bytes<Vec3f>(pixels) + 2 * allocation_bytes<std::uint8_t>(pixels) +
-         allocation_bytes<std::uint8_t>(pixels) + 2 * allocation_bytes<std::uint32_t>(pixels) +
+         allocation_bytes<std::uint8_t>(pixels) + 4 * allocation_bytes<std::uint32_t>(pixels) +
          allocation_bytes<Vec3f>(kMaxVerticesPerPixel * pixels) +
          allocation_bytes<std::uint32_t>(kMaxVerticesPerPixel * pixels) + allocation_bytes<Face>(kMaxFacesPerPixel * pixels) +
          completion + kWorkspaceAlignment;
@@ -103,6 +118,37 @@ inline void find_visible(const SceneMesh& mesh, ImageView<const Label> labels, L
   }
 }
 
+// pixels: of the vertices of one layer, in raster order; `first` is the number of the first of them.
+inline void find_first_vertices(Span<const std::uint32_t> pixels, std::uint32_t first, ImageView<std::uint32_t> out) {
+  const auto width = static_cast<std::uint32_t>(out.width());
+  for (int y = 0; y < out.height(); ++y) {
+    for (int x = 0; x < out.width(); ++x) out(x, y) = kNoVertex;
+  }
+  for (std::size_t v = pixels.size(); v-- > 0;) {
+    out(static_cast<int>(pixels[v] % width), static_cast<int>(pixels[v] / width)) =
+        first + static_cast<std::uint32_t>(v);
+  }
+}
+
+// Both layers' faces make way for fewer, and close up.
+template <class Executor>
+[[nodiscard]] Status thin_out(const SimplifyParams& params, const SceneView& scene, ImageView<const Label> labels,
+                              const SheetLayer& background, const SheetLayer& foreground, const MeshBuffers& mesh, MeshSize& behind, MeshSize& front,
+                              Workspace& workspace, Executor& executor) {
+  const std::size_t full = behind.faces;
+  const MeshBuffers back_part{mesh.vertices.sub(0, behind.vertices), mesh.faces.sub(0, full),
+                              mesh.pixels.sub(0, behind.vertices)};
+  const MeshBuffers front_part{mesh.vertices.sub(behind.vertices, front.vertices), mesh.faces.sub(full, front.faces),
+                               mesh.pixels.sub(behind.vertices, front.vertices)};
+  NPSIM_RETURN_IF_ERROR(simplify_faces(params, background, labels, scene.light_index, scene.camera, 0, back_part,
+                                       behind.faces, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(simplify_faces(params, foreground, labels, scene.light_index, scene.camera,
+                                       static_cast<std::uint32_t>(behind.vertices), front_part, front.faces, workspace,
+                                       executor));
+  for (std::size_t f = 0; f < front.faces; ++f) mesh.faces[behind.faces + f] = mesh.faces[full + f];
+  return {};
+}
+
 // Edges of a layer's faces that have no face on their other side.
 [[nodiscard]] inline std::size_t count_rim_edges(const SheetLayer& layer) noexcept {
   const ImageView<std::uint8_t> quads = layer.quads;
@@ -130,9 +176,13 @@ Status reconstruct(const ReconstructParams& params, const SceneView& scene, cons
   const Shape shape = scene.shape();
   const Shape quads = quad_shape(shape);
   ImageView<std::uint32_t> visible;
+  ImageView<std::uint32_t> of_background;
+  ImageView<std::uint32_t> of_foreground;
   ImageView<std::uint32_t> object;
   ImageView<std::uint8_t> state;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, visible));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, of_background));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, of_foreground));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, object));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, state));
   const auto allocate_layer = [&](SheetLayer& layer) {
@@ -173,10 +223,16 @@ Status reconstruct(const ReconstructParams& params, const SceneView& scene, cons
   MeshSize foreground_size;
   NPSIM_RETURN_IF_ERROR(
       index_layers(background, foreground, buffers, background_size, foreground_size, workspace, executor));
+  if (params.simplify_faces) {
+    NPSIM_RETURN_IF_ERROR(reconstruct_detail::thin_out(params.simplify, scene, refined.labels, background, foreground, buffers,
+                                                       background_size, foreground_size, workspace, executor));
+  }
   out.background_vertices = background_size.vertices;
   out.background_faces = background_size.faces;
   out.sheet_vertices = background_size.vertices + foreground_size.vertices;
   out.sheet_faces = background_size.faces + foreground_size.faces;
+  const MeshSize room = backs;
+  backs = {};
   if (params.backs && foreground_size.faces > 0) {
     GroundPlane ground;
     NPSIM_RETURN_IF_ERROR(
@@ -193,17 +249,23 @@ Status reconstruct(const ReconstructParams& params, const SceneView& scene, cons
                               buffers.faces.sub(background_size.faces, foreground_size.faces)},
                              buffers.pixels.sub(background_size.vertices, foreground_size.vertices),
                              static_cast<std::uint32_t>(background_size.vertices)};
-    const MeshBuffers rest{buffers.vertices.sub(out.sheet_vertices, backs.vertices),
-                           buffers.faces.sub(out.sheet_faces, backs.faces),
-                           buffers.pixels.sub(out.sheet_vertices, backs.vertices)};
+    const MeshBuffers rest{buffers.vertices.sub(out.sheet_vertices, room.vertices),
+                           buffers.faces.sub(out.sheet_faces, room.faces),
+                           buffers.pixels.sub(out.sheet_vertices, room.vertices)};
     NPSIM_RETURN_IF_ERROR(solidify(params.solidify, seen, around, rest, backs, workspace, executor));
   }
-  out.mesh = {buffers.vertices, buffers.faces};
+  out.mesh = {buffers.vertices, buffers.faces.sub(0, out.sheet_faces + backs.faces)};
   out.vertex_pixel = buffers.pixels;
   out.background = background;
   out.foreground = foreground;
   out.object = object;
   out.background_state = state;
+  reconstruct_detail::find_first_vertices(out.vertex_pixel.sub(0, out.background_vertices), 0, of_background);
+  reconstruct_detail::find_first_vertices(
+      out.vertex_pixel.sub(out.background_vertices, out.sheet_vertices - out.background_vertices),
+      static_cast<std::uint32_t>(out.background_vertices), of_foreground);
+  out.background_vertex = of_background;
+  out.foreground_vertex = of_foreground;
   reconstruct_detail::find_visible(out, refined.labels, params.foreground.foreground, refined.surface, visible);
   out.visible_vertex = visible;
   observer.end(Stage::complete);

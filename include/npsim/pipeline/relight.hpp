@@ -22,6 +22,7 @@
 #include "npsim/light/sky.hpp"
 #include "npsim/material/albedo.hpp"
 #include "npsim/pipeline/lamp_faces.hpp"
+#include "npsim/pipeline/point_of_hit.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/pipeline/scene_view.hpp"
@@ -200,7 +201,8 @@ Status prepare_relighting(const RelightParams& params, std::uint64_t seed, int v
   NPSIM_RETURN_IF_ERROR(workspace.allocate(receiver_count, sky_irradiance));
   GatherParams gather_params = params.gather;
   gather_params.seed = seed;
-  NPSIM_RETURN_IF_ERROR(trace_gather_rays(gather_params, bvh, mesh.mesh.faces, out.points, receivers, out.sky, hits, sky_irradiance, executor, observer));
+  NPSIM_RETURN_IF_ERROR(trace_gather_rays(gather_params, bvh, PointOfHit{&mesh, scene.camera}, out.points, receivers,
+                                          out.sky, hits, sky_irradiance, executor, observer));
   observer.end(Stage::render);
 
   out.visible_point = mesh.visible_vertex;

@@ -2,10 +2,10 @@
 // Where indirect light comes from: for each receiving point, the surface points that n cosine-distributed rays reach.
 //
 // With directions drawn in proportion to the cosine, the irradiance from surfaces of radiosity B is the plain mean of B
-// over the rays, and that from a sky of luminance L is pi times the mean of L over the rays that escape. Neither the hit
-// points nor the sky's share depend on the lamps, so all variants share them, and each further bounce is one more gather:
-// a Monte Carlo form of radiosity (Goral et al. 1984) on the vertices. The radiosity of the vertex nearest to the hit
-// stands for that of the hit; the error is the variation of B over one face, about one pixel.
+// over the rays, and that from a sky of luminance L is pi times the mean of L over the rays that escape. Neither the
+// hit points nor the sky's share depend on the lamps, so all variants share them, and each further bounce is one more
+// gather: a Monte Carlo form of radiosity (Goral et al. 1984) on the vertices. The radiosity of a point near the hit
+// stands for that of the hit; the error is the variation of B between the two, about one pixel.
 // Rays that leave the modelled scene downwards see neither sky nor ground and count as dark.
 // Cost: n closest-hit rays per receiver. Memory: 4 n bytes per receiver.
 #ifndef NPSIM_RENDER_GATHER_HPP
@@ -18,7 +18,6 @@
 #include "npsim/core/random.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
-#include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/light/sky.hpp"
 #include "npsim/material/bsdf.hpp"
@@ -42,12 +41,13 @@ struct GatherParams {
 
 inline namespace NPSIM_ISA_NAMESPACE {
 
-// Traces the rays of `receivers` (indices into points, which are the vertices of `faces`). hits[r * rays + s] becomes the point that ray s of receiver r
-// reaches, or kNoPoint; sky_irradiance[r] (lx, linear RGB) what the escaping rays bring.
-template <class Executor, class Observer>
-Status trace_gather_rays(const GatherParams& params, const Bvh& bvh, Span<const Face> faces, const SurfacePoints& points,
-                         Span<const std::uint32_t> receivers, const SkyParams& sky, Span<std::uint32_t> hits,
-                         Span<Vec3f> sky_irradiance, Executor& executor, Observer& observer) {
+// Traces the rays of `receivers` (indices into points). point_of(hit) is the point that stands for a hit.
+// hits[r * rays + s] becomes the point that ray s of receiver r reaches, or kNoPoint; sky_irradiance[r] (lx, linear
+// RGB) what the escaping rays bring.
+template <class PointOf, class Executor, class Observer>
+Status trace_gather_rays(const GatherParams& params, const Bvh& bvh, const PointOf& point_of,
+                         const SurfacePoints& points, Span<const std::uint32_t> receivers, const SkyParams& sky,
+                         Span<std::uint32_t> hits, Span<Vec3f> sky_irradiance, Executor& executor, Observer& observer) {
   NPSIM_RETURN_IF_ERROR(validate(points));
   NPSIM_RETURN_IF_ERROR(validate(params));
   const auto rays = static_cast<std::size_t>(params.rays);
@@ -76,9 +76,7 @@ Status trace_gather_rays(const GatherParams& params, const Bvh& bvh, Span<const 
         reached = kNoPoint;
         Hit hit;
         if (closest_hit(bvh, ray, hit)) {
-          const Face face = faces[hit.face];
-          const float w = 1.0F - hit.u - hit.v;
-          reached = w >= hit.u && w >= hit.v ? face.a : (hit.u >= hit.v ? face.b : face.c);
+          reached = point_of(hit);
           // The back of a sheet is unknown; it hands on nothing.
           if (dot(points.normal[reached], ray.direction) >= 0.0F) reached = kNoPoint;
         } else {

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scene mesh with few faces: whole, its points on its faces, and the same night.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "npsim/core/observe.hpp"
+#include "npsim/exec/thread_pool.hpp"
+#include "npsim/mesh/check.hpp"
+#include "npsim/pipeline/night.hpp"
+#include "npsim/pipeline/point_of_hit.hpp"
+#include "street/street.hpp"
+
+namespace {
+
+using namespace npsim;
+
+const street::Street& street_of_test() {
+  static const street::Street shared = [] {
+    street::StreetParams params;
+    params.seed = 3;
+    params.shape = {192, 108};
+    ThreadPool pool(2);
+    street::Street made;
+    REQUIRE(street::make_street(params, pool, made).ok());
+    return made;
+  }();
+  return shared;
+}
+
+SceneView view_of(const street::Street& s) {
+  SceneView view;
+  view.camera = s.intrinsics;
+  view.image = s.image.view();
+  view.depth = s.est_depth.view();
+  view.labels = s.labels.view();
+  view.instances = s.instances.view();
+  view.normals = s.est_normals.view();
+  view.light_index = s.light_index.view();
+  view.lights = Span<const LightMark>(s.marks.data(), s.marks.size());
+  return view;
+}
+
+struct Sink {
+  double mean[3] = {0, 0, 0};
+  std::size_t faces = 0;
+  MeshReport report;
+  // Of the points that pixels of the layers have: the largest distance in depth from the faces there, relatively.
+  double worst_off = 0;
+  std::size_t points = 0;
+  std::size_t elsewhere = 0;  // hits whose point is of another pixel
+
+  Status reconstructed(const RefinedDepth&, const SceneMesh& scene, const Relighting&, const Bvh&) {
+    faces = scene.mesh.faces.size();
+    std::vector<unsigned char> memory(
+        check_mesh_workspace_bytes(scene.mesh.vertices.size(), scene.mesh.faces.size()));
+    Workspace workspace(memory.data(), memory.size());
+    if (const Status checked = check_mesh(scene.mesh, workspace, report); !checked.ok()) return checked;
+    const TriangleMeshView layer{scene.mesh.vertices, scene.mesh.faces.sub(0, scene.background_faces)};
+    const std::size_t bytes = bvh_workspace_bytes(layer.faces.size());
+    std::vector<unsigned char> tree(bytes);
+    Workspace tree_workspace(tree.data(), bytes);
+    Bvh bvh;
+    if (const Status built = build_bvh(layer, tree_workspace, bvh); !built.ok()) return built;
+    const PointOfHit point_of{&scene, street_of_test().intrinsics};
+    const auto width = static_cast<std::uint32_t>(street_of_test().intrinsics.cx * 2);
+    for (std::uint32_t v = 0; v < scene.background_vertices; ++v) {
+      const Vec3f p = scene.mesh.vertices[v];
+      Ray ray;
+      ray.direction = p;
+      Hit hit;
+      if (!closest_hit(bvh, ray, hit)) continue;  // at the rim rounding may miss
+      ++points;
+      worst_off = std::max(worst_off, std::fabs(static_cast<double>(hit.t) - 1.0));
+      const std::uint32_t found = scene.vertex_pixel[point_of(hit)];
+      const auto apart = [&](std::uint32_t a, std::uint32_t b) { return a > b ? a - b : b - a; };
+      const std::uint32_t own = scene.vertex_pixel[v];
+      if (apart(found % width, own % width) > 1 || apart(found / width, own / width) > 1) ++elsewhere;
+    }
+    return {};
+  }
+  Status night(const Night& night) {
+    for (int y = 0; y < night.luminance.height(); ++y) {
+      for (int x = 0; x < night.luminance.width(); ++x) {
+        const Vec3f c = night.luminance(x, y);
+        mean[0] += static_cast<double>(c.x);
+        mean[1] += static_cast<double>(c.y);
+        mean[2] += static_cast<double>(c.z);
+      }
+    }
+    return {};
+  }
+};
+
+Sink night_of(const NightParams& params) {
+  const SceneView view = view_of(street_of_test());
+  const std::size_t bytes = night_workspace_bytes(params, view);
+  const std::unique_ptr<unsigned char[]> memory(new unsigned char[bytes]);
+  Workspace workspace(memory.get(), bytes);
+  NullObserver observer;
+  ThreadPool pool(2);
+  Sink sink;
+  REQUIRE(make_nights(params, view, workspace, pool, observer, sink).ok());
+  return sink;
+}
+
+}  // namespace
+
+TEST_CASE("simplified faces: whole, far fewer, every point on its face, and a night of the same mean colour") {
+  NightParams params = default_night_params();
+  REQUIRE(params.mesh.simplify_faces);
+  const Sink thin = night_of(params);
+  params.mesh.simplify_faces = false;
+  const Sink full = night_of(params);
+  CHECK(thin.report.oriented_manifold());
+  CHECK(thin.report.components == full.report.components);
+  CHECK(thin.report.boundary_loops == full.report.boundary_loops);
+  CHECK(thin.faces < full.faces / 2);  // small pictures are full of borders
+  REQUIRE(thin.points > 10000);
+  CHECK(thin.worst_off < 1e-4);  // rounding of the ray tracer at grazing faces; the bound on depth is 50 times that
+  CHECK(thin.elsewhere == 0);
+  for (int c = 0; c < 3; ++c) CHECK(std::fabs(thin.mean[c] / full.mean[c] - 1) < 0.01);
+}
