@@ -14,6 +14,7 @@ constexpr BackgroundParams kThesis = BackgroundParams::thesis();
 
 BackgroundParams by_inverse_depth_anywhere() {
   BackgroundParams params;
+  params.interpolation = BackgroundInterpolation::linear_inverse_depth;
   params.max_join_ratio = 0.0F;
   return params;
 }
@@ -31,8 +32,9 @@ void check_no_hole(const SheetLayer& layer) {
   }
 }
 
-// A wall seen obliquely: inverse depth is linear in the image.
-float oblique(int x, int y) {
+// An upright wall seen obliquely, and one that leans too: inverse depth is linear in the image.
+float oblique(int x, int) { return 1.0F / (0.04F + 0.001F * static_cast<float>(x)); }
+float leaning(int x, int y) {
   return 1.0F / (0.04F + 0.001F * static_cast<float>(x) + 0.0005F * static_cast<float>(y));
 }
 
@@ -44,7 +46,179 @@ Picture oblique_wall(Shape s) {
   return p;
 }
 
+// A street in closed form: carriageway 1.5 m below the camera, house fronts 8 m to the left and right and one across at
+// 60 m; with `pavements`, floor 0.1 m higher beyond 4 m to the side.
+Picture street_of_planes(bool pavements) {
+  Picture p({240, 120});
+  p.intrinsics = {200.0F, 200.0F, 121.0F, 41.0F};
+  for (int y = 0; y < 120; ++y) {
+    for (int x = 0; x < 240; ++x) {
+      const double u = (x + 0.5 - 121.0) / 200.0;
+      const double v = (y + 0.5 - 41.0) / 200.0;
+      double z = 60.0;
+      Label l = label::building;
+      if (std::fabs(u) * z > 8.0) z = 8.0 / std::fabs(u);
+      if (pavements && v * z > 1.4 && std::fabs(u) * 1.4 / v > 4.0) {
+        z = 1.4 / v;
+        l = label::sidewalk;
+      } else if (pavements && v * z > 1.4 && std::fabs(u) * 1.5 / v > 4.0) {
+        z = 4.0 / std::fabs(u);  // the kerb stone
+        l = label::sidewalk;
+      } else if (v * z > 1.5) {
+        z = 1.5 / v;
+        l = label::road;
+      }
+      p.rectangle(x, y, x, y, l, static_cast<float>(z));
+    }
+  }
+  return p;
+}
+
+double worst_error(const Picture& p, const Picture& truth) {
+  double worst = 0;
+  for (int y = 0; y < p.shape.height; ++y) {
+    for (int x = 0; x < p.shape.width; ++x) {
+      const double z = static_cast<double>(truth.depth(x, y));
+      worst = std::max(worst, std::fabs(static_cast<double>(p.background.vertices(x, y).z) - z) / z);
+    }
+  }
+  return worst;
+}
+
 }  // namespace
+
+TEST_CASE("behind a car on a street, floor and wall meet where they did") {
+  for (const bool pavements : {false, true}) {
+    CAPTURE(pavements);
+    Picture p = street_of_planes(pavements);
+    const Picture truth = p;
+    p.rectangle(55, 35, 88, 80, label::car, 6.0F);       // left: wall, pavement, kerb, road
+    p.rectangle(112, 36, 130, 52, label::bus, 20.0F);    // the house across, road
+    p.rectangle(170, 30, 239, 119, label::truck, 3.0F);  // to the border and the bottom
+    p.doubt(53, 33, 90, 82);
+    BackgroundParams params;
+    if (!pavements) params.floor.kerb_height_m = 0.0F;  // else one is expected behind the vehicles
+    p.run(params);
+    // Off are the corner of two houses and, by the height of the kerb at most, what is within two pixels of a kerb.
+    CHECK(worst_error(p, truth) < 0.08);
+    int missing = 0;
+    int off = 0;
+    int floor_off = 0;
+    for (int y = 0; y < 120; ++y) {
+      for (int x = 0; x < 240; ++x) {
+        if (p.state(x, y) != row_state::missing) continue;
+        const float error = std::fabs(p.background.vertices(x, y).z / truth.depth(x, y) - 1.0F);
+        ++missing;
+        off += error > (pavements ? 0.03F : 0.01F) ? 1 : 0;
+        floor_off += truth.labels(x, y) == label::road && error > 1e-4F ? 1 : 0;  // a foot of a wall
+      }
+    }
+    CHECK(missing > 5000);
+    CHECK(off < missing / (pavements ? 20 : 100));
+    if (!pavements) CHECK(floor_off <= 2);
+    for (int y = 0; y < 120; ++y) {
+      for (int x = 0; x < 240; ++x) {
+        const Vec3f v = p.background.vertices(x, y);
+        REQUIRE(v == unproject_pixel(p.intrinsics, x, y, v.z));
+      }
+    }
+    CHECK(check_layer(p.background.view()).boundary_loops == 1);
+    p.run(by_inverse_depth_anywhere());
+    CHECK(worst_error(p, truth) > 0.2);
+  }
+}
+
+TEST_CASE("the kerbs and the vanishing point of a street are found to a pixel") {
+  Picture p = street_of_planes(true);
+  p.rectangle(60, 35, 110, 80, label::car, 6.0F);
+  p.run();
+  std::vector<unsigned char> memory(complete_background_workspace_bytes({}, p.shape));
+  Workspace workspace(memory.data(), memory.size());
+  SerialExecutor executor;
+  StreetFloor floor;
+  REQUIRE(mesh_detail::find_floor({}, p.sheet.vertices.cview(), p.labels.cview(), {}, p.state.cview(), p.intrinsics,
+                                  workspace, executor, floor)
+              .ok());
+  REQUIRE(floor.valid);
+  CHECK(floor.camera_height_m == doctest::Approx(1.5).epsilon(1e-5));
+  CHECK(floor.raise == doctest::Approx(1.5 / 1.4).epsilon(2e-3));
+  CHECK(std::fabs(floor.vanishing_x - 120.5) < 1.0);
+  CHECK(std::fabs(floor.vanishing_y - 40.5) < 0.01);
+  for (const std::size_t side : {0U, 1U}) CHECK(std::fabs(std::fabs(floor.kerb_slope[side]) - 4.0 / 1.5) < 0.03);
+}
+
+TEST_CASE("where parked cars hide a whole side, its pavement begins behind them") {
+  Picture p = street_of_planes(true);
+  for (int y = 0; y < 120; ++y) {
+    for (int x = 121; x < 240; ++x) {
+      if (p.labels(x, y) == label::sidewalk) p.rectangle(x, y, x, y, label::car, p.depth(x, y) * 0.9F);
+    }
+  }
+  p.run();
+  // The outermost car is 0.9 * 8 m to the side; beyond the kerb behind it there is room for one at the lower right.
+  const double pavement = 1.4 * 200.0 / (119.5 - 41.0);
+  CHECK(static_cast<double>(p.background.vertices(239, 119).z) < 1.08 * pavement);
+}
+
+TEST_CASE("a leaning wall behind an object is off by its lean, by rows it is exact") {
+  Picture p({40, 20});
+  for (int y = 0; y < 20; ++y) {
+    for (int x = 0; x < 40; ++x) p.depth(x, y) = leaning(x, y);
+  }
+  const Picture truth = p;
+  p.rectangle(12, 4, 25, 15, label::car, 4.0F);
+  p.doubt(9, 2, 28, 17);
+  p.run();
+  CHECK(worst_error(p, truth) < 16 * 0.0005 / 0.04);
+  p.run(by_inverse_depth_anywhere());
+  CHECK(worst_error(p, truth) < 1e-6);
+}
+
+TEST_CASE("300 random pictures: what the street completion promises") {
+  const Label choice[] = {label::road, label::building, label::car,        label::pole,
+                          label::sky,  label::sidewalk, label::vegetation, label::road};
+  for (std::uint32_t trial = 0; trial < 300; ++trial) {
+    CAPTURE(trial);
+    RandomStream random(8, RandomPurpose::test, trial, 0, 0, 0);
+    const auto size = [&random] { return 1 + static_cast<int>(random.uniform(0.0F, 30.0F)); };
+    Picture p({size(), size()});
+    const float change = trial % 3 == 0 ? 1.0F : 0.1F;
+    Label current = label::road;
+    for (int y = 0; y < p.shape.height; ++y) {
+      for (int x = 0; x < p.shape.width; ++x) {
+        if (random.uniform() < change) current = choice[static_cast<int>(random.uniform(0.0F, 8.0F))];
+        // Every other picture has a floor that can be fitted.
+        const float floor_m = 150.0F / static_cast<float>(y + 5);
+        const bool fits = trial % 2 == 0 && current != label::building;
+        const float z = random.uniform() < 0.05F ? kNaN : fits ? floor_m : std::exp(random.uniform(0.0F, 5.0F));
+        p.rectangle(x, y, x, y, current, z);
+        p.uncertain(x, y) = random.uniform() < 0.2F ? 1 : 0;
+      }
+    }
+    p.run();
+    check_layer(p.background.view());
+    check_no_hole(p.background.view());
+    for (int y = 0; y < p.shape.height; ++y) {
+      for (int x = 0; x < p.shape.width; ++x) {
+        const Vec3f v = p.background.vertices(x, y);
+        if (p.state(x, y) == row_state::known) REQUIRE(v == p.sheet.vertices(x, y));
+        if (p.state(x, y) == row_state::blocked) REQUIRE(v == Vec3f{});
+        if (p.state(x, y) != row_state::missing) continue;
+        int l = x;
+        int right = x;
+        while (l >= 0 && p.state(l, y) == row_state::missing) --l;
+        while (right < p.shape.width && p.state(right, y) == row_state::missing) ++right;
+        const auto is = [&](int at, std::uint8_t s) { return at >= 0 && at < p.shape.width && p.state(at, y) == s; };
+        const bool anchored = is(l, row_state::known) || is(right, row_state::known);
+        const bool sky = is(l, row_state::blocked) || is(right, row_state::blocked);
+        if (anchored) REQUIRE(has_vertex(v));
+        if (!anchored && sky) REQUIRE(v == Vec3f{});
+        REQUIRE(v == (has_vertex(v) ? unproject_pixel(p.intrinsics, x, y, v.z) : Vec3f{}));
+        REQUIRE(is_finite(v));
+      }
+    }
+  }
+}
 
 TEST_CASE("Algorithm 1: vertices behind an object are spaced evenly between the kept ones") {
   Picture p({12, 5});
@@ -152,10 +326,23 @@ TEST_CASE("an object touching the sky: the background is never spanned across th
   check_layer(p.background.view());
 }
 
-TEST_CASE("a row without any anchor stays empty") {
+TEST_CASE("a row without any anchor is filled from above and below, by rows alone it stays empty") {
   Picture p({10, 6});
   p.rectangle(0, 2, 9, 3, label::bus, 4.0F);
   p.run();
+  CHECK(check_layer(p.background.view()).faces == 2 * 9 * 5);
+  for (int x = 0; x < 10; ++x) CHECK(p.background.vertices(x, 3).z == doctest::Approx(10.0));
+  Picture street = street_of_planes(false);
+  const Picture truth = street;
+  street.rectangle(0, 60, 239, 100, label::bus, 2.0F);
+  BackgroundParams flat;
+  flat.floor.kerb_height_m = 0.0F;
+  street.run(flat);
+  CHECK(worst_error(street, truth) < 2e-5);
+  street.rectangle(0, 0, 239, 119, label::bus, 2.0F);
+  street.run();
+  CHECK(check_layer(street.background.view()).faces == 0);
+  p.run(by_inverse_depth_anywhere());
   for (int x = 0; x < 10; ++x) {
     CHECK(!has_vertex(p.background.vertices(x, 2)));
     CHECK(!has_vertex(p.background.vertices(x, 3)));
@@ -171,8 +358,8 @@ TEST_CASE("surfaces far apart in depth are not joined by a ramp in the default p
   p.rectangle(12, 0, 17, 5, label::pole, 4.0F);
   p.doubt(10, 0, 19, 5);
   p.run();
-  for (int x = 0; x < 30; ++x) {
-    CHECK(p.background.vertices(x, 3).z == doctest::Approx(x <= 14 ? 10.0 : 100.0));
+  for (int x = 0; x < 30; ++x) {  // one steep quad, on the side of the nearer
+    CHECK(p.background.vertices(x, 3).z == doctest::Approx(x <= 10 ? 10.0 : 100.0));
   }
   check_layer(p.background.view());
   p.run(kThesis);
@@ -238,7 +425,8 @@ TEST_CASE("one row and one column can be completed") {
     p.doubt(s.width / 2, s.height / 2, s.width / 2, s.height / 2);
     for (const auto& params : {BackgroundParams{}, kThesis}) {
       p.run(params);
-      CHECK(has_vertex(p.background.vertices(s.width / 2, s.height / 2)) == (s.width > 1));
+      CHECK(has_vertex(p.background.vertices(s.width / 2, s.height / 2)) ==
+            (s.width > 1 || (s.height > 1 && params.interpolation == BackgroundInterpolation::street)));
       check_layer(p.background.view());
     }
   }
@@ -279,6 +467,7 @@ TEST_CASE("300 random pictures against a naive double-precision completion") {
       }
     }
     BackgroundParams params = trial % 2 == 0 ? BackgroundParams{} : kThesis;
+    if (trial % 2 == 0) params.interpolation = BackgroundInterpolation::linear_inverse_depth;
     if (trial % 4 == 0) params.max_join_ratio = 0.0F;
     p.run(params);
     check_layer(p.sheet.view());
@@ -340,9 +529,10 @@ TEST_CASE("the order of the rows, and writing over the sheet, do not change a bi
   CHECK(a.foreground.quads.data == b.foreground.quads.data);
   CHECK(a.object.data == b.object.data);
   CHECK(index(a.background.view(), reverse).vertices == index(b.background.view(), serial).vertices);
-  Workspace none;
+  std::vector<unsigned char> bytes(complete_background_workspace_bytes({}, b.shape));
+  Workspace workspace(bytes.data(), bytes.size());
   REQUIRE(complete_background({}, b.sheet.vertices.cview(), b.labels.cview(), b.uncertain.cview(), b.surface.cview(),
-                              b.intrinsics, b.sheet.view(), b.state.view(), none, serial)
+                              b.intrinsics, b.sheet.view(), b.state.view(), workspace, serial)
               .ok());
   CHECK(a.background.vertices.data == b.sheet.vertices.data);
 }
@@ -381,16 +571,24 @@ TEST_CASE("wrong arguments and a small workspace of the background completion ar
   const std::size_t enough = complete_background_workspace_bytes(kThesis, p.shape);
   CHECK(run(kThesis, enough, p.labels.cview()) == StatusCode::ok);
   CHECK(run(kThesis, 200, p.labels.cview()) == StatusCode::workspace_exhausted);
-  CHECK(run({}, 0, p.labels.cview()) == StatusCode::ok);
+  CHECK(run(by_inverse_depth_anywhere(), 0, p.labels.cview()) == StatusCode::ok);
+  CHECK(run({}, complete_background_workspace_bytes({}, p.shape), p.labels.cview()) == StatusCode::ok);
+  CHECK(run({}, 0, p.labels.cview()) == StatusCode::workspace_exhausted);
   CHECK(run({}, 0, p.labels.cview().sub(0, 0, {5, 5})) == StatusCode::shape_mismatch);
   CHECK(run({}, 0, {}) == StatusCode::shape_mismatch);
-  for (int k = 0; k < 5; ++k) {
+  for (int k = 0; k < 11; ++k) {
     BackgroundParams params;
     if (k == 0) params.max_join_ratio = 0.5F;
     if (k == 1) params.max_extension_ratio = kNaN;
     if (k == 2) params.fit_radius_px = 0;
     if (k == 3) params.fit_radius_px = 1000;
     if (k == 4) params.fit_tolerance = 0.0F;
+    if (k == 5) params.street.join_ratio = 0.9F;
+    if (k == 6) params.street.above_weight = 0.0F;
+    if (k == 7) params.street.floor_tolerance = kNaN;
+    if (k == 8) params.street.farthest_floor = 0.0F;
+    if (k == 9) params.floor.kerb_height_m = -0.1F;
+    if (k == 10) params.floor.kerb_clearance_m = kNaN;
     CHECK(run(params, 0, p.labels.cview()) == StatusCode::invalid_argument);
   }
 }

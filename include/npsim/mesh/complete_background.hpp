@@ -1,27 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
-// Completes the background behind foreground objects (section 3.5.2 and Algorithm 1), row by row.
+// Completes the background behind foreground objects (section 3.5.2 and Algorithm 1).
 //
 // Region to complete: the uncertain pixels, the foreground (every segment, or as the thesis has it those that touch an
 // uncertain pixel; a segment is a connected component of one label), and surface pixels that have no vertex. What is
-// left of the sheet is kept. In each row a run of the region is filled
-//   - between two kept vertices: linearly with Algorithm 1's weights, in position (as printed) or in inverse depth,
-//     which is linear in the image for a plane and leaves vertices on the rays of their pixels (the default);
-//   - from one kept vertex, where the run's other end is the image border or the sky: along the plane fitted in
-//     inverse depth to the kept vertices around it, the depth clamped to a factor of the anchor's, so that the plane
-//     neither passes through the camera nor runs off to infinity; with too few vertices for a plane, at constant depth;
-//   - not at all where neither end is kept. Nothing is ever spanned across the sky.
-// Two anchors whose depths differ by more than max_join_ratio belong to different surfaces (a house front and the far
-// end of the street): no ramp joins them. Each is continued by its plane to the middle, where one steep quad closes
-// the sheet behind the object instead of across the visible pixels beside it.
+// left of the sheet is kept; a run is a row's piece of the region. Three ways to fill it:
+//   - street, the default: floor or something upright on it, whichever is nearer, from kept vertices left, right, above
+//     and below (street_background.hpp, street_floor.hpp);
+//   - linear_position, as printed: between two kept vertices linearly, with Algorithm 1's weights;
+//   - linear_inverse_depth: the same in inverse depth, which is linear in the image for a plane and leaves vertices on
+//     the rays of their pixels.
+// By rows alone, a run with one kept vertex, its other end the image border or the sky, goes along the plane fitted in
+// inverse depth to the kept vertices around it, the depth clamped to a factor of the anchor's; with too few vertices
+// for a plane, at constant depth. Two anchors whose depths differ by more than max_join_ratio belong to different
+// surfaces: each is continued by its plane to the middle, where one steep quad closes the sheet behind the object.
 //
-// Invariant: kept vertices are bitwise those of the sheet; a run with an anchor is filled completely; all faces that
-// the vertices allow exist, so the layer has no hole but where it has no vertex. Vertices of a row stay in the order
-// of their columns, hence every face has its front towards the camera (interpolating position, as long as two anchors'
-// depths differ by less than a factor of 2^20 / fx; beyond, a face seen edge-on may round to the other side). Rows are
-// independent: any order, same bits.
-// Cost: one pass, and (2 fit_radius_px + 1)^2 samples per one-anchored run. Memory: thesis region 8 bytes a pixel.
-// Error: depth between two anchors half an ulp by inverse depth; by position each component 3 * 2^-24 of the larger
-// anchor's.
+// Invariant: kept vertices are bitwise those of the sheet; a run with an anchor is filled completely; one between sky
+// and sky, or sky and border, not at all; one from border to border only as far as its columns tell (street). All faces
+// that the vertices allow exist. Vertices of a row stay in the order of their columns, hence every face has its front
+// towards the camera (interpolating position, as long as two anchors' depths differ by less than a factor of
+// 2^20 / fx; beyond, a face seen edge-on may round to the other side). Rows, and strips of columns, are independent:
+// any order, same bits.
+// Cost: a few passes, and (2 fit_radius_px + 1)^2 samples per run that is not joined. Memory: street two ranges per
+// row, thesis region 8 bytes a pixel.
+// Error: street, behind the objects of generated streets at 960x540 and 1920x1080, from true depth: within 3 % of the
+// truth on four of five pixels (by rows alone on two). What is hidden entirely, such as a bin behind a car, cannot be
+// known. On planes: floor and upright walls 1e-4. By rows, between two anchors: half an ulp in inverse depth; in
+// position each component 3 * 2^-24 of the larger anchor's.
 #ifndef NPSIM_MESH_COMPLETE_BACKGROUND_HPP
 #define NPSIM_MESH_COMPLETE_BACKGROUND_HPP
 
@@ -39,22 +43,27 @@
 #include "npsim/mesh/components.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
 #include "npsim/mesh/sheet.hpp"
+#include "npsim/mesh/street_background.hpp"
+#include "npsim/mesh/street_floor.hpp"
 #include "npsim/simd/isa.hpp"
 
 namespace npsim {
 inline namespace v1 {
 
-enum class BackgroundInterpolation : std::uint8_t { linear_position, linear_inverse_depth };
+enum class BackgroundInterpolation : std::uint8_t { linear_position, linear_inverse_depth, street };
 enum class BackgroundRegion : std::uint8_t { touching_segments, all_foreground };
 
 struct BackgroundParams {
-  BackgroundInterpolation interpolation = BackgroundInterpolation::linear_inverse_depth;
+  BackgroundInterpolation interpolation = BackgroundInterpolation::street;
   BackgroundRegion region = BackgroundRegion::all_foreground;
   LabelSet foreground = kForegroundLabels;  // section 3.4.2
   float max_join_ratio = 4.0F;              // > 1, or 0: join any two anchors. Our choice, not in the thesis
   float max_extension_ratio = 2.0F;         // >= 1. A house front 700 px from its vanishing point, 300 px on, is 1.4
   int fit_radius_px = 4;                    // 1 .. 64
   float fit_tolerance = 0.25F;  // > 0: inverse depths this much off the anchor's, relatively, are another surface
+
+  StreetFloorParams floor;  // street only, as is the next
+  StreetBackgroundParams street;
 
   // The text as printed; it does not say what happens at borders, so that part is shared.
   [[nodiscard]] static constexpr BackgroundParams thesis() noexcept {
@@ -68,9 +77,13 @@ struct BackgroundParams {
 
 [[nodiscard]] constexpr std::size_t complete_background_workspace_bytes(const BackgroundParams& params,
                                                                         Shape shape) noexcept {
-  if (params.region == BackgroundRegion::all_foreground || shape.empty()) return kWorkspaceAlignment;
+  if (shape.empty()) return kWorkspaceAlignment;
+  const std::size_t kerbs = params.interpolation == BackgroundInterpolation::street
+                                ? allocation_bytes<KerbRange>(2 * static_cast<std::size_t>(shape.height))
+                                : 0;
+  if (params.region == BackgroundRegion::all_foreground) return kerbs + kWorkspaceAlignment;
   // Component ids, one flag per component, and the labelling's own.
-  return allocation_bytes<std::uint32_t>(shape.pixels()) +
+  return kerbs + allocation_bytes<std::uint32_t>(shape.pixels()) +
          std::max(allocation_bytes<std::uint8_t>(shape.pixels() + 1), connected_components_workspace_bytes(shape)) +
          kWorkspaceAlignment;
 }
@@ -81,7 +94,12 @@ struct BackgroundParams {
   const bool extension = params.max_extension_ratio >= 1.0F && std::isfinite(params.max_extension_ratio);
   const bool fit = params.fit_radius_px >= 1 && params.fit_radius_px <= 64 && params.fit_tolerance > 0.0F &&
                    std::isfinite(params.fit_tolerance);
-  return join && extension && fit
+  const auto from = [](float v, float least) { return v >= least && std::isfinite(v); };
+  const bool street = from(params.street.join_ratio, 1.0F) && params.street.above_weight > 0.0F &&
+                      std::isfinite(params.street.above_weight) && from(params.street.floor_tolerance, 1.0F) &&
+                      params.street.farthest_floor > 0.0F && std::isfinite(params.street.farthest_floor) &&
+                      from(params.floor.kerb_height_m, 0.0F) && from(params.floor.kerb_clearance_m, 0.0F);
+  return join && extension && fit && street
              ? Status()
              : Status(StatusCode::invalid_argument, "a background completion parameter is out of range");
 }
@@ -165,6 +183,48 @@ namespace mesh_detail {
   return unproject_pixel(intrinsics, j, y, static_cast<float>(1.0 / std::clamp(extended, w / ratio, w * ratio)));
 }
 
+// The floor of the picture; not valid where there is none.
+template <class Executor>
+[[nodiscard]] Status find_floor(const StreetFloorParams& params, ImageView<const Vec3f> sheet,
+                                ImageView<const Label> labels, ImageView<const std::uint8_t> uncertain,
+                                ImageView<const std::uint8_t> state, const Intrinsics& intrinsics, Workspace& workspace,
+                                Executor& executor, StreetFloor& floor) {
+  const Shape shape = sheet.shape();
+  const WorkspaceScope scope(workspace);
+  Span<KerbRange> kerbs;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(2 * static_cast<std::size_t>(shape.height), kerbs));
+  floor.valid = fit_carriageway(params, sheet, labels, state, intrinsics, floor);
+  if (!floor.valid) return {};
+  fit_raise(params, sheet, labels, state, floor);
+  for_rows(executor, shape.height, [&](int y) {
+    if (y % kerb_row_step(shape) != 0) return;
+    const auto found = find_kerbs(params, labels.row(y), state.row(y), shape.width);
+    kerbs[2 * static_cast<std::size_t>(y)] = found[0];
+    kerbs[2 * static_cast<std::size_t>(y) + 1] = found[1];
+  });
+  vote_kerbs(kerbs, shape, intrinsics, floor);
+  kerbs_behind_vehicles(params, sheet, labels, uncertain, intrinsics, floor);
+  return {};
+}
+
+template <class Executor>
+void complete_street(const BackgroundParams& params, const StreetBackground& street, const Intrinsics& intrinsics,
+                     Executor& executor) {
+  const Shape shape = street.state.shape();
+  executor.for_chunks(static_cast<std::size_t>(shape.width), 64, [&](std::size_t begin, std::size_t end) {
+    street.guess_columns(static_cast<int>(begin), static_cast<int>(end));
+  });
+  for_rows(executor, shape.height, [&](int y) {
+    Vec3f* row = street.vertices.row(y);
+    for_missing_runs(street.state.row(y), shape.width, [&](int l, int r, bool, bool) {
+      const auto slope = [&](int x) { return inverse_depth_slope(params, street.vertices, street.state, x, y); };
+      street.fill(y, l, r, slope, [&](int x, double w) {
+        row[x] = w > 0 ? unproject_pixel(intrinsics, x, y, static_cast<float>(1.0 / w)) : Vec3f{};
+      });
+    });
+  });
+}
+
 }  // namespace mesh_detail
 
 // sheet: vertices of build_sheet(); may be background.vertices itself. labels: Cityscapes ids. uncertain, surface:
@@ -190,15 +250,27 @@ template <class F = simd::F32, class Executor>
     NPSIM_RETURN_IF_ERROR(mesh_detail::mark_touching_segments(params.foreground, labels, uncertain, state, workspace));
   }
   mesh_detail::for_rows(executor, shape.height, [&](int y) {
-    mesh_detail::find_states<F>(all ? &params.foreground : nullptr, labels.row(y),
-                                uncertain.data() != nullptr ? uncertain.row(y) : nullptr,
-                                surface.data() != nullptr ? surface.row(y) : nullptr, sheet.row(y), shape.width,
-                                state.row(y));
+    mesh_detail::find_states<F>(
+        all ? &params.foreground : nullptr, labels.row(y), uncertain.data() != nullptr ? uncertain.row(y) : nullptr,
+        surface.data() != nullptr ? surface.row(y) : nullptr, sheet.row(y), shape.width, state.row(y));
   });
+  const WorkspaceScope scope(workspace);
+  mesh_detail::StreetBackground street{
+      params.street, params.floor,       static_cast<double>(params.max_extension_ratio), {}, labels,
+      state,         background.vertices};
+  if (params.interpolation == BackgroundInterpolation::street) {
+    NPSIM_RETURN_IF_ERROR(mesh_detail::find_floor(params.floor, sheet, labels, uncertain, state, intrinsics, workspace,
+                                                  executor, street.floor));
+  }
   // From here on only kept vertices are read, and only the others written: rows cannot disturb each other.
   mesh_detail::for_rows(executor, shape.height, [&](int y) {
     mesh_detail::keep_known<F>(state.row(y), sheet.row(y), shape.width, background.vertices.row(y));
   });
+  if (params.interpolation == BackgroundInterpolation::street) {
+    mesh_detail::complete_street(params, street, intrinsics, executor);
+    mesh_detail::connect_layer<F>(background, executor);
+    return {};
+  }
   const ImageView<const Vec3f> kept = background.vertices;
   mesh_detail::for_rows(executor, shape.height, [&](int y) {
     Vec3f* row = background.vertices.row(y);
