@@ -71,6 +71,10 @@ int main(int argc, char** argv) {
   night_app->add_option("--lights", night.light_set,
                         "JSON list of measured light sources [{class, strength, xy | rg_bg}] that replaces the built-in "
                         "strengths and colours of the classes it names");
+  night_app->add_option("--mesh-error", night.mesh_error,
+                        "Relative error of depth that the mesh, traced and exported, is simplified to; 0: faces between "
+                        "all pixels; default: 0.005, of the thesis 0")
+      ->check(CLI::Range(0.0, 1.0));
   night_app->add_option("--texture", night.texture, "What the exported mesh wears: the photograph, or its albedo")
       ->check(CLI::IsMember({"photograph", "albedo"}))->capture_default_str();
   night_app->add_flag("--quiet", night.quiet, "No progress");

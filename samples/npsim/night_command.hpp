@@ -41,6 +41,7 @@ struct NightOptions {
   std::string size;
   std::string light_set;
   std::string texture = "photograph";
+  float mesh_error = -1.0F;  // relative, of depth; 0: not simplified; negative: as the preset has it
   bool quiet = false;
 };
 
@@ -218,6 +219,10 @@ inline int run_night(const NightOptions& options) {
   params.seed = options.seed;
   params.photograph = photograph_key(scene.image);
   params.variants = options.variants;
+  if (options.mesh_error >= 0.0F) {
+    params.mesh.simplify_faces = options.mesh_error > 0.0F;
+    params.mesh.simplify.max_relative_depth_error = options.mesh_error;
+  }
   std::vector<LightSetEntry> light_set;
   if (!options.light_set.empty()) {
     io::Expected<std::vector<LightSetEntry>> read = io::read_light_set(options.light_set);

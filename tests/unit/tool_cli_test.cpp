@@ -354,6 +354,8 @@ TEST_CASE("tool: bad input ends in one line that names the file, status 2, and w
   check_refused(night(fixture().street, "--size 99999x99999"), "--size", none);
   check_refused(night(fixture().street, "--variants 0"), "variants", none);
   check_refused(night(fixture().street, "--preset best"), "preset", none);
+  check_refused(night(fixture().street, "--mesh-error 2"), "mesh-error", none);
+  check_refused(night(fixture().street, "--texture marble"), "texture", none);
   for (const char* seed : {"-1", "99999999999999999999", "0x10", "1.5", "x"}) {
     check_refused(night(fixture().street, std::string("--seed ") + seed), "seed", none);
   }
