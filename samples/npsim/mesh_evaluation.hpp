@@ -27,11 +27,11 @@
 
 namespace npsim::tool {
 
-enum class MeshStage : std::uint8_t { sheet, pruned, completed, solid };
-inline constexpr std::size_t kMeshStages = 4;
-inline constexpr std::array<const char*, kMeshStages> kMeshStageNames = {"connected sheet", "pruned sheet",
-                                                                         "completed layers", "with backs of objects"};
-inline constexpr std::array<const char*, kMeshStages> kMeshStageKeys = {"sheet", "pruned", "completed", "solid"};
+inline constexpr std::size_t kMeshStages = 5;
+inline constexpr std::array<const char*, kMeshStages> kMeshStageNames = {
+    "connected sheet", "pruned sheet", "completed layers", "with backs of objects", "simplified"};
+inline constexpr std::array<const char*, kMeshStages> kMeshStageKeys = {"sheet", "pruned", "completed", "solid",
+                                                                        "simplified"};
 
 // Depth of the completed background on foreground pixels.
 struct BackgroundErrors {
@@ -141,14 +141,20 @@ inline Status evaluate_mesh(const ReconstructParams& params, const SceneView& sc
       prune(params.prune, ImageView<const std::uint8_t>(refined.uncertain), refined.labels, sheet, pool));
   NPSIM_RETURN_IF_ERROR(sheets[1].take(sheet, pool));
 
-  std::vector<unsigned char> memory(reconstruct_workspace_bytes(params, shape));
-  Workspace workspace(memory.data(), memory.size());
-  SceneMesh mesh;
-  NPSIM_RETURN_IF_ERROR(reconstruct(params, scene, refined, workspace, pool, console, mesh));
+  std::array<std::vector<unsigned char>, 2> memory;
+  std::array<SceneMesh, 2> meshes;  // with all faces, simplified
+  for (std::size_t i = 0; i < meshes.size(); ++i) {
+    ReconstructParams own = params;
+    own.simplify_faces = i == 1;
+    memory[i].resize(reconstruct_workspace_bytes(own, shape));
+    Workspace workspace(memory[i].data(), memory[i].size());
+    NPSIM_RETURN_IF_ERROR(reconstruct(own, scene, refined, workspace, pool, console, meshes[i]));
+  }
+  const SceneMesh& mesh = meshes[0];
   const std::array<TriangleMeshView, kMeshStages> stages = {
       sheets[0].view(), sheets[1].view(),
       TriangleMeshView{mesh.mesh.vertices.sub(0, mesh.sheet_vertices), mesh.mesh.faces.sub(0, mesh.sheet_faces)},
-      mesh.mesh};
+      mesh.mesh, meshes[1].mesh};
   for (std::size_t i = 0; i < stages.size(); ++i) {
     NPSIM_RETURN_IF_ERROR(checked(stages[i], out.report[i]));
   }
@@ -157,13 +163,14 @@ inline Status evaluate_mesh(const ReconstructParams& params, const SceneView& sc
                                        judges.background_depth);
   }
   if (judges.mesh == nullptr || !judges.mesh->known() || judges.true_normals.empty()) return {};
-  const io::Image<float> shown = shown_depth(mesh, shape);
+  const std::array<io::Image<float>, 2> shown = {shown_depth(meshes[0], shape), shown_depth(meshes[1], shape)};
   std::vector<ShadowCaster> casters(kMeshStages);
   for (std::size_t i = 0; i < stages.size(); ++i) {
     const Span<const std::uint32_t> pixels =
         i < 2 ? Span<const std::uint32_t>(sheets[i].pixels.data(), sheets[i].pixels.size()) : mesh.vertex_pixel;
     NPSIM_RETURN_IF_ERROR(casters[i].build(stages[i], pixels, scene));
-    casters[i].depth = i < 2 ? ImageView<const float>(refined.depth) : ImageView<const float>(shown.view());
+    casters[i].depth = i < 2 ? ImageView<const float>(refined.depth)
+                             : ImageView<const float>(shown[i + 1 < kMeshStages ? 0 : 1].view());
   }
   out.shadows =
       shadow_errors(judges.shadows, *judges.mesh, judges.true_depth, judges.true_normals, scene.camera, casters, pool);
