@@ -4,7 +4,7 @@
 // Only vertices with a face are written. Where several fans of faces meet in one vertex and nowhere else (two quads
 // touching at a corner), each fan gets its own copy: hence the mesh is a manifold with boundary, and never pinched.
 // Invariants: order is that of the image (vertices and faces in raster order), whatever the executor does; faces have
-// their front towards the camera. Exact. Cost: two passes over the quads, 64 at a time, and about twice the time of
+// their front towards the camera. Exact. Cost: two passes over the quads, 64 at a time: about three times the time of
 // copying the output. Memory: 4 bytes a pixel and 8 a row.
 #ifndef NPSIM_MESH_INDEX_HPP
 #define NPSIM_MESH_INDEX_HPP
