@@ -207,11 +207,14 @@ template <class Executor>
   return {};
 }
 
+// Columns that are walked down together: wide, as each row is another page of memory.
+inline constexpr std::size_t kStreetColumns = 512;
+
 template <class Executor>
 void complete_street(const BackgroundParams& params, const StreetBackground& street, const Intrinsics& intrinsics,
                      Executor& executor) {
   const Shape shape = street.state.shape();
-  executor.for_chunks(static_cast<std::size_t>(shape.width), 64, [&](std::size_t begin, std::size_t end) {
+  executor.for_chunks(static_cast<std::size_t>(shape.width), kStreetColumns, [&](std::size_t begin, std::size_t end) {
     street.guess_columns(static_cast<int>(begin), static_cast<int>(end));
   });
   for_rows(executor, shape.height, [&](int y) {

@@ -86,7 +86,9 @@ struct StreetBackground {
       g.above = 1;
       double w = inverse(x, y - 1);
       if (labels(x, y - 1) == label::vegetation) {
-        for (int j = y - 2; j >= 0 && state(x, j) != row_state::blocked; --j) {
+        // A crown is not looked through for more than this: each pixel is another line of memory.
+        const int lowest = std::max(0, y - state.height() / 8);
+        for (int j = y - 2; j >= lowest && state(x, j) != row_state::blocked; --j) {
           if (!known(x, j) || labels(x, j) == label::vegetation) continue;
           if (!is_floor(x, j)) w = std::min(w, inverse(x, j));
           break;
@@ -208,8 +210,9 @@ struct StreetBackground {
           double weights = 0;
           const auto mix = [&](double factor, double distance) {
             if (!(factor > 0)) return;
-            sum += factor / (distance * distance);
-            weights += 1.0 / (distance * distance);
+            const double weight = 1.0 / (distance * distance);
+            sum += factor * weight;
+            weights += weight;
           };
           mix(left.factor, dl);
           mix(right.factor, dr);
