@@ -72,13 +72,13 @@ struct ColourGrid {
   g.width = round_up(shape.width, kColourTilePx);
   g.sample_stride = g.padding + g.width + g.padding + kChunkPx;
   if (g.sample_stride % 1024 == 0) g.sample_stride += kChunkPx;  // rows that are not all in one set of the cache
-  g.strip_rows = round_up(g.ry > 64 ? g.ry : 64, kBandRows);
+  g.strip_rows = round_up(g.ry > 64 ? g.ry : 64, kColourBandRows);
   g.strips = (shape.height + g.strip_rows - 1) / g.strip_rows;
   g.first_chunk = -g.padding / kChunkPx;
   g.end_chunk = g.rx / kChunkPx + 1;
   const int chunks = g.end_chunk - g.first_chunk;
   g.sweep_chunks = chunks < kMaxChunks ? chunks : kMaxChunks;
-  g.band_rows = chunks <= 4 ? kBandRows : kGroupRows;
+  g.band_rows = chunks <= 4 ? kColourBandRows : kGroupRows;
   g.skew_stride = kChunkPx + kColourTilePx + kChunkPx * g.sweep_chunks + kChunkPx;
   return g;
 }
@@ -102,7 +102,7 @@ struct ColourBlock {
   bool holes = false;   // a pixel wants a result but counts for none
 };
 
-inline constexpr std::size_t kOwnSums = 4 * kBandRows * kColourTilePx;  // of p in a tile
+inline constexpr std::size_t kOwnSums = 4 * kColourBandRows * kColourTilePx;  // of p in a tile
 
 }  // namespace cross_bilateral_detail
 
@@ -195,8 +195,8 @@ void weigh_tile(const ColourTerm& term, int strip, int x0, int y0, int rows, flo
   std::memset(own, 0, kOwnSums * sizeof(float));
   for (int sweep = g.first_chunk; sweep < g.end_chunk; sweep += g.sweep_chunks) {
     const int sweep_end = sweep + g.sweep_chunks < g.end_chunk ? sweep + g.sweep_chunks : g.end_chunk;
-    std::uint32_t work[kBandRows / kGroupRows][kBlocks] = {};
-    std::uint32_t holes[kBandRows / kGroupRows][kBlocks] = {};
+    std::uint32_t work[kColourBandRows / kGroupRows][kBlocks] = {};
+    std::uint32_t holes[kColourBandRows / kGroupRows][kBlocks] = {};
     for (int qy = y0; qy < q_end; ++qy) {
       if (qy % kGroupRows == 0) {  // y0 is a multiple too
         for (int group = 0; group < groups; ++group) {
@@ -276,7 +276,7 @@ void weigh_tile(const ColourTerm& term, int strip, int x0, int y0, int rows, flo
   for (int row = 0; row < rows; ++row) {
     float* sums = term.sums_row(strip, y0 + row) + x0;
     const float* from = own + row * kColourTilePx;
-    constexpr std::ptrdiff_t kPlane = kBandRows * kColourTilePx;
+    constexpr std::ptrdiff_t kPlane = kColourBandRows * kColourTilePx;
     for (int x = 0; x < kColourTilePx; x += F::lanes) {
       for (int i = 0; i < 2; ++i) {
         float* hi = sums + 2 * i * g.width + x;

@@ -22,7 +22,7 @@ namespace cross_bilateral_detail {
 inline constexpr int kChunkPx = 16;   // columns of a block, offsets of a chunk; no batch is wider
 inline constexpr int kGroupRows = 4;  // rows of a block
 inline constexpr int kColourTilePx = 64;
-inline constexpr int kBandRows = 16;  // rows of p that a row of q meets before its sums are added up
+inline constexpr int kColourBandRows = 16;  // rows of p that a row of q meets before its sums are added up
 inline constexpr int kMinDegree = 2, kMaxDegree = 5;
 inline constexpr double kExp2Error[6] = {1, 1, 1.73e-3, 7.5e-5, 2.7e-6, 3e-7};  // by degree
 
@@ -168,7 +168,7 @@ void weigh_rows(const PairRows& s) noexcept {
       weigh_chunk<F, N, kDegree, false>(s, chunk, lp, ap, bp, zp, num, den);
     }
   }
-  constexpr std::ptrdiff_t kPlane = kBandRows * kColourTilePx;
+  constexpr std::ptrdiff_t kPlane = kColourBandRows * kColourTilePx;
   unrolled<N>([&](std::size_t i) {
     float* own = s.own + i * std::size_t{kColourTilePx};
     add_compensated(own, own + kPlane, num[i]);
