@@ -442,7 +442,7 @@ TEST_CASE("simplify: vertices away from their pixels stay, and what is around th
   CHECK(mesh.result.pixel_error < 1e-4F);
   const Simplified loose = simplify(sheet, t.ids.cview(), t.picture.intrinsics, {}, serial);
   CHECK(loose.result.size.faces < mesh.result.size.faces);
-  CHECK(loose.result.pixel_error == doctest::Approx(0.1F).epsilon(1e-3));
+  CHECK(static_cast<double>(loose.result.pixel_error) == doctest::Approx(0.1).epsilon(1e-3));
 }
 
 TEST_CASE("simplify: bad input is refused and nothing written") {

@@ -4,7 +4,7 @@
 // A vertex goes when one of its neighbours can take over its faces (a half-edge collapse) so that depth stays within
 // the bound, labels stay as they are (simplify_bound.hpp) and no face turns over or grows thinner than kThinnest. On
 // the rim it goes only along a straight piece of it. Neighbours are tried in the order of the memoryless quadric cost:
-// area times squared distance of the neighbour from the planes of the faces as they are; the longest new edge decides
+// area times squared distance of the neighbour from the planes of the faces as they are; their distance decides
 // ties, which are the rule where the surface is plane. A pass takes away vertices of which no two are neighbours, so
 // that faces grow evenly; passes go on until nothing changes. See Lindstrom and Turk, "Evaluation of memoryless
 // simplification", 1999; Cohen et al., "Simplification envelopes", 1996.
