@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "npsim/core/executor.hpp"
@@ -475,6 +476,40 @@ TEST_CASE("render preview: from its own camera a sheet shows its photograph") {
       const Rgb8 a = picture(x, y);
       const Rgb8 b = photograph(x, y);
       off += std::abs(a.r - b.r) > 1 || std::abs(a.g - b.g) > 1 || std::abs(a.b - b.b) > 1 ? 1 : 0;
+    }
+  }
+  CHECK(off == 0);
+}
+
+TEST_CASE("render preview: a face as large as the road wears the photograph undistorted") {
+  SerialExecutor serial;
+  const Shape shape{64, 48};
+  const Intrinsics k{50, 50, 32, 10};
+  io::Image<Rgb8> photograph(shape);
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      photograph(x, y) = {static_cast<std::uint8_t>(4 * x), static_cast<std::uint8_t>(5 * y), 9};
+    }
+  }
+  // A floor 1 m below the camera, its corners on pixels of the rows 12 and 46.
+  Soup soup;
+  std::vector<std::uint32_t> texel;
+  for (const auto& [x, y] : {std::pair{1, 12}, {62, 12}, {1, 46}, {62, 46}}) {
+    soup.vertices.push_back(unproject_pixel(k, x, y, k.fy / (static_cast<float>(y) + 0.5F - k.cy)));
+    texel.push_back(static_cast<std::uint32_t>(y * shape.width + x));
+  }
+  soup.faces = {{0, 2, 1}, {1, 2, 3}};
+  PreviewColours colours;
+  colours.texel = {texel.data(), texel.size()};
+  colours.texture = photograph.view();
+  io::Image<Rgb8> picture(shape);
+  REQUIRE(previewed({}, soup, colours, k, ViewPose{}, picture, serial).ok());
+  int off = 0;
+  for (int y = 13; y < 46; ++y) {
+    for (int x = 2; x < 62; ++x) {
+      const Rgb8 a = picture(x, y);
+      const Rgb8 b = photograph(x, y);
+      off += std::abs(a.r - b.r) > 1 || std::abs(a.g - b.g) > 1 ? 1 : 0;
     }
   }
   CHECK(off == 0);

@@ -129,10 +129,19 @@ struct Shader {
     }
     if (colours.texel.empty()) return to_vec(params.plain);
     const auto width = static_cast<std::uint32_t>(colours.texture.width());
+    // Weights times depth from the photograph's camera: what is linear on the face is projective on the photograph.
+    const double za = static_cast<double>(mesh.vertices[f.a].z) * wa;
+    const double zb = static_cast<double>(mesh.vertices[f.b].z) * wb;
+    const double zc = static_cast<double>(mesh.vertices[f.c].z) * wc;
+    const double z = za + zb + zc;
+    const bool ahead = za >= 0 && zb >= 0 && zc >= 0 && z > 0;
+    const double ta = ahead ? za / z : wa;
+    const double tb = ahead ? zb / z : wb;
+    const double tc = ahead ? zc / z : wc;
     const auto between = [&](auto&& coordinate) {
-      return static_cast<double>(coordinate(colours.texel[f.a])) * wa +
-             static_cast<double>(coordinate(colours.texel[f.b])) * wb +
-             static_cast<double>(coordinate(colours.texel[f.c])) * wc;
+      return static_cast<double>(coordinate(colours.texel[f.a])) * ta +
+             static_cast<double>(coordinate(colours.texel[f.b])) * tb +
+             static_cast<double>(coordinate(colours.texel[f.c])) * tc;
     };
     return bilinear(colours.texture, between([width](std::uint32_t t) { return t % width; }),
                     between([width](std::uint32_t t) { return t / width; }));
