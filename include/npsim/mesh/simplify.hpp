@@ -15,7 +15,7 @@
 //
 // Order: tiles of kSimplifyTile pixels, then tiles shifted by half, then the whole, which leaves no seams; the same
 // mesh for any executor. Vertices and faces are written in raster order of their pixels.
-// Cost: O(pixels log(reduction)), about 0.33 us for each face of the layer with one thread. Memory: 57 bytes a pixel.
+// Cost: O(pixels log(reduction)), about 0.35 us for each face of the layer with one thread. Memory: 57 bytes a pixel.
 #ifndef NPSIM_MESH_SIMPLIFY_HPP
 #define NPSIM_MESH_SIMPLIFY_HPP
 
