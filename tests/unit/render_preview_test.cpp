@@ -255,7 +255,7 @@ TEST_CASE("render preview: each pixel shows the face that its ray meets first, t
     const ViewPose pose = some_pose(random);
     Buffers buffers(kShape);
     REQUIRE(rasterized(soup, kCamera, pose, buffers, serial).ok());
-    const Agreement a = compare(soup, kCamera, pose, buffers, 0.05F);
+    const Agreement a = compare(soup, kCamera, pose, buffers, static_cast<double>(RasterizeParams{}.near_m));
     CHECK(a.wrong_face == 0);
     CHECK(a.wrong_depth == 0);
     all.pixels += a.pixels;
@@ -601,9 +601,9 @@ TEST_CASE("render preview: a mesh without faces is all background") {
 TEST_CASE("render preview: the pivot stays where it is in the picture, and the camera goes round it clockwise") {
   const ViewPose pose = turned(ViewPose{}, 0.7853982F, 0.0F, 10.0F);
   CHECK(validate(pose).ok());
-  CHECK(pose.forward.x == doctest::Approx(0.70711F));  // heading to the right
-  CHECK(pose.eye_m.x == doctest::Approx(-7.0711F));    // from the left
-  CHECK(pose.eye_m.z == doctest::Approx(2.9289F));
+  CHECK(pose.forward.x == doctest::Approx(0.70711));  // heading to the right
+  CHECK(pose.eye_m.x == doctest::Approx(-7.0711));    // from the left
+  CHECK(pose.eye_m.z == doctest::Approx(2.9289));
   Random random{5};
   for (int i = 0; i < 200; ++i) {
     const float pivot = random(1, 50);
@@ -614,10 +614,10 @@ TEST_CASE("render preview: the pivot stays where it is in the picture, and the c
     const Vec3f seen = Vec3f{0, 0, pivot} - p.eye_m;
     REQUIRE(std::fabs(dot(seen, p.right)) < 1e-5F * pivot);
     REQUIRE(std::fabs(dot(seen, p.down)) < 1e-5F * pivot);
-    REQUIRE(dot(seen, p.forward) == doctest::Approx(pivot));
+    REQUIRE(dot(seen, p.forward) == doctest::Approx(static_cast<double>(pivot)));
   }
   const ViewPose near = closer(pose, 3.0F);
-  CHECK(length(near.eye_m - pose.eye_m) == doctest::Approx(3.0F));
+  CHECK(length(near.eye_m - pose.eye_m) == doctest::Approx(3.0));
   CHECK(near.eye_m.z > pose.eye_m.z);
 }
 
