@@ -290,6 +290,60 @@ TEST_CASE("simplify: a plane of the world becomes two triangles, with labels two
   CHECK(t.check(0.005F).result.size.faces <= 24);
 }
 
+TEST_CASE("simplify: a photograph put linearly on the faces of a road stays within the bound of where it was seen") {
+  Terrain t({120, 90});
+  for (int y = 0; y < 90; ++y) {  // 3 to 60 m away
+    for (int x = 0; x < 120; ++x) t.picture.depth(x, y) = 300.0F / (5.0F + static_cast<float>(y));
+  }
+  const SheetLayer sheet = t.sheet();
+  SerialExecutor serial;
+  // Largest distance between a texel and the pixel that saw its place, over points of all faces.
+  const auto largest_shift = [&](const Simplified& mesh) {
+    double largest = 0;
+    for (const Face& f : mesh.faces) {
+      double u[3];
+      double v[3];
+      double z[3];
+      for (int k = 0; k < 3; ++k) {
+        const std::uint32_t corner = k == 0 ? f.a : (k == 1 ? f.b : f.c);
+        u[k] = mesh.pixels[corner] % 120;
+        v[k] = static_cast<double>(mesh.pixels[corner] / 120);
+        z[k] = static_cast<double>(mesh.vertices[corner].z);
+      }
+      for (int i = 0; i <= 20; ++i) {
+        for (int j = 0; i + j <= 20; ++j) {
+          const double on_face[3] = {i / 20.0, j / 20.0, (20 - i - j) / 20.0};
+          double sum = 0;
+          double at[2] = {0, 0};
+          double texel[2] = {0, 0};
+          for (int k = 0; k < 3; ++k) {
+            sum += on_face[k] * z[k];
+            at[0] += on_face[k] * z[k] * u[k];  // the projection of the point
+            at[1] += on_face[k] * z[k] * v[k];
+            texel[0] += on_face[k] * u[k];
+            texel[1] += on_face[k] * v[k];
+          }
+          largest = std::max(largest, std::hypot(texel[0] - at[0] / sum, texel[1] - at[1] / sum));
+        }
+      }
+    }
+    return largest;
+  };
+  SimplifyParams params;
+  const Simplified any = simplify(sheet, {}, t.picture.intrinsics, params, serial);
+  CHECK(any.faces.size() == 2);
+  CHECK(largest_shift(any) > 20);
+  for (const float bound : {0.25F, 1.0F, 4.0F}) {
+    CAPTURE(bound);
+    params.max_texture_shift = bound;
+    const Simplified mesh = simplify(sheet, {}, t.picture.intrinsics, params, serial);
+    CHECK(largest_shift(mesh) <= static_cast<double>(bound) * (1 + 1e-6));
+    CHECK(mesh.faces.size() < mesh.result.full.faces / 4);
+  }
+  params.max_texture_shift = -1.0F;
+  CHECK(validate(params).code() == StatusCode::invalid_argument);
+}
+
 TEST_CASE("simplify: a bound of nothing merges what is coplanar and nothing else") {
   Terrain t({40, 30});
   t.raise(5, 0.01F);

@@ -141,7 +141,7 @@ void find_objects(const ForegroundSource& source, const ObjectPixels& planes, in
   return links.member(w, y) & ~links.above(w, y) & ~(y + 1 < links.height() ? links.above(w, y + 1) : 0);
 }
 
-// Row y of `present` becomes the members and the free pixels that take over the depth and the object of a thin member
+// Row y of `present` becomes the members and the other pixels that take over the depth and the object of a thin member
 // beside them. Pulled, from members only, so that pixels are independent.
 inline void widen_thin(const PixelLinks& links, ImageView<std::uint64_t> present, ImageView<Vec3f> vertices,
                        ImageView<std::uint32_t> object, int y) noexcept {
@@ -151,14 +151,14 @@ inline void widen_thin(const PixelLinks& links, ImageView<std::uint64_t> present
   for (int w = 0; w < present.width(); ++w) {
     const std::uint64_t member = links.member(w, y);
     std::uint64_t added = 0;
-    const std::uint64_t free = ~member & low_bits(std::min(kWordBits, links.width - kWordBits * w));
-    if (free != 0) {
+    const std::uint64_t vacant = ~member & low_bits(std::min(kWordBits, links.width - kWordBits * w));
+    if (vacant != 0) {
       const std::uint64_t own = thin_across(links, w, y);
       const std::uint64_t from_left = left_bits(thin_across(links, w - 1, y), own);
       const std::uint64_t from_right = right_bits(own, thin_across(links, w + 1, y));
       const std::uint64_t from_above = thin_upright(links, w, y - 1);
       const std::uint64_t from_below = thin_upright(links, w, y + 1);
-      for_set_bits(free & (from_left | from_right | from_above | from_below), [&](int i) {
+      for_set_bits(vacant & (from_left | from_right | from_above | from_below), [&](int i) {
         const int x = kWordBits * w + i;
         const auto take = [&](int from_x, int from_y) {
           const float z = vertices(from_x, from_y).z;

@@ -45,6 +45,9 @@ inline namespace v1 {
 struct SimplifyParams {
   float max_relative_depth_error = 0.005F;  // of |z' / z - 1|, anywhere on the surface
   float max_pixel_error = 0.25F;            // px, of a vertex from the centre of its pixel
+  // px, of the photograph where it is put linearly on a face, as viewers do, and not projected from the camera; 0: any.
+  // On faces that bridge a step in depth, 1 / z changing by a quarter within a pixel, it is not held.
+  float max_texture_shift = 0.0F;
 };
 
 struct SimplifyResult {
@@ -58,6 +61,9 @@ struct SimplifyResult {
 [[nodiscard]] inline Status validate(const SimplifyParams& p) noexcept {
   if (!(p.max_relative_depth_error >= 0.0F && p.max_relative_depth_error <= 1.0F)) {
     return {StatusCode::invalid_argument, "simplify: the relative error of depth lies in [0, 1]"};
+  }
+  if (!(p.max_texture_shift >= 0.0F && p.max_texture_shift <= 1e4F)) {
+    return {StatusCode::invalid_argument, "simplify: the shift of the texture lies in [0, 1e4] px"};
   }
   if (!(p.max_pixel_error >= 0.0F && p.max_pixel_error <= 0.5F)) {
     return {StatusCode::invalid_argument, "simplify: the error in pixels lies in [0, 0.5]"};
@@ -237,6 +243,7 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), mesh.outgoing));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), mesh.state));
   thinner.sheet = {inverse_depth, layer.quads, ids};
+  thinner.max_texture_shift_px = static_cast<double>(params.max_texture_shift);
   thinner.bound = std::max(static_cast<double>(params.max_relative_depth_error), mesh_detail::kRoundingOfDepth);
 
   mesh_detail::for_rows(executor, shape.height, [&](int y) {

@@ -14,7 +14,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 
 #include "npsim/core/image_view.hpp"
 #include "npsim/mesh/sheet.hpp"
@@ -52,10 +51,44 @@ struct SheetPlanes {
   return static_cast<std::int64_t>(c.x - a.x) * (b.y - a.y) - static_cast<std::int64_t>(b.x - a.x) * (c.y - a.y);
 }
 
+[[nodiscard]] constexpr std::int64_t squared_length(const Corner& a, const Corner& b) noexcept {
+  const std::int64_t x = a.x - b.x;
+  const std::int64_t y = a.y - b.y;
+  return x * x + y * y;
+}
+
+// Whether a picture put linearly on the face lies within max_shift_px of where the camera saw it. Linear on the face is
+// not linear on the image: a point with weights l_i on the image has l_i z_i / sum on the face. The shift, the
+// covariance of depth and place over the mean depth, is at most L (sqrt r - 1) / (sqrt r + 1) for a longest side of L
+// px and a ratio r of the largest to the smallest depth. Faces less than a pixel wide over a step in depth show no
+// picture worth it.
+[[nodiscard]] inline bool texture_stays(const Corner& a, const Corner& b, const Corner& c,
+                                        double max_shift_px) noexcept {
+  constexpr double kStep = 0.25;
+  const double least = std::fmin(a.w, std::fmin(b.w, c.w));
+  const double most = std::fmax(a.w, std::fmax(b.w, c.w));
+  const std::int64_t ab = squared_length(a, b);
+  const std::int64_t bc = squared_length(b, c);
+  const std::int64_t ca = squared_length(c, a);
+  const double longest = std::sqrt(static_cast<double>(ab > bc ? (ab > ca ? ab : ca) : (bc > ca ? bc : ca)));
+  const double share = max_shift_px / longest;
+  if (share >= 1.0) return true;
+  const double root = (1.0 + share) / (1.0 - share);
+  if (most <= root * root * least) return true;
+  const double x1 = b.x - a.x;
+  const double y1 = b.y - a.y;
+  const double x2 = c.x - a.x;
+  const double y2 = c.y - a.y;
+  const double along_x = (b.w - a.w) * y2 - (c.w - a.w) * y1;
+  const double along_y = (c.w - a.w) * x1 - (b.w - a.w) * x2;
+  const double steep = kStep * least * static_cast<double>(turn(a, b, c));
+  return along_x * along_x + along_y * along_y > steep * steep;
+}
+
 // Greatest common divisor; an edge that spans (dx, dy) has as many pixel centres on it, one end left out.
 [[nodiscard]] inline int steps_between(const Corner& a, const Corner& b) noexcept {
-  int p = std::abs(a.x - b.x);
-  int q = std::abs(a.y - b.y);
+  int p = a.x > b.x ? a.x - b.x : b.x - a.x;
+  int q = a.y > b.y ? a.y - b.y : b.y - a.y;
   while (q != 0) {
     const int r = p % q;
     p = q;
@@ -207,7 +240,7 @@ template <class F>
   const double dw = b.w - a.w;
   // Calls visit(s, t) at each whole value s that a coordinate with these ends takes in between, t of the way along.
   const auto crossings = [](int from, int to, const auto& visit) {
-    const int n = std::abs(to - from);
+    const int n = to > from ? to - from : from - to;
     const int step = to < from ? -1 : 1;
     const double share = n > 0 ? 1.0 / n : 0.0;
     for (int i = 1; i < n; ++i) {

@@ -100,7 +100,8 @@ template <class F>
 struct Thinner {
   ThinMesh mesh;
   SheetPlanes sheet;
-  double bound = 0;  // of the relative error of depth
+  double bound = 0;                 // of the relative error of depth
+  double max_texture_shift_px = 0;  // 0: any
 
   // Takes v away if some neighbour may have its faces. next: the bit of vertices due in the next pass, of which those
   // around v become some, and due the bit of this pass, of which they cease to be some.
@@ -161,6 +162,9 @@ struct Thinner {
     for (int i = 0; i < faces; ++i) {
       if (s.stays(i, j) && !broad(u, s.around[i], s.around[s.after(i)])) return false;
     }
+    for (int i = 0; max_texture_shift_px > 0 && i < faces; ++i) {
+      if (s.stays(i, j) && !texture_stays(u, s.around[i], s.around[s.after(i)], max_texture_shift_px)) return false;
+    }
     for (int i = 0; i < faces; ++i) {
       if (s.stays(i, j) && !centres_are_close<F>(sheet, u, s.around[i], s.around[s.after(i)], bound)) return false;
     }
@@ -177,12 +181,8 @@ struct Thinner {
   // Not turned over, and not too thin.
   [[nodiscard]] static bool broad(const Corner& a, const Corner& b, const Corner& c) noexcept {
     const std::int64_t twice = turn(a, b, c);
-    const auto square = [](const Corner& p, const Corner& q) {
-      const std::int64_t x = p.x - q.x;
-      const std::int64_t y = p.y - q.y;
-      return x * x + y * y;
-    };
-    return twice > 0 && kThinnest * twice * twice >= std::max(square(a, b), std::max(square(b, c), square(c, a)));
+    return twice > 0 && kThinnest * twice * twice >=
+                            std::max(squared_length(a, b), std::max(squared_length(b, c), squared_length(c, a)));
   }
 
   [[nodiscard]] bool labels_stay(const Surroundings& s, int j) const noexcept {

@@ -32,6 +32,13 @@ inline namespace v1 {
 
 inline constexpr std::uint32_t kNoVertex = 0xFFFFFFFFU;
 
+// The mesh is also what is exported, textured with the photograph.
+[[nodiscard]] constexpr SimplifyParams default_simplification() noexcept {
+  SimplifyParams params;
+  params.max_texture_shift = 0.5F;
+  return params;
+}
+
 struct ReconstructParams {
   SheetParams sheet;
   PruneParams prune;
@@ -41,7 +48,7 @@ struct ReconstructParams {
   SolidifyParams solidify;
   GroundParams ground;  // that solids stand on
   bool simplify_faces = true;  // rays meet no more faces than these bounds need; points stay one per pixel
-  SimplifyParams simplify;
+  SimplifyParams simplify = default_simplification();
 
   [[nodiscard]] static ReconstructParams thesis() noexcept {
     ReconstructParams params;
