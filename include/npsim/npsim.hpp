@@ -17,6 +17,7 @@
 #include "npsim/core/workspace.hpp"
 
 #include "npsim/simd/batch.hpp"
+#include "npsim/simd/block.hpp"
 #include "npsim/simd/bytes.hpp"
 #include "npsim/simd/interleave.hpp"
 #include "npsim/simd/isa.hpp"
@@ -100,6 +101,10 @@
 #include "npsim/trace/bvh.hpp"
 #include "npsim/trace/bvh_layout.hpp"
 #include "npsim/trace/ray.hpp"
+#include "npsim/trace/sheet_build.hpp"
+#include "npsim/trace/sheet_layout.hpp"
+#include "npsim/trace/sheet_ray.hpp"
+#include "npsim/trace/sheet_traverse.hpp"
 #include "npsim/trace/spawn.hpp"
 #include "npsim/trace/traverse.hpp"
 #include "npsim/trace/triangle.hpp"

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+// The ray structure of one layer of the scene (mesh/layer.hpp): a plane of inverse depths and a pyramid over it.
+//
+// In (column, row, 1 / depth), columns and rows counted from the centre of the first pixel, a pinhole camera maps lines
+// to lines and planes to planes, and the layer is a heightfield w(u, v) over a regular grid. The pyramid has 4x4
+// children a node:
+//   tile   4x4 quads: which faces there are, and a sheared slab |w - (base + gx (u - x) + gy (v - y))| <= half round
+//          them, (x, y) being the tile's first pixel; 16 tiles side by side make a SheetTiles;
+//   node   16 SheetTiles or 16 nodes: the least and the greatest w of each.
+// Faces keep their implicit numbers: 2 (y (width - 1) + x) for the upper, one more for the lower triangle of quad (x,
+// y).
+//
+// Invariants: every face that can be hit has its bit set and lies in the slab and the bounds of everything above it
+// (to within the rounding that sheet_ray.hpp allows for); a tile without a face has half = -infinity. Vertices and
+// quads are not copied: the caller keeps them. Memory: 2.7 bytes a triangle of a full layer: 4 bytes a pixel, 20 bytes
+// a tile, 8 bytes a SheetTiles and their nodes.
+#ifndef NPSIM_TRACE_SHEET_LAYOUT_HPP
+#define NPSIM_TRACE_SHEET_LAYOUT_HPP
+
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/camera.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/mesh/layer.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+inline constexpr int kSheetMaxLevels = 12;   // SheetTiles and the nodes above them; 4^13 quads a side
+inline constexpr int kSheetGroupQuads = 16;  // side of a SheetTiles
+
+struct alignas(64) SheetTiles {
+  float base[16];
+  float gx[16];
+  float gy[16];
+  float half[16];
+  std::uint32_t faces[16];  // bit k: the upper triangle of quad k of the tile, in raster order; bit 16 + k: the lower
+};
+static_assert(sizeof(SheetTiles) == 320);
+
+struct alignas(64) SheetNode {
+  float low[16];
+  float high[16];
+};
+static_assert(sizeof(SheetNode) == 128);
+
+// a x + b y + c z + d >= 0 for points in front of the side.
+struct SheetSide {
+  double x, y, z, d;
+  double size;  // |x| + |y| + |z|
+};
+
+// Views of the layer and of the workspace that build_sheet_trace() was given. Without levels nothing is ever hit.
+struct SheetTrace {
+  ImageView<const Vec3f> vertices;
+  ImageView<const std::uint8_t> quads;
+  ImageView<const float> inverse_depth;  // 0 where there is no vertex, and in the margin that makes loads safe
+  Span<const SheetTiles> tiles;
+  Span<const SheetNode> nodes;
+  int levels = 0;                           // level 0 is the tiles'
+  std::size_t first[kSheetMaxLevels] = {};  // of the nodes of a level in `nodes`; first[0] is not used
+  int across[kSheetMaxLevels] = {};         // nodes in a row
+  int down[kSheetMaxLevels] = {};
+  Intrinsics intrinsics;
+  SheetSide sides[6] = {};  // of the part of the frustum that holds the vertices
+  float low[3] = {};        // bounds of the vertices
+  float high[3] = {};
+  float max_inverse_depth = 0;
+  float pad_px = 0;       // how far from its place in the grid a vertex may be found, rounding included
+  float focal_reach = 0;  // pixels that a point moves at most when it moves by its depth
+};
+
+// Layers that are traced as one. The faces of layer i follow those of layer i - 1.
+struct SheetScene {
+  Span<const SheetTrace> layers;
+};
+
+// Face numbers that a layer takes.
+[[nodiscard]] constexpr std::uint32_t sheet_face_count(Shape pixels) noexcept {
+  return quad_shape(pixels).empty() ? 0U : 2U * static_cast<std::uint32_t>(quad_shape(pixels).pixels());
+}
+
+// The corners of a face as pixels, y * width + x, in the order of the exported mesh.
+[[nodiscard]] inline Face sheet_face(const SheetTrace& sheet, std::uint32_t face) noexcept {
+  const auto width = static_cast<std::uint32_t>(sheet.vertices.width());
+  const std::uint32_t quad = face / 2;
+  const std::uint32_t y = quad / (width - 1);
+  const std::uint32_t x = quad % (width - 1);
+  const bool anti = (sheet.quads(static_cast<int>(x), static_cast<int>(y)) & kQuadAntiDiagonal) != 0;
+  const std::uint32_t a = y * width + x;
+  return quad_face(anti, face % 2 == 0, a, a + 1, a + width, a + width + 1);
+}
+
+namespace sheet_layout {
+
+[[nodiscard]] constexpr int groups_of(int quads) noexcept { return (quads + kSheetGroupQuads - 1) / kSheetGroupQuads; }
+
+// Of the plane of inverse depths: whole groups and one pixel more, and what the last load of four reads.
+[[nodiscard]] constexpr Shape plane_shape(Shape pixels) noexcept {
+  const Shape q = quad_shape(pixels);
+  return {kSheetGroupQuads * groups_of(q.width) + 4, kSheetGroupQuads * groups_of(q.height) + 1};
+}
+
+struct Levels {
+  int count = 0;
+  int across[kSheetMaxLevels] = {};
+  int down[kSheetMaxLevels] = {};
+  std::size_t first[kSheetMaxLevels] = {};
+  std::size_t nodes = 0;
+};
+
+[[nodiscard]] constexpr Levels levels_of(Shape pixels) noexcept {
+  Levels out;
+  const Shape q = quad_shape(pixels);
+  if (q.empty()) return out;
+  int across = groups_of(q.width);
+  int down = groups_of(q.height);
+  for (int level = 0; level < kSheetMaxLevels; ++level) {
+    out.across[level] = across;
+    out.down[level] = down;
+    out.count = level + 1;
+    if (level > 0) {
+      out.first[level] = out.nodes;
+      out.nodes += static_cast<std::size_t>(across) * static_cast<std::size_t>(down);
+    }
+    if (across == 1 && down == 1) break;
+    across = (across + 3) / 4;
+    down = (down + 3) / 4;
+  }
+  return out;
+}
+
+// What a row of groups learns about its vertices.
+struct RowBounds {
+  float low[3];
+  float high[3];
+  float max_inverse_depth;
+  float off_grid_px;
+};
+
+}  // namespace sheet_layout
+
+[[nodiscard]] constexpr std::size_t sheet_workspace_bytes(Shape pixels) noexcept {
+  const sheet_layout::Levels levels = sheet_layout::levels_of(pixels);
+  if (levels.count == 0) return kWorkspaceAlignment;
+  const auto rows = static_cast<std::size_t>(levels.down[0]);
+  return allocation_bytes<float>(sheet_layout::plane_shape(pixels).pixels()) +
+         allocation_bytes<SheetTiles>(static_cast<std::size_t>(levels.across[0]) * rows) +
+         allocation_bytes<SheetNode>(levels.nodes) + allocation_bytes<sheet_layout::RowBounds>(rows) +
+         kWorkspaceAlignment;
+}
+
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_TRACE_SHEET_LAYOUT_HPP

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+// A ray made ready for a sheet: the part of it that may meet the sheet, projected, and the bounds of every rounding.
+//
+// What is a hit is decided by intersect_triangle() (triangle.hpp) on the vertices alone; everything here only has to
+// leave no face out that it may hit. With u = 2^-24, D the largest component of the direction and t' the parameter of
+// the hit along that axis, triangle.hpp has: the point of the triangle that is hit lies within 4 u t' D of the ray in
+// each component. Hence
+//   clip        a side g(p) >= 0 with coefficients of sum `size` is taken as g(o + t d) + size e t >= 0, e = 8 u D:
+//   still
+//               linear in t, so the clipped ray holds every t';
+//   rho         the greatest e t / z on the clipped ray, found at one of its ends (t / z is monotonic): the point is
+//   off the
+//               ray by at most rho of its depth, hence by rho / (1 - rho) focal_reach pixels and, in 1 / z, by that
+//               part of it. Where rho exceeds 1/8 nothing is left out at all: all faces are tested (a ray that comes
+//               from 10^6 times the depth of what it might hit);
+//   pad_px      of that, the vertices' distance from the grid, and 2^-19 of the image for the floats of the projection
+//   (u and
+//               v at an end: 2^-24, a slope of 0 raised to 2^-22, s and u(s): 2^-22 of the image);
+//   pad_w       of that, and 2^-19 of the greatest 1 / z for a slab and what is computed from it;
+//   pad_t       t' and the t that is reported differ by a few u of the triangle's extent, 2^-21 reach / D (a needle's
+//               more: see there), so limits of t are moved by 4 times that.
+// Projection, clipping and the change between t and s = 0 .. 1 on the projected ray are done in double.
+// Cost: about 8 divisions. Memory: none.
+#ifndef NPSIM_TRACE_SHEET_RAY_HPP
+#define NPSIM_TRACE_SHEET_RAY_HPP
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "npsim/simd/isa.hpp"
+#include "npsim/trace/sheet_layout.hpp"
+#include "npsim/trace/triangle.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+struct SheetRay {
+  RayFrame frame;
+  float u, v, w;     // at s = 0, in pixels from the first one's centre, and 1 / m
+  float du, dv, dw;  // to s = 1; du and dv are not 0
+  float iu, iv;      // 1 / du, 1 / dv
+  float pad_px, pad_w;
+  float s_max;      // nothing beyond it matters
+  bool everything;  // the projection says nothing
+  double z, dz;     // of the ray, unprojected
+  double t_first, t_last;
+  double s_scale;
+  double pad_t;
+};
+
+inline namespace NPSIM_ISA_NAMESPACE {
+namespace sheet_detail {
+
+inline constexpr float kPastEnd = 1.0F + 0x1p-16F;
+
+// Lets no face matter that lies beyond t.
+inline void shorten(SheetRay& ray, float t) noexcept {
+  const double end = static_cast<double>(t) + ray.pad_t;
+  if (!(end < ray.t_last)) return;
+  const double past = end - ray.t_first;
+  const double z = ray.z + end * ray.dz;
+  const double s = past > 0 ? past * ray.s_scale / z : 0.0;
+  ray.s_max = static_cast<float>(s) * kPastEnd + 0x1p-40F;
+}
+
+// False when the ray cannot hit the sheet.
+[[nodiscard]] inline bool make_sheet_ray(const SheetTrace& sheet, const Ray& ray, SheetRay& out) noexcept {
+  if (sheet.levels == 0 || !make_ray_frame(ray, sheet.low, sheet.high, out.frame)) return false;
+  const double o[3] = {static_cast<double>(ray.origin.x), static_cast<double>(ray.origin.y),
+                       static_cast<double>(ray.origin.z)};
+  const double d[3] = {static_cast<double>(ray.direction.x), static_cast<double>(ray.direction.y),
+                       static_cast<double>(ray.direction.z)};
+  const double size = std::max(std::fabs(d[0]), std::max(std::fabs(d[1]), std::fabs(d[2])));
+  const double e = 0x1p-21 * size;
+  out.pad_t = 4.0 * static_cast<double>(out.frame.pad) / size;
+  double t0 = std::max(static_cast<double>(out.frame.t_min) - out.pad_t, 0.0);
+  double t1 = static_cast<double>(out.frame.t_max) + out.pad_t;
+  for (const SheetSide& side : sheet.sides) {
+    const double at = side.x * o[0] + side.y * o[1] + side.z * o[2] + side.d;
+    const double slope = side.x * d[0] + side.y * d[1] + side.z * d[2] + side.size * e;
+    const double t = -at / slope;
+    if (slope > 0) {
+      t0 = t > t0 ? t : t0;
+    } else if (slope < 0) {
+      t1 = t < t1 ? t : t1;
+    } else if (at < 0) {
+      return false;
+    }
+  }
+  if (!(t0 <= t1)) return false;
+  out.z = o[2];
+  out.dz = d[2];
+  out.t_first = t0;
+  out.t_last = t1;
+  out.s_max = kPastEnd;
+  const double z0 = o[2] + t0 * d[2];
+  const double z1 = o[2] + t1 * d[2];
+  const double rho = e * std::max(t0 / z0, t1 / z1);
+  out.everything = !(z0 > 0 && z1 > 0 && rho < 0.125 && t1 < static_cast<double>(kTraceMaxCoordinate) * 0x1p100);
+  if (out.everything) return true;
+  const double w0 = 1.0 / z0;
+  const double w1 = 1.0 / z1;
+  out.s_scale = t1 > t0 ? z1 / (t1 - t0) : 0.0;
+  const double fx = static_cast<double>(sheet.intrinsics.fx);
+  const double fy = static_cast<double>(sheet.intrinsics.fy);
+  const double cx = static_cast<double>(sheet.intrinsics.cx) - 0.5;
+  const double cy = static_cast<double>(sheet.intrinsics.cy) - 0.5;
+  const double u0 = fx * (o[0] + t0 * d[0]) * w0 + cx;
+  const double v0 = fy * (o[1] + t0 * d[1]) * w0 + cy;
+  const double u1 = fx * (o[0] + t1 * d[0]) * w1 + cx;
+  const double v1 = fy * (o[1] + t1 * d[1]) * w1 + cy;
+  const float least = 0x1p-22F * static_cast<float>(std::max(sheet.vertices.width(), sheet.vertices.height()));
+  const auto raised = [least](double x) {
+    const auto f = static_cast<float>(x);
+    return std::fabs(f) >= least ? f : std::copysign(least, f);
+  };
+  out.u = static_cast<float>(u0);
+  out.v = static_cast<float>(v0);
+  out.w = static_cast<float>(w0);
+  out.du = raised(u1 - u0);
+  out.dv = raised(v1 - v0);
+  out.dw = static_cast<float>(w1 - w0);
+  out.iu = 1.0F / out.du;
+  out.iv = 1.0F / out.dv;
+  const auto off = static_cast<float>(rho) * 1.25F;  // rho / (1 - rho) and its rounding
+  out.pad_px = off * sheet.focal_reach + sheet.pad_px;
+  out.pad_w = 1.25F * (off * static_cast<float>(std::max(w0, w1)) + 0x1p-19F * sheet.max_inverse_depth);
+  return true;
+}
+
+}  // namespace sheet_detail
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_TRACE_SHEET_RAY_HPP
