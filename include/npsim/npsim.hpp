@@ -95,6 +95,7 @@
 #include "npsim/mesh/solidify_params.hpp"
 #include "npsim/mesh/solidify_thickness.hpp"
 #include "npsim/mesh/street_background.hpp"
+#include "npsim/mesh/street_columns.hpp"
 #include "npsim/mesh/street_floor.hpp"
 
 #include "npsim/trace/build.hpp"

@@ -29,11 +29,13 @@ inline namespace v1 {
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace mesh_detail {
 
-// A row of states. removed: labels that go, or nullptr where `state` has marks. uncertain, surface: may be nullptr.
+// A row of states; true where a blocked pixel has a vertex in the sheet. removed: labels that go, or nullptr where
+// `state` has marks. uncertain, surface: may be nullptr.
 template <class F>
-void find_states(const LabelSet* removed, const Label* labels, const std::uint8_t* uncertain,
+bool find_states(const LabelSet* removed, const Label* labels, const std::uint8_t* uncertain,
                  const std::uint8_t* surface, const Vec3f* sheet, int width, std::uint8_t* state) noexcept {
   using U = simd::BytesOf<F>;
+  bool blocked_vertex = false;
   const LabelTest<U> goes(removed != nullptr ? *removed : LabelSet());
   for (int x = 0; x < width; x += kWordBits) {
     const int n = std::min(kWordBits, width - x);
@@ -41,12 +43,15 @@ void find_states(const LabelSet* removed, const Label* labels, const std::uint8_
     const std::uint64_t shows = surface != nullptr ? nonzero_bits<U>(surface + x, n) : low_bits(n);
     const std::uint64_t doubt = uncertain != nullptr ? nonzero_bits<U>(uncertain + x, n) : 0;
     std::uint64_t there = 0;
+    std::uint64_t empty = 0;
     for (int i = 0; i < n; i += F::lanes) {
       const F z = simd::load3<F>(&sheet[x + i].x, std::min(F::lanes, n - i)).z;
       there |= std::uint64_t{bits(z > F(0.0F))} << static_cast<unsigned>(i);
+      empty |= std::uint64_t{bits(z == F(0.0F))} << static_cast<unsigned>(i);
     }
     const std::uint64_t known = shows & ~gone & ~doubt & there;
     const std::uint64_t blocked = low_bits(n) & ~shows & ~gone;
+    blocked_vertex = blocked_vertex || (blocked & ~empty) != 0;
     for (int i = 0; i < n; i += U::lanes) {
       const auto shift = static_cast<unsigned>(i);
       const U states =
@@ -58,6 +63,7 @@ void find_states(const LabelSet* removed, const Label* labels, const std::uint8_
       }
     }
   }
+  return blocked_vertex;
 }
 
 // A row of the sheet where the state is known, {0, 0, 0} elsewhere. kept may be the sheet itself.

@@ -22,13 +22,17 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/bits.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/labels/cityscapes.hpp"
+#include "npsim/mesh/foreground_pixels.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
 #include "npsim/mesh/layer.hpp"
+#include "npsim/mesh/prune.hpp"
+#include "npsim/simd/bytes.hpp"
 #include "npsim/simd/isa.hpp"
 
 namespace npsim {
@@ -82,26 +86,36 @@ inline constexpr std::size_t kMinFloorSamples = 48;
 [[nodiscard]] inline int kerb_row_step(Shape shape) noexcept { return std::max(1, shape.height / 256); }
 
 // left: outermost pavement to the carriageway; right likewise.
-[[nodiscard]] inline std::array<KerbRange, 2> find_kerbs(const StreetFloorParams& params, const Label* labels,
-                                                         const std::uint8_t* state, int width) noexcept {
-  const auto pavement = [&](int x) { return state[x] == row_state::known && params.pavement.contains(labels[x]); };
-  const auto carriageway = [&](int x) {
-    return state[x] == row_state::known && params.carriageway.contains(labels[x]);
-  };
+template <class F>
+[[nodiscard]] std::array<KerbRange, 2> find_kerbs(const StreetFloorParams& params, const Label* labels,
+                                                  const std::uint8_t* state, int width) noexcept {
+  using U = simd::BytesOf<F>;
+  const LabelTest<U> is_pavement(params.pavement);
+  const LabelTest<U> is_carriageway(params.carriageway);
   std::array<KerbRange, 2> found{};
-  int last = -1;
-  for (int x = 0; x < width; ++x) {
-    if (pavement(x)) last = x;
-    if (last < 0 || !carriageway(x)) continue;
-    found[0] = {last, x};
-    break;
-  }
-  last = -1;
-  for (int x = width - 1; x >= 0; --x) {
-    if (pavement(x)) last = x;
-    if (last < 0 || !carriageway(x)) continue;
-    found[1] = {x, last};
-    break;
+  for (int side = 0; side < 2; ++side) {
+    int last = -1;  // pavement passed last
+    for (int x = 0; x < width; x += kWordBits) {
+      const int at = side == 0 ? x : (width - 1) / kWordBits * kWordBits - x;
+      const int n = std::min(kWordBits, width - at);
+      const std::uint64_t known = test_bytes<U>(state + at, n, [](U s) { return equal_bits(s, U(row_state::known)); });
+      if (known == 0) continue;
+      const std::uint64_t pavement = known & test_bytes<U>(labels + at, n, is_pavement);
+      std::uint64_t carriageway = known & test_bytes<U>(labels + at, n, is_carriageway);
+      if (last < 0) {  // only what comes after pavement
+        if (pavement == 0) continue;
+        carriageway &= side == 0 ? ~low_bits(lowest_set_bit(pavement)) : low_bits(highest_set_bit(pavement) + 1);
+      }
+      if (carriageway == 0) {
+        if (pavement != 0) last = at + (side == 0 ? highest_set_bit(pavement) : lowest_set_bit(pavement));
+        continue;
+      }
+      const int first = side == 0 ? lowest_set_bit(carriageway) : highest_set_bit(carriageway);
+      const std::uint64_t before = pavement & (side == 0 ? low_bits(first + 1) : ~low_bits(first));
+      if (before != 0) last = at + (side == 0 ? highest_set_bit(before) : lowest_set_bit(before));
+      found[static_cast<std::size_t>(side)] = side == 0 ? KerbRange{last, at + first} : KerbRange{at + first, last};
+      break;
+    }
   }
   return found;
 }
@@ -294,14 +308,16 @@ inline void vote_kerbs(Span<const KerbRange> ranges, Shape shape, const Intrinsi
 // A side without a kerb gets one behind its outermost vehicle. `sheet` still has the vehicles.
 inline void kerbs_behind_vehicles(const StreetFloorParams& params, ImageView<const Vec3f> sheet,
                                   ImageView<const Label> labels, ImageView<const std::uint8_t> uncertain,
-                                  const Intrinsics& k, StreetFloor& floor) noexcept {
+                                  ImageView<const std::uint8_t> state, const Intrinsics& k,
+                                  StreetFloor& floor) noexcept {
   constexpr int kBins = 128;
   constexpr double kFarthest = 8;    // slopes; beyond, in heights of the camera, no kerb is guessed
   constexpr double kOutside = 0.02;  // of the area of the vehicles on a side: mirrors, wrong depth
   std::array<std::array<double, kBins>, 2> area{};
   std::array<int, 2> count{};
   for_floor_samples(sheet.shape(), [&](int x, int y) {
-    if (!params.vehicles.contains(labels(x, y)) || !has_vertex(sheet(x, y))) return;
+    if (!params.vehicles.contains(labels(x, y)) || state(x, y) == row_state::blocked) return;
+    if (!has_vertex(sheet(x, y))) return;
     if (uncertain.data() != nullptr && uncertain(x, y) != 0) return;
     const double z = static_cast<double>(sheet(x, y).z);
     const double slope = (x - floor.vanishing_x) * z / (static_cast<double>(k.fy) * floor.camera_height_m);
