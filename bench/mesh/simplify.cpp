@@ -24,9 +24,9 @@
 #include <vector>
 
 #include "../host.hpp"
+#include "named_scene.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/loading.hpp"
 #include "npsim/mesh/complete_background.hpp"
 #include "npsim/mesh/complete_foreground.hpp"
 #include "npsim/mesh/index.hpp"
@@ -35,7 +35,6 @@
 #include "npsim/mesh/simplify.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
-#include "street/street.hpp"
 #if defined(NPSIM_BENCH_MESHOPTIMIZER)
 #include <meshoptimizer.h>
 #endif
@@ -287,36 +286,9 @@ int main(int argc, char** argv) {
   for (const std::string& name : names) {
     ThreadPool pool(threads);
     ThreadPool all;
-    street::Street street;
-    io::Expected<io::Scene> scene = io::Scene{};
-    SceneView view;
-    unsigned seed = 0;
-    Shape shape;
-    if (std::sscanf(name.c_str(), "street%u_%dx%d", &seed, &shape.width, &shape.height) == 3) {
-      street::StreetParams params;
-      params.seed = seed;
-      params.shape = shape;
-      params.samples = 1;
-      params.sky_rays = 1;
-      must(street::make_street(params, all, street));
-      view.camera = street.intrinsics;
-      view.camera_height_m = street.camera_height_m;
-      view.image = street.image.view();
-      view.depth = street.est_depth.view();
-      view.labels = street.labels.view();
-      view.instances = street.instances.view();
-      view.normals = street.est_normals.view();
-      view.light_index = street.light_index.view();
-      view.lights = Span<const LightMark>(street.marks.data(), street.marks.size());
-    } else {
-      scene = tool::load_scene(name, "");
-      if (!scene) {
-        std::fprintf(stderr, "npsim_bench_simplify: cannot read %s\n", name.c_str());
-        return 1;
-      }
-      view = tool::view_of(scene.value());
-    }
-    Case c(view, all);
+    bench::NamedScene scene;
+    if (!scene.load(name, all)) return 1;
+    Case c(scene.view(), all);
 #if defined(NPSIM_BENCH_MESHOPTIMIZER)
     std::vector<PeerResult> peer;
 #endif

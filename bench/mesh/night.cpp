@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+// npsim_bench_night_faces: what the night loses and how much sooner it is done when its mesh has fewer triangles, as
+// CSV.
+//
+// Arguments: a scene.json or streetSEED_WIDTHxHEIGHT (default street1_960x540), --threads N (default: one per
+// processor). One line for the full mesh, then one for each bound on depth, with the pipeline's other settings.
+// mean_change: of the mean of the linear night, the colour channel that changes most; rms_change: root mean square of
+// the change of a displayed pixel, in codes of 255, over the picture.
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstddef>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "../host.hpp"
+#include "named_scene.hpp"
+#include "npsim/exec/thread_pool.hpp"
+#include "npsim/io/image.hpp"
+#include "npsim/pipeline/night.hpp"
+
+namespace {
+
+using namespace npsim;
+
+// Wall time of each stage, all calls together.
+struct Clock {
+  std::array<double, static_cast<std::size_t>(Stage::count_)> seconds{};
+  std::chrono::steady_clock::time_point started;
+  void begin(Stage) { started = std::chrono::steady_clock::now(); }
+  void end(Stage stage) {
+    seconds[static_cast<std::size_t>(stage)] +=
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  }
+  void progress(std::size_t, std::size_t) {}
+  void depth(Stage, const ImageView<const float>&) {}
+  [[nodiscard]] bool cancelled() const { return false; }
+  [[nodiscard]] double of(Stage stage) const { return seconds[static_cast<std::size_t>(stage)]; }
+};
+
+struct Sink {
+  std::size_t faces = 0;
+  std::array<double, 3> mean{};
+  io::Image<Rgb8> picture;
+
+  Status reconstructed(const RefinedDepth&, const SceneMesh& mesh, const Relighting&, const Bvh&) {
+    faces = mesh.mesh.faces.size();
+    return {};
+  }
+  Status night(const Night& night) {
+    picture = io::Image<Rgb8>(night.picture.shape());
+    copy_pixels(night.picture, picture.view());
+    for (int y = 0; y < night.luminance.height(); ++y) {
+      for (int x = 0; x < night.luminance.width(); ++x) {
+        const Vec3f c = night.luminance(x, y);
+        mean[0] += static_cast<double>(c.x);
+        mean[1] += static_cast<double>(c.y);
+        mean[2] += static_cast<double>(c.z);
+      }
+    }
+    return {};
+  }
+};
+
+void run(const NightParams& params, const SceneView& scene, ThreadPool& pool, Clock& clock, Sink& sink) {
+  const std::size_t bytes = night_workspace_bytes(params, scene);
+  const std::unique_ptr<unsigned char[]> memory(new unsigned char[bytes]);  // most of it is never touched
+  Workspace workspace(memory.get(), bytes);
+  bench::must(make_nights(params, scene, workspace, pool, clock, sink));
+}
+
+double rms_change(const io::Image<Rgb8>& a, const io::Image<Rgb8>& b) {
+  double sum = 0;
+  for (int y = 0; y < a.height(); ++y) {
+    for (int x = 0; x < a.width(); ++x) {
+      const double r = a(x, y).r - b(x, y).r;
+      const double g = a(x, y).g - b(x, y).g;
+      const double l = a(x, y).b - b(x, y).b;
+      sum += r * r + g * g + l * l;
+    }
+  }
+  return std::sqrt(sum / (3.0 * static_cast<double>(a.shape().pixels())));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::string name = "street1_960x540";
+  unsigned threads = 0;
+  for (int i = 1; i < argc; ++i) {
+    if (std::strcmp(argv[i], "--threads") == 0 && i + 1 < argc) {
+      threads = static_cast<unsigned>(std::atoi(argv[++i]));
+    } else {
+      name = argv[i];
+    }
+  }
+  ThreadPool pool(threads > 0 ? threads : std::max(1U, std::thread::hardware_concurrency()));
+  bench::NamedScene scene;
+  if (!scene.load(name, pool)) return 1;
+  std::printf("scene,bound,faces,share,complete_s,build_s,transport_s,mean_change,rms_change\n");
+  Sink full;
+  for (const float bound : {0.0F, 0.001F, 0.002F, 0.005F, 0.01F, 0.02F, 0.05F, 0.1F}) {
+    NightParams params = default_night_params();
+    params.mesh.simplify_faces = bound > 0.0F;
+    params.mesh.simplify.max_relative_depth_error = bound;
+    if (bound > 0.02F) params.mesh.simplify.max_texture_shift = 0.0F;
+    Clock clock;
+    Sink sink;
+    run(params, scene.view(), pool, clock, sink);
+    if (full.picture.empty()) full = sink;
+    double change = 0;
+    for (std::size_t c = 0; c < 3; ++c) change = std::max(change, std::fabs(sink.mean[c] / full.mean[c] - 1.0));
+    std::printf("%s,%g,%zu,%.4f,%.2f,%.2f,%.1f,%.5f,%.2f\n", name.c_str(), static_cast<double>(bound), sink.faces,
+                static_cast<double>(sink.faces) / static_cast<double>(full.faces), clock.of(Stage::complete),
+                clock.of(Stage::build_trace), clock.of(Stage::render), change, rms_change(sink.picture, full.picture));
+    std::fflush(stdout);
+  }
+  return 0;
+}
