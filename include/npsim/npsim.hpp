@@ -70,6 +70,7 @@
 #include "npsim/depth/uncertainty_search.hpp"
 #include "npsim/depth/uncertainty_variance.hpp"
 
+#include "npsim/mesh/anchor_slope.hpp"
 #include "npsim/mesh/background_state.hpp"
 #include "npsim/mesh/check.hpp"
 #include "npsim/mesh/check_layer.hpp"
@@ -97,6 +98,7 @@
 #include "npsim/mesh/street_background.hpp"
 #include "npsim/mesh/street_columns.hpp"
 #include "npsim/mesh/street_floor.hpp"
+#include "npsim/mesh/street_kerbs.hpp"
 
 #include "npsim/trace/build.hpp"
 #include "npsim/trace/bvh.hpp"

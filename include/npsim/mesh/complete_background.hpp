@@ -20,13 +20,13 @@
 // towards the camera (interpolating position, as long as two anchors' depths differ by less than a factor of
 // 2^20 / fx; beyond, a face seen edge-on may round to the other side). Rows, and strips of columns, are independent:
 // any order, same bits.
-// Cost: one pass over sheet and masks and one over the vertices, the rest by what is missing, and (2 fit_radius_px +
-// 1)^2 samples per run that is not joined: for streets at 1920x1080 about three times a memcpy of what is written.
-// Memory: street two ranges per row, thesis region 8 bytes a pixel. Error: street, behind the objects of generated
-// streets at 960x540 and 1920x1080, from true depth: within 3 % of the truth on four of five pixels (by rows alone on
-// two). What is hidden entirely, such as a bin behind a car, cannot be known. On planes: floor and upright walls 1e-4.
-// By rows, between two anchors: half an ulp in inverse depth; in position each component 3 * 2^-24 of the larger
-// anchor's.
+// Cost: one pass over sheet and masks, one over the vertices, the rest by what is missing, with (2 fit_radius_px + 1)^2
+// samples per run that is not joined: for streets at 1920x1080 about three times a memcpy of what is written.
+// Memory: street two ranges per row, thesis region 8 bytes a pixel.
+// Error: street, behind the objects of generated streets at 960x540 and 1920x1080, from true depth: within 3 % of the
+// truth on four of five pixels (by rows alone on two). What is hidden entirely, such as a bin behind a car, cannot be
+// known. On planes: floor and upright walls 1e-4. By rows, between two anchors: half an ulp in inverse depth; in
+// position each component 3 * 2^-24 of the larger anchor's.
 #ifndef NPSIM_MESH_COMPLETE_BACKGROUND_HPP
 #define NPSIM_MESH_COMPLETE_BACKGROUND_HPP
 
@@ -40,12 +40,15 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
+#include "npsim/mesh/anchor_slope.hpp"
 #include "npsim/mesh/background_state.hpp"
 #include "npsim/mesh/components.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
 #include "npsim/mesh/sheet.hpp"
 #include "npsim/mesh/street_background.hpp"
+#include "npsim/mesh/street_columns.hpp"
 #include "npsim/mesh/street_floor.hpp"
+#include "npsim/mesh/street_kerbs.hpp"
 #include "npsim/simd/isa.hpp"
 
 namespace npsim {
@@ -93,7 +96,7 @@ struct BackgroundParams {
   const bool join =
       params.max_join_ratio == 0.0F || (params.max_join_ratio > 1.0F && std::isfinite(params.max_join_ratio));
   const bool extension = params.max_extension_ratio >= 1.0F && std::isfinite(params.max_extension_ratio);
-  const bool fit = params.fit_radius_px >= 1 && params.fit_radius_px <= 64 && params.fit_tolerance > 0.0F &&
+  const bool fit = params.fit_radius_px >= 1 && params.fit_radius_px <= kMaxFitRadius && params.fit_tolerance > 0.0F &&
                    std::isfinite(params.fit_tolerance);
   const auto from = [](float v, float least) { return v >= least && std::isfinite(v); };
   const bool street = from(params.street.join_ratio, 1.0F) && params.street.above_weight > 0.0F &&
@@ -144,71 +147,6 @@ namespace mesh_detail {
   return {};
 }
 
-// d(1/z)/dx, per pixel, of the plane through the kept vertices around the anchor (x, y): least squares of
-// 1/z - 1/z_anchor = s + p dx + q dy. 0 where they do not span a plane. Lanes are columns; sums run down them, then
-// across in double precision.
-template <class F>
-[[nodiscard]] double inverse_depth_slope(const BackgroundParams& params, ImageView<const Vec3f> vertices,
-                                         ImageView<const std::uint8_t> state, int x, int y) noexcept {
-  const int radius = params.fit_radius_px;
-  const int top = std::max(0, y - radius);
-  const int bottom = std::min(vertices.height() - 1, y + radius);
-  const int last = std::min(vertices.width() - 1, x + radius);
-  const F anchor(1.0F / vertices(x, y).z);
-  const F tolerance = F(params.fit_tolerance) * anchor;
-  const F zero(0.0F);
-  double n = 0, sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0, sw = 0, sxw = 0, syw = 0;
-  for (int begin = std::max(0, x - radius); begin <= last; begin += F::lanes) {
-    const int lanes = std::min(F::lanes, last - begin + 1);
-    float z[2 * 64 + 1][F::lanes];  // 0 where not kept
-    for (int j = top; j <= bottom; ++j) {
-      const std::uint8_t* kept = state.row(j) + begin;
-      const Vec3f* v = vertices.row(j) + begin;
-      float* to = z[j - top];
-      for (int i = 0; i < F::lanes; ++i) to[i] = i < lanes && kept[i] == row_state::known ? v[i].z : 0.0F;
-    }
-    F count = zero, by = zero, byy = zero, bw = zero, byw = zero;
-    for (int j = top; j <= bottom; ++j) {
-      const F depth = F::load(z[j - top]);
-      const auto here = depth > zero;
-      const F off = F(1.0F) / select(here, depth, F(1.0F)) - anchor;
-      const auto fits = here & (abs(off) <= tolerance);
-      const F one = select(fits, F(1.0F), zero);
-      const F w = select(fits, off, zero);
-      const F dy(static_cast<float>(j - y));
-      count = count + one;
-      by = fma(dy, one, by);
-      byy = fma(dy * dy, one, byy);
-      bw = bw + w;
-      byw = fma(dy, w, byw);
-    }
-    float column[5][F::lanes];
-    count.store(column[0]);
-    by.store(column[1]);
-    byy.store(column[2]);
-    bw.store(column[3]);
-    byw.store(column[4]);
-    for (int i = 0; i < lanes; ++i) {
-      const double dx = begin + i - x;
-      const auto of = [&column, i](int which) { return static_cast<double>(column[which][i]); };
-      n += of(0), sx += dx * of(0), sxx += dx * dx * of(0);
-      sy += of(1), sxy += dx * of(1), syy += of(2);
-      sw += of(3), sxw += dx * of(3), syw += of(4);
-    }
-  }
-  if (n < 4) return 0.0;
-  const double cxx = sxx - sx * sx / n;
-  const double cxy = sxy - sx * sy / n;
-  const double cyy = syy - sy * sy / n;
-  const double cxw = sxw - sx * sw / n;
-  const double cyw = syw - sy * sw / n;
-  const double determinant = cxx * cyy - cxy * cxy;
-  if (!(determinant > 1e-6 * cxx * cyy)) {  // one row, one column or one diagonal: no tilt can be told across it
-    return cxx > 0 && cyy == 0 ? cxw / cxx : 0.0;
-  }
-  return (cyy * cxw - cxy * cyw) / determinant;
-}
-
 // Vertex at column j of the plane through the anchor.
 [[nodiscard]] inline Vec3f extend_anchor(const BackgroundParams& params, const Intrinsics& intrinsics, float anchor_z_m,
                                          double slope, int anchor_x, int j, int y) noexcept {
@@ -252,7 +190,8 @@ void complete_street(const BackgroundParams& params, const StreetBackground& str
                         street.columns.guess<F>(static_cast<int>(begin), static_cast<int>(end));
                       });
   const auto slope = [&](int x, int y) {
-    return inverse_depth_slope<F>(params, background.vertices, street.columns.state, x, y);
+    return inverse_depth_slope<F>(params.fit_radius_px, params.fit_tolerance, background.vertices, street.columns.state,
+                                  x, y);
   };
   const auto connect = [&](int begin, int end) {
     for (int x = 0; x < shape.width && !background.quads.empty(); x += kStripColumns) {
@@ -349,8 +288,12 @@ template <class F = simd::F32, class Executor>
         }
         return;
       }
-      const double left_slope = left ? mesh_detail::inverse_depth_slope<F>(params, kept, state, l - 1, y) : 0.0;
-      const double right_slope = right ? mesh_detail::inverse_depth_slope<F>(params, kept, state, r + 1, y) : 0.0;
+      const double left_slope =
+          left ? mesh_detail::inverse_depth_slope<F>(params.fit_radius_px, params.fit_tolerance, kept, state, l - 1, y)
+               : 0.0;
+      const double right_slope =
+          right ? mesh_detail::inverse_depth_slope<F>(params.fit_radius_px, params.fit_tolerance, kept, state, r + 1, y)
+                : 0.0;
       for (int j = l; j <= r; ++j) {
         const bool from_left = left && (!right || j - l <= r - j);
         row[j] = from_left ? mesh_detail::extend_anchor(params, intrinsics, zl, left_slope, l - 1, j, y)
