@@ -39,9 +39,9 @@ Picture random_street(std::uint32_t trial, Shape shape) {
       p.rectangle(x, y, std::min(w - 1, x + below(widest)), std::min(h - 1, y + below(tallest)), l, z);
     }
   };
-  some(w / 60, label::vegetation, 15.0F, 40, 8);
+  some(w / 15, label::vegetation, 15.0F, 40, 8);
   some(w / 100, label::building, 9.0F, 90, 12);
-  some(w / 200, label::sky, 900.0F, 100, 5);
+  some(w / 60, label::sky, 900.0F, 60, 3);
   some(w / 50, label::car, 5.0F, 120, 14);
   some(2, label::bus, 4.0F, w, 6);
   some(w / 20, label::pole, 6.0F, 2, 30);
