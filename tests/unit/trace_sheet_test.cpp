@@ -88,7 +88,7 @@ struct Sheet {
 // Every face in turn, with the same test.
 bool linear_scan(const Sheet& sheet, const Ray& ray, Hit& out) {
   npsim::RayFrame frame;
-  if (sheet.trace.levels == 0 || !npsim::make_ray_frame(ray, sheet.trace.low, sheet.trace.high, frame)) return false;
+  if (sheet.trace.levels == 0 || !npsim::make_ray_frame(ray, sheet.trace.bounds.low, sheet.trace.bounds.high, frame)) return false;
   bool found = false;
   for (std::uint32_t f = 0; f < sheet.faces(); ++f) {
     if (!sheet.has(f)) continue;

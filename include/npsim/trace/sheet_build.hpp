@@ -15,6 +15,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 
 #include "npsim/core/bits.hpp"
@@ -108,8 +109,6 @@ void invert_row(const SheetTrace& sheet, int y, float* out, RowBounds& bounds) n
   return faces;
 }
 
-inline constexpr std::uint32_t kWholeTile = (1U << 25U) - 1U;
-
 struct Slab {
   float base, gx, gy, half;
   float low, high;  // of w itself
@@ -190,6 +189,19 @@ struct Slab {
   return s;
 }
 
+// Whether the tile at quad (x, y) has all its faces, as far as the quads say.
+[[nodiscard]] inline bool is_full(const SheetTrace& sheet, int x, int y) noexcept {
+  constexpr std::uint32_t kAll = 0x01010101U * (kQuadUpperFace | kQuadLowerFace);
+  if (x + 4 > sheet.quads.width() || y + 4 > sheet.quads.height()) return false;
+  std::uint32_t all = kAll;
+  for (int j = 0; j < 4; ++j) {
+    std::uint32_t row = 0;
+    std::memcpy(&row, sheet.quads.row(y + j) + x, sizeof row);
+    all &= row;
+  }
+  return all == kAll;
+}
+
 // The 16 tiles at quad (x, y), and the bounds of w in them.
 inline void build_tiles(const SheetTrace& sheet, int x, int y, SheetTiles& out, float& low, float& high) noexcept {
   low = std::numeric_limits<float>::infinity();
@@ -197,11 +209,20 @@ inline void build_tiles(const SheetTrace& sheet, int x, int y, SheetTiles& out, 
   for (int k = 0; k < 16; ++k) {
     const int tx = x + 4 * (k % 4);
     const int ty = y + 4 * (k / 4);
-    std::uint32_t used = 0;
-    out.faces[k] = tile_faces(sheet, tx, ty, used);
     const float* w = sheet.inverse_depth.row(ty) + tx;
     const std::ptrdiff_t stride = sheet.inverse_depth.stride();
-    const Slab s = used == kWholeTile ? whole_slab(w, stride) : partial_slab(w, stride, used);
+    Slab s{};
+    bool whole = is_full(sheet, tx, ty);
+    if (whole) {
+      s = whole_slab(w, stride);
+      whole = s.low > 0.0F;
+      out.faces[k] = ~0U;
+    }
+    if (!whole) {
+      std::uint32_t used = 0;
+      out.faces[k] = tile_faces(sheet, tx, ty, used);
+      s = partial_slab(w, stride, used);
+    }
     out.base[k] = s.base;
     out.gx[k] = s.gx;
     out.gy[k] = s.gy;
@@ -219,25 +240,36 @@ inline void put_bounds(SheetNode* nodes, int across, int x, int y, float low, fl
   node.high[k] = high;
 }
 
-// Where vertices can be: the frustum of their pixels, half a pixel and their errors wider, and their range of depth.
-inline void set_sides(const RowBounds& b, SheetTrace& out) noexcept {
-  const Intrinsics& k = out.intrinsics;
-  const double fx = static_cast<double>(k.fx);
-  const double fy = static_cast<double>(k.fy);
-  const double margin = 0.5 + static_cast<double>(out.pad_px);
-  const double left = static_cast<double>(k.cx) - 0.5 + margin;
-  const double right = out.vertices.width() - 0.5 + margin - static_cast<double>(k.cx);
-  const double top = static_cast<double>(k.cy) - 0.5 + margin;
-  const double bottom = out.vertices.height() - 0.5 + margin - static_cast<double>(k.cy);
-  const double least = static_cast<double>(b.low[2]) * (1 - 0x1p-20);
-  const double most = static_cast<double>(b.high[2]) * (1 + 0x1p-20);
-  const SheetSide sides[6] = {{fx, 0, left, 0, fx + std::fabs(left)},
-                              {-fx, 0, right, 0, fx + std::fabs(right)},
-                              {0, fy, top, 0, fy + std::fabs(top)},
-                              {0, -fy, bottom, 0, fy + std::fabs(bottom)},
-                              {0, 0, 1, -least, 1},
-                              {0, 0, -1, most, 1}};
-  std::copy_n(sides, 6, out.sides);
+// The bounds from what was found: the frustum of the vertices' pixels, half a pixel and their errors wider, and their
+// range of depth.
+[[nodiscard]] inline SheetBounds bounds_of(const RowBounds& b, Shape shape, const Intrinsics& k) noexcept {
+  SheetBounds out;
+  const auto width = static_cast<float>(shape.width);
+  const auto height = static_cast<float>(shape.height);
+  const float reach_x = std::max(std::fabs(k.cx), std::fabs(width - k.cx));
+  const float reach_y = std::max(std::fabs(k.cy), std::fabs(height - k.cy));
+  out.max_inverse_depth = b.max_inverse_depth;
+  out.pad_px = b.off_grid_px + 0x1p-19F * (std::max(width, height) + std::max(reach_x, reach_y));
+  out.focal_reach = std::max(k.fx + reach_x, k.fy + reach_y) + 2.0F * (1.0F + out.pad_px);
+  for (int i = 0; i < 3; ++i) {
+    out.low[i] = b.low[i];
+    out.high[i] = b.high[i];
+  }
+  const double margin = static_cast<double>(out.pad_px) + 0.5;
+  const double sides[4] = {
+      static_cast<double>(k.cx) - 0.5 + margin, shape.width - 0.5 + margin - static_cast<double>(k.cx),
+      static_cast<double>(k.cy) - 0.5 + margin, shape.height - 0.5 + margin - static_cast<double>(k.cy)};
+  for (int i = 0; i < 8; ++i) {
+    const double sign = i % 2 == 0 ? 1.0 : -1.0;
+    out.x[i] = i < 2 ? sign * static_cast<double>(k.fx) : 0.0;
+    out.y[i] = i == 2 || i == 3 ? sign * static_cast<double>(k.fy) : 0.0;
+    out.z[i] = i < 4 ? sides[i] : sign;
+    out.d[i] = i < 4 ? 0.0
+                     : (i % 2 == 0 ? -(1 - 0x1p-20) * static_cast<double>(b.low[2])
+                                   : (1 + 0x1p-20) * static_cast<double>(b.high[2]));
+    out.size[i] = std::fabs(out.x[i]) + std::fabs(out.y[i]) + std::fabs(out.z[i]);
+  }
+  return out;
 }
 
 }  // namespace sheet_detail
@@ -303,20 +335,10 @@ template <class F = simd::F32, class Executor>
   }
   if (!(bounds.max_inverse_depth > 0.0F)) return {};  // no vertex: nothing to hit
 
-  const auto extent = static_cast<float>(std::max(shape.width, shape.height));
-  const float reach_x = std::max(std::fabs(intrinsics.cx), std::fabs(static_cast<float>(shape.width) - intrinsics.cx));
-  const float reach_y = std::max(std::fabs(intrinsics.cy), std::fabs(static_cast<float>(shape.height) - intrinsics.cy));
-  sheet.pad_px = bounds.off_grid_px + 0x1p-19F * (extent + std::max(reach_x, reach_y));
-  sheet.focal_reach = std::max(intrinsics.fx + reach_x, intrinsics.fy + reach_y) + 2.0F * (1.0F + sheet.pad_px);
-  if (!(sheet.focal_reach < 0x1p30F)) {
+  sheet.bounds = bounds_of(bounds, shape, intrinsics);
+  if (!(sheet.bounds.focal_reach < 0x1p30F)) {
     return Status(StatusCode::invalid_argument, "the vertices of a traced sheet must lie near their pixels' rays");
   }
-  sheet.max_inverse_depth = bounds.max_inverse_depth;
-  for (int k = 0; k < 3; ++k) {
-    sheet.low[k] = bounds.low[k];
-    sheet.high[k] = bounds.high[k];
-  }
-  set_sides(bounds, sheet);
   for (SheetNode& node : nodes) {
     std::fill_n(node.low, 16, inf);
     std::fill_n(node.high, 16, -inf);
@@ -350,6 +372,43 @@ template <class F = simd::F32, class Executor>
     sheet.down[level] = levels.down[level];
   }
   out = sheet;
+  return {};
+}
+
+// Layers of one shape and camera as one scene. `layers` stays with the caller.
+[[nodiscard]] inline Status join_layers(Span<const SheetTrace> layers, SheetScene& out) noexcept {
+  SheetScene scene;
+  const SheetTrace* first = nullptr;
+  for (const SheetTrace& layer : layers) {
+    if (layer.levels == 0) continue;
+    if (first == nullptr) {
+      first = &layer;
+      scene.bounds = layer.bounds;
+      continue;
+    }
+    const Intrinsics& a = first->intrinsics;
+    const Intrinsics& b = layer.intrinsics;
+    if (layer.vertices.shape() != first->vertices.shape() || a.fx != b.fx || a.fy != b.fy || a.cx != b.cx ||
+        a.cy != b.cy) {
+      return Status(StatusCode::shape_mismatch, "layers that are traced as one must have one shape and one camera");
+    }
+    SheetBounds& to = scene.bounds;
+    const SheetBounds& from = layer.bounds;
+    for (int k = 0; k < 3; ++k) {
+      to.low[k] = std::min(to.low[k], from.low[k]);
+      to.high[k] = std::max(to.high[k], from.high[k]);
+    }
+    to.max_inverse_depth = std::max(to.max_inverse_depth, from.max_inverse_depth);
+    to.pad_px = std::max(to.pad_px, from.pad_px);
+    to.focal_reach = std::max(to.focal_reach, from.focal_reach);
+    for (int i = 0; i < 8; ++i) {  // x and y are alike; the greater z or d of a side takes in more
+      to.z[i] = std::max(to.z[i], from.z[i]);
+      to.d[i] = std::max(to.d[i], from.d[i]);
+      to.size[i] = std::max(to.size[i], from.size[i]);
+    }
+  }
+  scene.layers = layers;
+  out = scene;
   return {};
 }
 

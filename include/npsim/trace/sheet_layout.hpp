@@ -48,10 +48,20 @@ struct alignas(64) SheetNode {
 };
 static_assert(sizeof(SheetNode) == 128);
 
-// a x + b y + c z + d >= 0 for points in front of the side.
-struct SheetSide {
-  double x, y, z, d;
-  double size;  // |x| + |y| + |z|
+// Where the vertices of layers can be, and how far they may be off.
+struct SheetBounds {
+  // x X + y Y + z Z + d >= 0 for every vertex (X, Y, Z): left, right, top, bottom, nearest, farthest; the last two are
+  // copies that make the number whole for vectors.
+  double x[8] = {};
+  double y[8] = {};
+  double z[8] = {};
+  double d[8] = {};
+  double size[8] = {};  // |x| + |y| + |z|
+  float low[3] = {};
+  float high[3] = {};
+  float max_inverse_depth = 0;
+  float pad_px = 0;       // how far from its place in the grid a vertex may be found, rounding included
+  float focal_reach = 0;  // pixels that a point moves at most when it moves by its depth
 };
 
 // Views of the layer and of the workspace that build_sheet_trace() was given. Without levels nothing is ever hit.
@@ -66,17 +76,14 @@ struct SheetTrace {
   int across[kSheetMaxLevels] = {};         // nodes in a row
   int down[kSheetMaxLevels] = {};
   Intrinsics intrinsics;
-  SheetSide sides[6] = {};  // of the part of the frustum that holds the vertices
-  float low[3] = {};        // bounds of the vertices
-  float high[3] = {};
-  float max_inverse_depth = 0;
-  float pad_px = 0;       // how far from its place in the grid a vertex may be found, rounding included
-  float focal_reach = 0;  // pixels that a point moves at most when it moves by its depth
+  SheetBounds bounds;
 };
 
-// Layers that are traced as one. The faces of layer i follow those of layer i - 1.
+// Layers of one camera that are traced as one (join_layers() in sheet_build.hpp). The faces of layer i follow those of
+// layer i - 1.
 struct SheetScene {
   Span<const SheetTrace> layers;
+  SheetBounds bounds;
 };
 
 // Face numbers that a layer takes.

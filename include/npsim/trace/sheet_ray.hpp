@@ -64,9 +64,10 @@ inline void shorten(SheetRay& ray, float t) noexcept {
   ray.s_max = static_cast<float>(s) * kPastEnd + 0x1p-40F;
 }
 
-// False when the ray cannot hit the sheet.
-[[nodiscard]] inline bool make_sheet_ray(const SheetTrace& sheet, const Ray& ray, SheetRay& out) noexcept {
-  if (sheet.levels == 0 || !make_ray_frame(ray, sheet.low, sheet.high, out.frame)) return false;
+// False when the ray cannot hit anything within the bounds.
+[[nodiscard]] inline bool make_sheet_ray(const SheetBounds& bounds, const Intrinsics& intrinsics, Shape shape,
+                                         const Ray& ray, SheetRay& out) noexcept {
+  if (!(bounds.max_inverse_depth > 0) || !make_ray_frame(ray, bounds.low, bounds.high, out.frame)) return false;
   const double o[3] = {static_cast<double>(ray.origin.x), static_cast<double>(ray.origin.y),
                        static_cast<double>(ray.origin.z)};
   const double d[3] = {static_cast<double>(ray.direction.x), static_cast<double>(ray.direction.y),
@@ -76,18 +77,21 @@ inline void shorten(SheetRay& ray, float t) noexcept {
   out.pad_t = 4.0 * static_cast<double>(out.frame.pad) / size;
   double t0 = std::max(static_cast<double>(out.frame.t_min) - out.pad_t, 0.0);
   double t1 = static_cast<double>(out.frame.t_max) + out.pad_t;
-  for (const SheetSide& side : sheet.sides) {
-    const double at = side.x * o[0] + side.y * o[1] + side.z * o[2] + side.d;
-    const double slope = side.x * d[0] + side.y * d[1] + side.z * d[2] + side.size * e;
-    const double t = -at / slope;
-    if (slope > 0) {
-      t0 = t > t0 ? t : t0;
-    } else if (slope < 0) {
-      t1 = t < t1 ? t : t1;
-    } else if (at < 0) {
-      return false;
-    }
+  double at[8];
+  double slope[8];
+  double cut[8];
+  for (int i = 0; i < 8; ++i) {
+    at[i] = bounds.x[i] * o[0] + bounds.y[i] * o[1] + bounds.z[i] * o[2] + bounds.d[i];
+    slope[i] = bounds.x[i] * d[0] + bounds.y[i] * d[1] + bounds.z[i] * d[2] + bounds.size[i] * e;
+    cut[i] = -at[i] / slope[i];
   }
+  bool outside = false;
+  for (int i = 0; i < 6; ++i) {
+    t0 = slope[i] > 0 && cut[i] > t0 ? cut[i] : t0;
+    t1 = slope[i] < 0 && cut[i] < t1 ? cut[i] : t1;
+    outside = outside || (slope[i] == 0 && at[i] < 0);
+  }
+  if (outside) return false;
   if (!(t0 <= t1)) return false;
   out.z = o[2];
   out.dz = d[2];
@@ -96,21 +100,21 @@ inline void shorten(SheetRay& ray, float t) noexcept {
   out.s_max = kPastEnd;
   const double z0 = o[2] + t0 * d[2];
   const double z1 = o[2] + t1 * d[2];
-  const double rho = e * std::max(t0 / z0, t1 / z1);
-  out.everything = !(z0 > 0 && z1 > 0 && rho < 0.125 && t1 < static_cast<double>(kTraceMaxCoordinate) * 0x1p100);
-  if (out.everything) return true;
   const double w0 = 1.0 / z0;
   const double w1 = 1.0 / z1;
+  const double rho = e * std::max(t0 * w0, t1 * w1) * (1 + 0x1p-40);
+  out.everything = !(z0 > 0 && z1 > 0 && rho < 0.125 && t1 < static_cast<double>(kTraceMaxCoordinate) * 0x1p100);
+  if (out.everything) return true;
   out.s_scale = t1 > t0 ? z1 / (t1 - t0) : 0.0;
-  const double fx = static_cast<double>(sheet.intrinsics.fx);
-  const double fy = static_cast<double>(sheet.intrinsics.fy);
-  const double cx = static_cast<double>(sheet.intrinsics.cx) - 0.5;
-  const double cy = static_cast<double>(sheet.intrinsics.cy) - 0.5;
+  const double fx = static_cast<double>(intrinsics.fx);
+  const double fy = static_cast<double>(intrinsics.fy);
+  const double cx = static_cast<double>(intrinsics.cx) - 0.5;
+  const double cy = static_cast<double>(intrinsics.cy) - 0.5;
   const double u0 = fx * (o[0] + t0 * d[0]) * w0 + cx;
   const double v0 = fy * (o[1] + t0 * d[1]) * w0 + cy;
   const double u1 = fx * (o[0] + t1 * d[0]) * w1 + cx;
   const double v1 = fy * (o[1] + t1 * d[1]) * w1 + cy;
-  const float least = 0x1p-22F * static_cast<float>(std::max(sheet.vertices.width(), sheet.vertices.height()));
+  const float least = 0x1p-22F * static_cast<float>(std::max(shape.width, shape.height));
   const auto raised = [least](double x) {
     const auto f = static_cast<float>(x);
     return std::fabs(f) >= least ? f : std::copysign(least, f);
@@ -124,8 +128,8 @@ inline void shorten(SheetRay& ray, float t) noexcept {
   out.iu = 1.0F / out.du;
   out.iv = 1.0F / out.dv;
   const auto off = static_cast<float>(rho) * 1.25F;  // rho / (1 - rho) and its rounding
-  out.pad_px = off * sheet.focal_reach + sheet.pad_px;
-  out.pad_w = 1.25F * (off * static_cast<float>(std::max(w0, w1)) + 0x1p-19F * sheet.max_inverse_depth);
+  out.pad_px = off * bounds.focal_reach + bounds.pad_px;
+  out.pad_w = 1.25F * (off * static_cast<float>(std::max(w0, w1)) + 0x1p-19F * bounds.max_inverse_depth);
   return true;
 }
 

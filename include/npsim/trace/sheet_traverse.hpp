@@ -165,14 +165,33 @@ template <class OnHit>
   const Vec3f* q = sheet.vertices.row(y + 1) + x;
   const Vec3f corners[4] = {p[0], p[1], q[0], q[1]};
   const bool anti = (sheet.quads(x, y) & kQuadAntiDiagonal) != 0;
+  // The edge functions of intersect_triangle(), by the same operations: where two are not 0 and differ in sign it
+  // misses.
+  const RayFrame& f = ray.frame;
+  float sx[4];
+  float sy[4];
+  for (int i = 0; i < 4; ++i) {
+    const float at[3] = {corners[i].x, corners[i].y, corners[i].z};
+    const float z = at[f.axis[2]] - f.origin[f.axis[2]];
+    sx[i] = (at[f.axis[0]] - f.origin[f.axis[0]]) - f.shear[0] * z;
+    sy[i] = (at[f.axis[1]] - f.origin[f.axis[1]]) - f.shear[1] * z;
+  }
+  const auto edge = [&sx, &sy](int i, int j) noexcept { return sx[i] * sy[j] - sy[i] * sx[j]; };
+  const float across = anti ? edge(2, 1) : edge(3, 0);  // the diagonal, seen from the upper face
+  const auto misses = [](float a, float b, float c) noexcept {
+    return (a < 0 || b < 0 || c < 0) && (a > 0 || b > 0 || c > 0);
+  };
+  upper = upper && !misses(across, anti ? edge(1, 0) : edge(0, 1), anti ? edge(0, 2) : edge(1, 3));
+  lower = lower && !misses(-across, anti ? edge(2, 3) : edge(3, 2), anti ? edge(3, 1) : edge(2, 0));
+  if (!upper && !lower) return false;
   const std::uint32_t number = 2U * (static_cast<std::uint32_t>(y) * static_cast<std::uint32_t>(sheet.quads.width()) +
                                      static_cast<std::uint32_t>(x));
   for (const bool is_upper : {true, false}) {
     if (!(is_upper ? upper : lower)) continue;
-    const Face f = quad_face(anti, is_upper, 0, 1, 2, 3);
-    const Vec3f& a = corners[f.a];
-    const Vec3f& b = corners[f.b];
-    const Vec3f& c = corners[f.c];
+    const Face face = quad_face(anti, is_upper, 0, 1, 2, 3);
+    const Vec3f& a = corners[face.a];
+    const Vec3f& b = corners[face.b];
+    const Vec3f& c = corners[face.c];
     const float vertex[3][3] = {{a.x, a.y, a.z}, {b.x, b.y, b.z}, {c.x, c.y, c.z}};
     TriangleHit hit;
     if (intersect_triangle(ray.frame, vertex, hit) && on_hit(is_upper ? number : number + 1, hit)) return true;
@@ -277,24 +296,37 @@ void walk_sheet(const SheetTrace& sheet, SheetRay& ray, OnHit& on_hit) noexcept 
   }
 }
 
+template <class Scene>
+[[nodiscard]] bool ray_into(const Scene& scene, const SheetTrace& camera, const Ray& ray, SheetRay& out) noexcept {
+  return make_sheet_ray(scene.bounds, camera.intrinsics, camera.vertices.shape(), ray, out);
+}
+
 // The nearest face of one layer that is nearer than `best`.
 template <class F>
-void closest_of(const SheetTrace& sheet, const Ray& ray, std::uint32_t first_face, Hit& best) noexcept {
-  SheetRay r;
-  Ray shorter = ray;
-  shorter.t_max = std::min(ray.t_max, best.t);
-  if (!make_sheet_ray(sheet, shorter, r)) return;
-  std::uint32_t found = kNoFace;
+NPSIM_ALWAYS_INLINE void closest_of(const SheetTrace& sheet, SheetRay& ray, std::uint32_t first_face,
+                                    Hit& best) noexcept {
   auto on_hit = [&](std::uint32_t face, const TriangleHit& hit) noexcept {
-    const float limit = found == kNoFace ? shorter.t_max : best.t;
-    if (hit.t < limit || (hit.t == limit && found != kNoFace && face < found)) {
-      best = Hit{hit.t, first_face + face, hit.u, hit.v};
-      found = face;
-      if (!r.everything) shorten(r, hit.t);
+    face += first_face;
+    // Without a hit yet best.t is t_max and the interval is open.
+    if (hit.t < best.t || (hit.t == best.t && best.face != kNoFace && face < best.face)) {
+      best = Hit{hit.t, face, hit.u, hit.v};
+      if (!ray.everything) shorten(ray, hit.t);
     }
     return false;
   };
-  walk_sheet<F>(sheet, r, on_hit);
+  walk_sheet<F>(sheet, ray, on_hit);
+}
+
+template <class F, class Accept>
+[[nodiscard]] NPSIM_ALWAYS_INLINE bool any_of(const SheetTrace& sheet, SheetRay& ray, std::uint32_t first_face,
+                                              Accept& accept) noexcept {
+  bool found = false;
+  auto on_hit = [&](std::uint32_t face, const TriangleHit& hit) noexcept {
+    found = hit.t < ray.frame.t_max && accept(first_face + face);
+    return found;
+  };
+  walk_sheet<F>(sheet, ray, on_hit);
+  return found;
 }
 
 }  // namespace sheet_detail
@@ -302,10 +334,13 @@ void closest_of(const SheetTrace& sheet, const Ray& ray, std::uint32_t first_fac
 // The nearest face that the ray meets; `out` is written only when there is one.
 template <class F = simd::F32>
 [[nodiscard]] bool closest_hit(const SheetScene& scene, const Ray& ray, Hit& out) noexcept {
+  SheetRay r;
+  if (scene.layers.empty() || !sheet_detail::ray_into(scene, scene.layers[0], ray, r)) return false;
   Hit best;
+  best.t = r.frame.t_max;
   std::uint32_t first_face = 0;
   for (const SheetTrace& sheet : scene.layers) {
-    sheet_detail::closest_of<F>(sheet, ray, first_face, best);
+    if (sheet.levels > 0) sheet_detail::closest_of<F>(sheet, r, first_face, best);
     first_face += sheet_face_count(sheet.vertices.shape());
   }
   if (best.face == kNoFace) return false;
@@ -315,24 +350,24 @@ template <class F = simd::F32>
 
 template <class F = simd::F32>
 [[nodiscard]] bool closest_hit(const SheetTrace& sheet, const Ray& ray, Hit& out) noexcept {
-  return closest_hit<F>(SheetScene{Span<const SheetTrace>(&sheet, 1)}, ray, out);
+  SheetRay r;
+  if (!sheet_detail::ray_into(sheet, sheet, ray, r)) return false;
+  Hit best;
+  best.t = r.frame.t_max;
+  sheet_detail::closest_of<F>(sheet, r, 0, best);
+  if (best.face == kNoFace) return false;
+  out = best;
+  return true;
 }
 
 // Whether some face with accept(face) lies on the ray; the others are transparent.
 template <class F = simd::F32, class Accept>
 [[nodiscard]] bool occluded(const SheetScene& scene, const Ray& ray, Accept&& accept) noexcept {
+  SheetRay r;
+  if (scene.layers.empty() || !sheet_detail::ray_into(scene, scene.layers[0], ray, r)) return false;
   std::uint32_t first_face = 0;
-  bool found = false;
   for (const SheetTrace& sheet : scene.layers) {
-    SheetRay r;
-    if (sheet_detail::make_sheet_ray(sheet, ray, r)) {
-      auto on_hit = [&](std::uint32_t face, const TriangleHit& hit) noexcept {
-        found = hit.t < r.frame.t_max && accept(first_face + face);
-        return found;
-      };
-      sheet_detail::walk_sheet<F>(sheet, r, on_hit);
-      if (found) return true;
-    }
+    if (sheet.levels > 0 && sheet_detail::any_of<F>(sheet, r, first_face, accept)) return true;
     first_face += sheet_face_count(sheet.vertices.shape());
   }
   return false;
@@ -340,7 +375,8 @@ template <class F = simd::F32, class Accept>
 
 template <class F = simd::F32, class Accept>
 [[nodiscard]] bool occluded(const SheetTrace& sheet, const Ray& ray, Accept&& accept) noexcept {
-  return occluded<F>(SheetScene{Span<const SheetTrace>(&sheet, 1)}, ray, accept);
+  SheetRay r;
+  return sheet_detail::ray_into(sheet, sheet, ray, r) && sheet_detail::any_of<F>(sheet, r, 0, accept);
 }
 
 template <class F = simd::F32>
@@ -350,7 +386,7 @@ template <class F = simd::F32>
 
 template <class F = simd::F32>
 [[nodiscard]] bool occluded(const SheetTrace& sheet, const Ray& ray) noexcept {
-  return occluded<F>(SheetScene{Span<const SheetTrace>(&sheet, 1)}, ray);
+  return occluded<F>(sheet, ray, [](std::uint32_t) noexcept { return true; });
 }
 
 }  // namespace NPSIM_ISA_NAMESPACE

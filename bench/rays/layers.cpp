@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "layers.hpp"
+
+#include <cstdio>
+#include <memory>
+#include <utility>
+
+#include "../host.hpp"
+#include "npsim/exec/thread_pool.hpp"
+#include "npsim/mesh/complete_background.hpp"
+#include "npsim/mesh/complete_foreground.hpp"
+#include "npsim/mesh/prune.hpp"
+#include "npsim/mesh/sheet.hpp"
+#include "npsim/pipeline/reconstruct.hpp"
+#include "npsim/pipeline/refine_depth.hpp"
+#include "street/street.hpp"
+
+namespace npsim::bench {
+namespace {
+
+struct Quiet {
+  void begin(Stage) {}
+  void end(Stage) {}
+  void progress(std::size_t, std::size_t) {}
+  void depth(Stage, const ImageView<const float>&) {}
+  [[nodiscard]] bool cancelled() const { return false; }
+};
+
+struct Close {
+  void operator()(std::FILE* f) const { static_cast<void>(std::fclose(f)); }
+};
+using File = std::unique_ptr<std::FILE, Close>;
+
+}  // namespace
+
+Layers make_layers(Shape shape) {
+  ThreadPool pool;
+  street::Street street;
+  street::StreetParams street_params;
+  street_params.shape = shape;
+  street_params.samples = 1;
+  street_params.sky_rays = 1;
+  must(street::make_street(street_params, pool, street));
+  SceneView scene;
+  scene.camera = street.intrinsics;
+  scene.camera_height_m = street.camera_height_m;
+  scene.image = street.image.view();
+  scene.depth = street.est_depth.view();
+  scene.labels = street.labels.view();
+  scene.instances = street.instances.view();
+  scene.normals = street.est_normals.view();
+  scene.light_index = street.light_index.view();
+  scene.lights = Span<const LightMark>(street.marks.data(), street.marks.size());
+
+  Layers out{street.intrinsics, {Layer(shape), Layer(shape), Layer(shape)}};
+  const RefineDepthParams depth_params;
+  const ReconstructParams params;
+  Arena arena(refine_depth_workspace_bytes(depth_params, shape) + reconstruct_workspace_bytes(params, shape));
+  Workspace& workspace = arena.workspace();
+  RefinedDepth refined;
+  Quiet quiet;
+  must(refine_depth(depth_params, scene, workspace, pool, quiet, refined));
+  io::Image<std::uint8_t> state(shape);
+  io::Image<std::uint32_t> object(shape);
+  const SheetLayer sheet = out.all[0].view();
+  must(build_sheet(params.sheet, refined.depth, refined.surface, scene.camera, sheet, pool));
+  must(prune(params.prune, refined.uncertain, refined.labels, sheet, pool));
+  copy_pixels(sheet.vertices, out.all[1].vertices.view());
+  copy_pixels(sheet.quads, out.all[1].quads.view());
+  must(complete_background(params.background, sheet.vertices, refined.labels, refined.uncertain, refined.surface,
+                           scene.camera, out.all[1].view(), state.view(), workspace, pool));
+  must(complete_foreground(params.foreground, params.sheet, refined.depth, refined.surface, refined.labels,
+                           scene.instances, refined.uncertain, state.view(), scene.camera, out.all[2].view(),
+                           object.view(), workspace, pool));
+  return out;
+}
+
+bool save_layers(const Layers& layers, const char* path) {
+  const File file(std::fopen(path, "wb"));
+  if (!file) return false;
+  const Shape shape = layers.all[0].vertices.shape();
+  bool good = std::fwrite(&shape, sizeof shape, 1, file.get()) == 1 &&
+              std::fwrite(&layers.intrinsics, sizeof layers.intrinsics, 1, file.get()) == 1;
+  for (const Layer& l : layers.all) {
+    good = good && std::fwrite(l.vertices.data(), sizeof(Vec3f), shape.pixels(), file.get()) == shape.pixels();
+    const std::size_t quads = quad_shape(shape).pixels();
+    good = good && std::fwrite(l.quads.data(), 1, quads, file.get()) == quads;
+  }
+  return good;
+}
+
+bool load_layers(const char* path, Layers& layers) {
+  const File file(std::fopen(path, "rb"));
+  if (!file) return false;
+  Shape shape;
+  bool good = std::fread(&shape, sizeof shape, 1, file.get()) == 1 &&
+              std::fread(&layers.intrinsics, sizeof layers.intrinsics, 1, file.get()) == 1;
+  if (!good || shape.width < 2 || shape.height < 2 || shape.width > 65536 || shape.height > 65536) return false;
+  layers.all.assign(3, Layer(shape));
+  for (Layer& l : layers.all) {
+    good = good && std::fread(l.vertices.data(), sizeof(Vec3f), shape.pixels(), file.get()) == shape.pixels();
+    const std::size_t quads = quad_shape(shape).pixels();
+    good = good && std::fread(l.quads.data(), 1, quads, file.get()) == quads;
+  }
+  return good;
+}
+
+}  // namespace npsim::bench

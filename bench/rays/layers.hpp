@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// What rays are traced through: the sheet of a generated street, and its two completed layers.
+#ifndef NPSIM_BENCH_RAYS_LAYERS_HPP
+#define NPSIM_BENCH_RAYS_LAYERS_HPP
+
+#include <cstdint>
+#include <vector>
+
+#include "npsim/core/camera.hpp"
+#include "npsim/core/triangle_mesh.hpp"
+#include "npsim/io/image.hpp"
+#include "npsim/mesh/layer.hpp"
+
+namespace npsim::bench {
+
+struct Layer {
+  explicit Layer(Shape shape) : vertices(shape), quads(quad_shape(shape)) {}
+  [[nodiscard]] SheetLayer view() { return {vertices.view(), quads.view()}; }
+  io::Image<Vec3f> vertices;
+  io::Image<std::uint8_t> quads;
+};
+
+struct Layers {
+  Intrinsics intrinsics;
+  std::vector<Layer> all;  // the sheet alone; the background; the foreground
+};
+
+[[nodiscard]] Layers make_layers(Shape shape);
+[[nodiscard]] bool save_layers(const Layers& layers, const char* path);
+[[nodiscard]] bool load_layers(const char* path, Layers& layers);
+
+}  // namespace npsim::bench
+
+#endif  // NPSIM_BENCH_RAYS_LAYERS_HPP

@@ -1,0 +1,362 @@
+// SPDX-License-Identifier: Apache-2.0
+// npsim_bench_rays: the ray structure of the sheet beside Embree 3 and the general tree.
+//
+// Arguments: sizes such as 960x540 (default) or files of layers; --save FILE writes the layers of the size that follows
+// and stops; --rays N a set (default 200000), --rounds N (default 5), --no-peer. One thread. Every round runs every
+// structure once on each set, one after the other; medians are printed, the rates in million rays a second.
+// Scenes: "sheet", one layer as photographed, uncertain faces deleted; "layers", background and foreground as one.
+// Sets: a  camera rays through a random point of each pixel, in scan order, closest hit;
+//       b  from points seen by the camera to 30 lamps, lamp by lamp, points in scan order, any hit;
+//       c  cosine-distributed bounces from those points in random order, closest hit;   c2  the same in pixel order.
+// Agreement is against Embree's robust mode: rays whose hit, face or distance (1e-5 of max(t, depth)) differs, per million;
+// "ties" are those of them whose faces touch: the same distance to 1e-5.
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <numeric>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "../host.hpp"
+#include "layers.hpp"
+#include "npsim/core/executor.hpp"
+#include "npsim/core/random.hpp"
+#include "npsim/mesh/index.hpp"
+#include "npsim/trace/bvh.hpp"
+#include "npsim/trace/sheet_build.hpp"
+#include "npsim/trace/sheet_traverse.hpp"
+#if defined(NPSIM_BENCH_EMBREE)
+#include "embree.hpp"
+#endif
+
+namespace {
+
+using namespace npsim;
+using bench::Arena;
+using bench::Layer;
+using bench::Layers;
+using bench::must;
+
+[[nodiscard]] double median(std::vector<double> v) {
+  std::sort(v.begin(), v.end());
+  return v.empty() ? 0.0 : v[v.size() / 2];
+}
+
+template <class F>
+[[nodiscard]] double seconds(F&& f) {
+  const auto begin = std::chrono::steady_clock::now();
+  f();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+struct RaySet {
+  const char* name;
+  bool any;
+  std::vector<Ray> rays;
+};
+
+struct Mesh {
+  std::vector<Vec3f> vertices;
+  std::vector<Face> faces;
+  std::vector<std::uint32_t> index_of;  // of every face of the layers' own numbers
+  [[nodiscard]] TriangleMeshView view() const {
+    return {{vertices.data(), vertices.size()}, {faces.data(), faces.size()}};
+  }
+};
+
+[[nodiscard]] Mesh mesh_of(std::vector<SheetLayer> layers) {
+  Mesh out;
+  for (const SheetLayer& layer : layers) {
+    const MeshSize size = mesh_size(layer);
+    const std::size_t v = out.vertices.size();
+    const std::size_t f = out.faces.size();
+    out.vertices.resize(v + size.vertices);
+    out.faces.resize(f + size.faces);
+    Arena arena(index_layer_workspace_bytes(layer.vertices.shape()));
+    SerialExecutor serial;
+    MeshSize written;
+    must(index_layer(layer, static_cast<std::uint32_t>(v),
+                     {{out.vertices.data() + v, size.vertices}, {out.faces.data() + f, size.faces}, {}}, written,
+                     arena.workspace(), serial));
+    auto next = static_cast<std::uint32_t>(f);
+    for (int y = 0; y < layer.quads.height(); ++y) {
+      for (int x = 0; x < layer.quads.width(); ++x) {
+        for (const unsigned bit : {kQuadUpperFace, kQuadLowerFace}) {
+          out.index_of.push_back((layer.quads(x, y) & bit) != 0 ? next++ : kNoFace);
+        }
+      }
+    }
+  }
+  return out;
+}
+
+[[nodiscard]] Vec3f off_surface(const Mesh& mesh, Hit hit, const Vec3f& direction, bool keep_side) {
+  hit.face = mesh.index_of[hit.face];
+  const SurfacePoint p = surface_point(mesh.view(), hit);
+  Vec3f normal = p.normal;
+  if (!keep_side && dot(normal, direction) < 0) normal = -normal;
+  return offset_ray_origin(p.position, p.error, normal, direction);
+}
+
+[[nodiscard]] std::vector<RaySet> make_rays(const SheetScene& scene, const Mesh& mesh, std::size_t count) {
+  const SheetTrace& first = scene.layers[0];
+  const Shape shape = first.vertices.shape();
+  std::vector<RaySet> sets = {{"a", false, {}}, {"b", true, {}}, {"c", false, {}}, {"c2", false, {}}};
+  // Whole rows, so that neighbours follow each other, evenly spread over the picture.
+  const auto width = static_cast<std::size_t>(shape.width);
+  const std::size_t step = std::max<std::size_t>(1, shape.pixels() / std::max<std::size_t>(count, 1));
+  struct Seen {
+    Hit hit;
+    Vec3f direction;
+  };
+  std::vector<Seen> seen;
+  for (std::size_t i = 0; i / width * step < static_cast<std::size_t>(shape.height); ++i) {
+    const auto pixel = static_cast<std::uint32_t>(i / width * step * width + i % width);
+    RandomStream r(1, RandomPurpose::test, 0, 0, pixel, 0);
+    const float u = static_cast<float>(pixel % static_cast<std::uint32_t>(shape.width)) + r.uniform();
+    const float v = static_cast<float>(pixel / static_cast<std::uint32_t>(shape.width)) + r.uniform();
+    Ray ray{{0, 0, 0}, normalized(unproject(first.intrinsics, u, v, 1.0F))};
+    sets[0].rays.push_back(ray);
+    Hit hit;
+    if (closest_hit(scene, ray, hit)) seen.push_back({hit, ray.direction});
+  }
+  if (seen.empty()) return sets;
+  const std::size_t lamps = 30;
+  const std::size_t stride = std::max<std::size_t>(1, seen.size() * lamps / count);
+  for (std::uint32_t l = 0; l < lamps; ++l) {
+    RandomStream r(2, RandomPurpose::test, 0, l, 0, 0);
+    const float z = 4.0F + 3.0F * static_cast<float>(l);
+    const Vec3f lamp{(l % 2 == 0 ? 1.0F : -1.0F) * r.uniform(3.0F, 7.0F), -r.uniform(3.5F, 5.0F), z};
+    for (std::size_t i = l % stride; i < seen.size(); i += stride) {
+      const Vec3f from = off_surface(mesh, seen[i].hit, lamp, false);
+      const Vec3f start = off_surface(mesh, seen[i].hit, lamp - from, false);
+      Ray ray{start, lamp - start};
+      ray.t_max = 1.0F;
+      sets[1].rays.push_back(ray);
+    }
+  }
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(i), 0);
+    Hit h = seen[i].hit;
+    h.face = mesh.index_of[h.face];
+    Vec3f n = surface_point(mesh.view(), h).normal;
+    if (dot(n, seen[i].direction) > 0) n = -n;
+    Vec3f d;
+    do {
+      const float x = r.uniform(-1.0F, 1.0F);
+      const float y = r.uniform(-1.0F, 1.0F);
+      d = {x, y, r.uniform(-1.0F, 1.0F)};
+    } while (dot(d, d) > 1.0F || dot(d, d) < 1e-3F);
+    d = normalized(normalized(d) + n * 1.0001F);
+    sets[3].rays.push_back({off_surface(mesh, seen[i].hit, d, true), d});
+  }
+  sets[2].rays = sets[3].rays;
+  for (std::size_t i = sets[2].rays.size(); i > 1; --i) {
+    RandomStream r(4, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(i), 0);
+    std::swap(sets[2].rays[i - 1], sets[2].rays[r.next_u32() % i]);
+  }
+  return sets;
+}
+
+struct Contender {
+  std::string name;
+  std::vector<double> build;
+  double bytes = 0;
+  std::vector<std::vector<double>> times;  // a set each
+  std::vector<std::vector<Hit>> hits;
+};
+
+template <class Closest, class Any>
+void run(const std::vector<RaySet>& sets, Contender& c, const Closest& closest, const Any& any) {
+  c.times.resize(sets.size());
+  c.hits.resize(sets.size());
+  for (std::size_t s = 0; s < sets.size(); ++s) {
+    std::vector<Hit>& hits = c.hits[s];
+    hits.assign(sets[s].rays.size(), Hit{});
+    c.times[s].push_back(seconds([&] {
+      for (std::size_t i = 0; i < hits.size(); ++i) {
+        if (sets[s].any) {
+          hits[i].face = any(sets[s].rays[i]) ? 0 : kNoFace;
+        } else {
+          hits[i] = closest(sets[s].rays[i]);
+        }
+      }
+    }));
+  }
+}
+
+void agreement(const RaySet& set, const std::vector<Hit>& ours, const std::vector<Hit>& peer, const Mesh& mesh,
+               const char* scene) {
+  std::size_t missed = 0;
+  std::size_t extra = 0;
+  std::size_t far = 0;
+  std::size_t ties = 0;
+  for (std::size_t i = 0; i < ours.size(); ++i) {
+    const bool a = ours[i].face != kNoFace;
+    const bool b = peer[i].face != kNoFace;
+    if (a != b) {
+      ++(a ? extra : missed);
+    } else if (a && !set.any) {
+      const float z = std::fabs(set.rays[i].origin.z + ours[i].t * set.rays[i].direction.z);
+      const bool same_t = std::fabs(ours[i].t - peer[i].t) <= 1e-5F * std::max(ours[i].t, z);
+      if (!same_t) {
+        ++far;
+      } else if (mesh.index_of[ours[i].face] != peer[i].face) {
+        ++ties;
+      }
+    }
+  }
+  const double scale = 1e6 / static_cast<double>(std::max<std::size_t>(ours.size(), 1));
+  std::printf("%-7s %-3s of a million: missed %.0f, hit alone %.0f, other distance %.0f, other face at the same %.0f\n",
+              scene, set.name, scale * static_cast<double>(missed), scale * static_cast<double>(extra),
+              scale * static_cast<double>(far), scale * static_cast<double>(ties));
+}
+
+void measure(const char* name, std::vector<SheetLayer> layers, const Intrinsics& intrinsics, std::size_t rays,
+             int rounds, bool with_peer) {
+  const Mesh mesh = mesh_of(layers);
+  const Shape shape = layers[0].vertices.shape();
+  const auto faces = static_cast<double>(mesh.faces.size());
+  std::printf("%-7s %d x %d, %zu triangles\n", name, shape.width, shape.height, mesh.faces.size());
+  SerialExecutor serial;
+  std::vector<std::unique_ptr<Arena>> memory;
+  std::vector<SheetTrace> traces(layers.size());
+  for (std::size_t l = 0; l < layers.size(); ++l) {
+    memory.push_back(std::make_unique<Arena>(sheet_workspace_bytes(shape)));
+  }
+  Contender sheet{"sheet", {}, 0, {}, {}};
+  const auto build = [&] {
+    for (std::size_t l = 0; l < layers.size(); ++l) {
+      const WorkspaceScope scope(memory[l]->workspace());
+      must(build_sheet_trace(layers[l], intrinsics, memory[l]->workspace(), traces[l], serial));
+    }
+  };
+  build();
+  SheetScene scene;
+  must(join_layers({traces.data(), traces.size()}, scene));
+  sheet.bytes = static_cast<double>(sheet_workspace_bytes(shape)) * static_cast<double>(layers.size());
+  const std::vector<RaySet> sets = make_rays(scene, mesh, rays);
+
+  Contender tree{"tree", {}, static_cast<double>(64 * mesh.faces.size() + 40 * mesh.faces.size()), {}, {}};
+  Arena tree_memory(bvh_workspace_bytes(mesh.faces.size()));
+  Bvh bvh;
+  tree.build.push_back(seconds([&] { must(build_bvh(mesh.view(), tree_memory.workspace(), bvh)); }));
+#if defined(NPSIM_BENCH_EMBREE)
+  Contender plain{"embree", {}, 0, {}, {}};
+  Contender robust{"robust", {}, 0, {}, {}};
+  std::unique_ptr<bench::Embree> peers[2];
+  for (int i = 0; with_peer && i < 2; ++i) {
+    peers[i] = std::make_unique<bench::Embree>(mesh.view(), i == 1);
+    Contender& c = i == 1 ? robust : plain;
+    c.build.push_back(seconds([&] { peers[i]->build(); }));
+    c.bytes = peers[i]->bytes();
+  }
+#endif
+  for (int round = 0; round < rounds; ++round) {
+    sheet.build.push_back(seconds(build));
+    run(
+        sets, sheet,
+        [&](const Ray& r) {
+          Hit h;
+          static_cast<void>(closest_hit(scene, r, h));
+          return h;
+        },
+        [&](const Ray& r) { return occluded(scene, r); });
+    if (round < 2) {
+      run(
+          sets, tree,
+          [&](const Ray& r) {
+            Hit h;
+            static_cast<void>(closest_hit(bvh, r, h));
+            return h;
+          },
+          [&](const Ray& r) { return occluded(bvh, r); });
+    }
+#if defined(NPSIM_BENCH_EMBREE)
+    if (with_peer) {
+      run(
+          sets, plain, [&](const Ray& r) { return peers[0]->closest(r); },
+          [&](const Ray& r) { return peers[0]->occluded(r); });
+      run(
+          sets, robust, [&](const Ray& r) { return peers[1]->closest(r); },
+          [&](const Ray& r) { return peers[1]->occluded(r); });
+    }
+#endif
+  }
+  std::vector<const Contender*> all = {&sheet, &tree};
+#if defined(NPSIM_BENCH_EMBREE)
+  if (with_peer) {
+    all.push_back(&plain);
+    all.push_back(&robust);
+  }
+#endif
+  std::printf("%-7s %-7s %9s %9s", "scene", "what", "build s", "B/face");
+  for (const RaySet& s : sets) std::printf(" %8s", s.name);
+  std::printf("\n");
+  for (const Contender* c : all) {
+    std::printf("%-7s %-7s %9.4f %9.2f", name, c->name.c_str(), median(c->build), c->bytes / faces);
+    for (std::size_t s = 0; s < sets.size(); ++s) {
+      std::printf(" %8.3f", 1e-6 * static_cast<double>(sets[s].rays.size()) / median(c->times[s]));
+    }
+    std::printf("\n");
+  }
+#if defined(NPSIM_BENCH_EMBREE)
+  if (with_peer) {
+    std::printf("%-7s sheet / embree: build %.0fx", name, median(plain.build) / median(sheet.build));
+    for (std::size_t s = 0; s < sets.size(); ++s) {
+      std::printf(", %s %.2fx", sets[s].name, median(plain.times[s]) / median(sheet.times[s]));
+    }
+    std::printf("\n");
+    for (std::size_t s = 0; s < sets.size(); ++s) agreement(sets[s], sheet.hits[s], robust.hits[s], mesh, name);
+  }
+#else
+  static_cast<void>(with_peer);
+#endif
+  std::printf("\n");
+  std::fflush(stdout);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::size_t rays = 200000;
+  int rounds = 5;
+  bool with_peer = true;
+  const char* save = nullptr;
+  std::vector<const char*> names;
+  for (int i = 1; i < argc; ++i) {
+    if (std::strcmp(argv[i], "--rays") == 0 && i + 1 < argc) {
+      rays = std::strtoul(argv[++i], nullptr, 10);
+    } else if (std::strcmp(argv[i], "--rounds") == 0 && i + 1 < argc) {
+      rounds = std::max(1, std::atoi(argv[++i]));
+    } else if (std::strcmp(argv[i], "--save") == 0 && i + 1 < argc) {
+      save = argv[++i];
+    } else if (std::strcmp(argv[i], "--no-peer") == 0) {
+      with_peer = false;
+    } else {
+      names.push_back(argv[i]);
+    }
+  }
+  if (names.empty()) names.push_back("960x540");
+  for (const char* name : names) {
+    Layers layers;
+    Shape shape;
+    if (std::sscanf(name, "%dx%d", &shape.width, &shape.height) == 2) {
+      layers = bench::make_layers(shape);
+    } else if (!bench::load_layers(name, layers)) {
+      std::fprintf(stderr, "npsim_bench_rays: cannot read %s\n", name);
+      return 1;
+    }
+    if (save != nullptr) return bench::save_layers(layers, save) ? 0 : 1;
+    measure("sheet", {layers.all[0].view()}, layers.intrinsics, rays, rounds, with_peer);
+    measure("layers", {layers.all[1].view(), layers.all[2].view()}, layers.intrinsics, rays, rounds, with_peer);
+  }
+  return 0;
+}
