@@ -432,6 +432,35 @@ TEST_CASE("trace: the interval is open at both ends") {
   CHECK_FALSE(npsim::occluded(tree.bvh, Ray{{0.25F, 0.5F, 4}, {0.1F, 0.2F, 1}}));
 }
 
+TEST_CASE("trace: the triangle that is tried first never changes whether a ray is blocked") {
+  RandomStream random = stream(77);
+  Mesh mesh;
+  for (int i = 0; i < 400; ++i) {
+    const Vec3f a = in_cube(random, 1.0F);
+    mesh.add(a, a + in_cube(random, 0.2F), a + in_cube(random, 0.2F));
+  }
+  const Tree tree(mesh);
+  const auto even = [](std::uint32_t face) { return face % 2 == 0; };
+  std::uint32_t likely = npsim::kNoFace;
+  int blocked = 0;
+  int kept = 0;
+  Ray ray;
+  for (int i = 0; i < 4000; ++i) {
+    if (i % 2 == 0) ray = {in_cube(random, 1.5F), in_cube(random, 1.0F), 0.0F, 1.5F};
+    if (i % 2 == 1) ray.direction = ray.direction + in_cube(random, 1e-3F);  // a neighbour
+    const std::uint32_t before = i % 7 == 0 ? static_cast<std::uint32_t>(i) * 977U : likely;  // also beyond the end
+    likely = before;
+    const bool found = npsim::occluded(tree.bvh, ray, even, likely);
+    CHECK(found == npsim::occluded(tree.bvh, ray, even));
+    blocked += found ? 1 : 0;
+    kept += found && likely == before ? 1 : 0;
+    if (found) CHECK(even(tree.bvh.triangles[likely].face));
+  }
+  CHECK(blocked > 200);
+  CHECK(blocked < 3600);
+  CHECK(kept > 100);
+}
+
 TEST_CASE("trace: an emitter's own faces can be made transparent") {
   Mesh mesh;
   mesh.add({-1, -1, 4}, {3, -1, 4}, {-1, 3, 4});

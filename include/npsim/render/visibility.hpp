@@ -93,6 +93,7 @@ Status compute_visibility(const VisibilityParams& params, const Bvh& bvh, const 
       };
       std::size_t traced = begin;  // the last point for which rays were traced, if traced_any
       bool traced_any = false;
+      std::uint32_t blocker = kNoFace;  // of the last ray that met one
       const float extent = 2.0F * std::fmax(length(emitter.half_u_m), length(emitter.half_v_m));
       for (std::size_t p = begin; p < end; ++p) {
         row[p] = 0;
@@ -128,7 +129,7 @@ Status compute_visibility(const VisibilityParams& params, const Bvh& bvh, const 
                                          (static_cast<float>(s / k) + jitter_v) / static_cast<float>(k)) -
                             origin;
             ray.t_max = 0.999F;
-            if (!occluded(bvh, ray, passes)) ++seen;
+            if (!occluded(bvh, ray, passes, blocker)) ++seen;
           }
           return seen;
         };

@@ -88,23 +88,35 @@ inline void traverse(const Bvh& bvh, const RayFrame& ray, Leaf&& leaf) noexcept 
   return true;
 }
 
-// Whether some face with accept(face) lies on the ray; the others are transparent.
+// Whether some face with accept(face) lies on the ray; the others are transparent. `likely`, a position in
+// bvh.triangles or kNoFace, is tried first, and becomes the triangle that was met: what shadows one point mostly
+// shadows its neighbour too. It never changes the answer.
 template <class Accept>
-[[nodiscard]] inline bool occluded(const Bvh& bvh, const Ray& ray, Accept&& accept) noexcept {
+[[nodiscard]] inline bool occluded(const Bvh& bvh, const Ray& ray, Accept&& accept, std::uint32_t& likely) noexcept {
   RayFrame frame;
   if (bvh.nodes.empty() || !make_ray_frame(ray, bvh.nodes[0].low, bvh.nodes[0].high, frame)) return false;
+  const auto blocks = [&frame, &accept](const BvhTriangle& triangle) noexcept {
+    TriangleHit hit;
+    return intersect_triangle(frame, triangle.vertex, hit) && hit.t < frame.t_max && accept(triangle.face);
+  };
+  if (likely < bvh.triangles.size() && blocks(bvh.triangles[likely])) return true;
   bool found = false;
-  traverse(bvh, frame, [&frame, &found, &accept](Span<const BvhTriangle> triangles) noexcept {
+  traverse(bvh, frame, [&](Span<const BvhTriangle> triangles) noexcept {
     for (const BvhTriangle& triangle : triangles) {
-      TriangleHit hit;
-      if (intersect_triangle(frame, triangle.vertex, hit) && hit.t < frame.t_max && accept(triangle.face)) {
-        found = true;
-        return -1.0F;
-      }
+      if (!blocks(triangle)) continue;
+      likely = static_cast<std::uint32_t>(&triangle - bvh.triangles.data());
+      found = true;
+      return -1.0F;
     }
     return frame.t_max;
   });
   return found;
+}
+
+template <class Accept>
+[[nodiscard]] inline bool occluded(const Bvh& bvh, const Ray& ray, Accept&& accept) noexcept {
+  std::uint32_t none = kNoFace;
+  return occluded(bvh, ray, accept, none);
 }
 
 [[nodiscard]] inline bool occluded(const Bvh& bvh, const Ray& ray) noexcept {
