@@ -139,7 +139,8 @@ TEST_CASE("the slope at an anchor is the least-squares one to 5e-8 of its invers
     const int y = static_cast<int>(random.uniform(0.0F, 150.0F));
     const bool inside = x >= radius && y >= radius && x + radius < 200 && y + radius < 150;
     state(x, y) = row_state::known;
-    const double exact = reference::anchor_slope(radius, 0.2F, vertices.cview(), state.cview(), x, y);
+    const double exact =
+        reference::anchor_slope(radius, static_cast<double>(0.2F), vertices.cview(), state.cview(), x, y);
     const double found =
         mesh_detail::inverse_depth_slope<simd::F32>(radius, 0.2F, vertices.cview(), state.cview(), x, y);
     CHECK(std::fabs(found - exact) <= (inside ? 5e-8 : 5e-7) / static_cast<double>(vertices(x, y).z));
