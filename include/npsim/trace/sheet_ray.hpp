@@ -37,9 +37,11 @@ inline namespace v1 {
 
 struct SheetRay {
   RayFrame frame;
-  float u, v, w;     // at s = 0, in pixels from the first one's centre, and 1 / m
-  float du, dv, dw;  // to s = 1; du and dv are not 0
-  float iu, iv;      // 1 / du, 1 / dv
+  float u, v, w;        // at s = 0, in pixels from the first one's centre, and 1 / m
+  float du, dv, dw;     // to s = 1; du and dv are not 0
+  float iu, iv;         // 1 / du, 1 / dv
+  float near_u, far_u;  // s where the ray enters and leaves column x, pads included: x iu + near_u, x iu + far_u
+  float near_v, far_v;  // the same of rows
   float pad_px, pad_w;
   float s_max;      // nothing beyond it matters
   bool everything;  // the projection says nothing
@@ -129,6 +131,12 @@ inline void shorten(SheetRay& ray, float t) noexcept {
   out.iv = 1.0F / out.dv;
   const auto off = static_cast<float>(rho) * 1.25F;  // rho / (1 - rho) and its rounding
   out.pad_px = off * bounds.focal_reach + bounds.pad_px;
+  const float pad_u = out.pad_px * std::fabs(out.iu);
+  const float pad_v = out.pad_px * std::fabs(out.iv);
+  out.near_u = -out.u * out.iu - pad_u;
+  out.far_u = -out.u * out.iu + pad_u;
+  out.near_v = -out.v * out.iv - pad_v;
+  out.far_v = -out.v * out.iv + pad_v;
   out.pad_w = 1.25F * (off * static_cast<float>(std::max(w0, w1)) + 0x1p-19F * bounds.max_inverse_depth);
   return true;
 }

@@ -39,15 +39,13 @@ inline constexpr float kBeforeStart = -0x1p-20F;
 // Swaps the columns of a block of 4x4 bits for rays to the left, and its rows for rays upwards, so that the lowest bit
 // is the first on the way.
 [[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t along(std::uint32_t m, std::uint32_t flip) noexcept {
-  if ((flip & 3U) != 0) {
-    m = (m & 0x5555U) << 1U | (m & 0xAAAAU) >> 1U;
-    m = (m & 0x3333U) << 2U | (m & 0xCCCCU) >> 2U;
-  }
-  if ((flip & 12U) != 0) {
-    m = (m & 0x0F0FU) << 4U | (m & 0xF0F0U) >> 4U;
-    m = (m & 0x00FFU) << 8U | (m & 0xFF00U) >> 8U;
-  }
-  return m;
+  // Without branches: the octants of rays that follow each other have nothing to do with each other.
+  const std::uint32_t pairs = (m & 0x5555U) << 1U | (m & 0xAAAAU) >> 1U;
+  const std::uint32_t columns = (pairs & 0x3333U) << 2U | (pairs & 0xCCCCU) >> 2U;
+  m ^= (m ^ columns) & (0U - (flip & 1U));
+  const std::uint32_t bytes = (m & 0x0F0FU) << 4U | (m & 0xF0F0U) >> 4U;
+  const std::uint32_t rows = (bytes & 0x00FFU) << 8U | (bytes & 0xFF00U) >> 8U;
+  return m ^ ((m ^ rows) & (0U - (flip >> 2U & 1U)));
 }
 
 [[nodiscard]] inline std::uint32_t flip_of(const SheetRay& ray) noexcept {
@@ -60,18 +58,14 @@ struct Crossing {
   F enter, leave;
 
   NPSIM_ALWAYS_INLINE Crossing(const SheetRay& ray, float x, float y, float size, int part) noexcept {
+    const F columns = fma(simd::block_columns<F>(part), F(size), F(x));
+    const F rows = fma(simd::block_rows<F>(part), F(size), F(y));
     const float step_u = size * ray.iu;
     const float step_v = size * ray.iv;
-    const float pad_u = ray.pad_px * std::fabs(ray.iu);
-    const float pad_v = ray.pad_px * std::fabs(ray.iv);
-    const float at_u = (x - ray.u) * ray.iu;
-    const float at_v = (y - ray.v) * ray.iv;
-    const F columns = simd::block_columns<F>(part);
-    const F rows = simd::block_rows<F>(part);
-    const F near_u = fma(columns, F(step_u), F(at_u + (step_u < 0 ? step_u : 0.0F) - pad_u));
-    const F far_u = fma(columns, F(step_u), F(at_u + (step_u < 0 ? 0.0F : step_u) + pad_u));
-    const F near_v = fma(rows, F(step_v), F(at_v + (step_v < 0 ? step_v : 0.0F) - pad_v));
-    const F far_v = fma(rows, F(step_v), F(at_v + (step_v < 0 ? 0.0F : step_v) + pad_v));
+    const F near_u = fma(columns, F(ray.iu), F(ray.near_u + (step_u < 0 ? step_u : 0.0F)));
+    const F far_u = fma(columns, F(ray.iu), F(ray.far_u + (step_u < 0 ? 0.0F : step_u)));
+    const F near_v = fma(rows, F(ray.iv), F(ray.near_v + (step_v < 0 ? step_v : 0.0F)));
+    const F far_v = fma(rows, F(ray.iv), F(ray.far_v + (step_v < 0 ? 0.0F : step_v)));
     enter = max(max(near_u, near_v), F(kBeforeStart));
     leave = min(min(far_u, far_v), F(ray.s_max));
   }
