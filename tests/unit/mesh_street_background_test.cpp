@@ -36,7 +36,8 @@ Picture random_street(std::uint32_t trial, Shape shape) {
     for (int k = 0; k < count; ++k) {
       const int x = below(w);
       const int y = below(h);
-      p.rectangle(x, y, std::min(w - 1, x + below(widest)), std::min(h - 1, y + below(tallest)), l, z);
+      const int right = std::min(w - 1, x + below(widest));
+      p.rectangle(x, y, right, std::min(h - 1, y + below(tallest)), l, z);
     }
   };
   some(w / 15, label::vegetation, 15.0F, 40, 8);
