@@ -5,9 +5,9 @@
 
 #include <embree3/rtcore.h>
 
+#include <sys/types.h>
 #include <algorithm>
 #include <cstddef>
-#include <sys/types.h>
 
 #include "npsim/core/triangle_mesh.hpp"
 #include "npsim/trace/ray.hpp"

@@ -8,8 +8,8 @@
 // Sets: a  camera rays through a random point of each pixel, in scan order, closest hit;
 //       b  from points seen by the camera to 30 lamps, lamp by lamp, points in scan order, any hit;
 //       c  cosine-distributed bounces from those points in random order, closest hit;   c2  the same in pixel order.
-// Agreement is against Embree's robust mode: rays whose hit, face or distance (1e-5 of max(t, depth)) differs, per million;
-// "ties" are those of them whose faces touch: the same distance to 1e-5.
+// Agreement is against Embree's robust mode: rays whose hit, face or distance (1e-5 of max(t, depth)) differs, per
+// million; "ties" are those of them whose faces touch: the same distance to 1e-5.
 #include <algorithm>
 #include <chrono>
 #include <cmath>

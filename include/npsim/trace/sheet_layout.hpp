@@ -30,7 +30,7 @@
 namespace npsim {
 inline namespace v1 {
 
-inline constexpr int kSheetMaxLevels = 12;   // SheetTiles and the nodes above them; 4^13 quads a side
+inline constexpr int kSheetMaxLevels = 8;    // SheetTiles and the nodes above them; 4^9 quads a side
 inline constexpr int kSheetGroupQuads = 16;  // side of a SheetTiles
 
 struct alignas(64) SheetTiles {

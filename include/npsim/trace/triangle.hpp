@@ -76,14 +76,18 @@ inline namespace NPSIM_ISA_NAMESPACE {
   float reach = 0.0F;
   for (std::uint32_t k = 0; k < 3; ++k) {
     good = good && std::fabs(direction[k]) <= largest && std::fabs(origin[k]) <= kTraceMaxCoordinate;
-    reach = std::fmax(reach, std::fmax(std::fabs(low[k] - origin[k]), std::fabs(high[k] - origin[k])));
+    const float to_low = std::fabs(low[k] - origin[k]);
+    const float to_high = std::fabs(high[k] - origin[k]);
+    const float farther = to_low > to_high ? to_low : to_high;
+    reach = farther > reach ? farther : reach;
   }
   out.t_min = ray.t_min > 0.0F ? ray.t_min : 0.0F;
   out.t_max = ray.t_max;
   good = good && ray.t_min == ray.t_min && out.t_min < out.t_max;
   if (!good) return false;
   for (std::uint32_t k = 0; k < 3; ++k) {
-    const float magnitude = std::fmax(std::fabs(direction[k]), 0x1p-30F * largest);
+    const float size = std::fabs(direction[k]);
+    const float magnitude = size > 0x1p-30F * largest ? size : 0x1p-30F * largest;
     out.origin[k] = origin[k];
     out.inverse[k] = 1.0F / std::copysign(magnitude, direction[k]);
   }
@@ -158,8 +162,11 @@ inline namespace NPSIM_ISA_NAMESPACE {
   float low[3];
   float high[3];
   for (int k = 0; k < 3; ++k) {
-    low[k] = std::fmin(vertex[0][k], std::fmin(vertex[1][k], vertex[2][k]));
-    high[k] = std::fmax(vertex[0][k], std::fmax(vertex[1][k], vertex[2][k]));
+    // Not fmin and fmax, which are calls.
+    const float least = vertex[1][k] < vertex[2][k] ? vertex[1][k] : vertex[2][k];
+    const float greatest = vertex[1][k] > vertex[2][k] ? vertex[1][k] : vertex[2][k];
+    low[k] = vertex[0][k] < least ? vertex[0][k] : least;
+    high[k] = vertex[0][k] > greatest ? vertex[0][k] : greatest;
   }
   float t_enter = 0.0F;
   float t_leave = 0.0F;
