@@ -10,6 +10,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/observe.hpp"
 #include "npsim/core/random.hpp"
+#include "npsim/core/sheet_layer.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/triangle_mesh.hpp"

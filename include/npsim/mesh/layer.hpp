@@ -1,11 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A layer of the scene: one vertex per pixel at most, and for each quad of neighbouring pixels which of its two
-// triangles there are and along which diagonal it is cut. The index buffer is implicit (3 bits a quad) until index.hpp
-// is asked.
+// Walking over the rows of a layer (core/sheet_layer.hpp), and masks that may be left out.
 //
-// Invariants: a missing vertex is exactly {0, 0, 0}; a face exists only where its three vertices do; as every vertex
-// lies on its pixel's ray (or, for a layer completed in position, on its pixel row's plane in the order of the
-// columns), every face has its front towards the camera; an edge has at most two faces, by construction.
+// Invariant: chunks of rows do not depend on the executor. Cost, memory: none of their own.
 #ifndef NPSIM_MESH_LAYER_HPP
 #define NPSIM_MESH_LAYER_HPP
 
@@ -13,48 +9,11 @@
 #include <cstdint>
 
 #include "npsim/core/image_view.hpp"
-#include "npsim/core/status.hpp"
-#include "npsim/core/triangle_mesh.hpp"
-#include "npsim/core/vec.hpp"
+#include "npsim/core/sheet_layer.hpp"
 #include "npsim/simd/isa.hpp"
 
 namespace npsim {
 inline namespace v1 {
-
-// One single-valued layer of surface over the image.
-struct SheetLayer {
-  ImageView<Vec3f> vertices;      // camera frame, m; {0, 0, 0} where there is no vertex
-  ImageView<std::uint8_t> quads;  // quad_shape(vertices.shape()); the quad of pixels (x, y) .. (x + 1, y + 1)
-};
-
-// Bits of a quad with corners A upper left, B upper right, C lower left, D lower right.
-inline constexpr std::uint8_t kQuadAntiDiagonal = 1;  // cut along B-C; else along A-D
-inline constexpr std::uint8_t kQuadUpperFace = 2;     // the triangle with edge A-B is present
-inline constexpr std::uint8_t kQuadLowerFace = 4;     // the triangle with edge C-D is present
-
-[[nodiscard]] constexpr bool has_vertex(const Vec3f& v) noexcept { return v.z > 0.0F; }
-
-[[nodiscard]] constexpr Shape quad_shape(Shape pixels) noexcept {
-  return {pixels.width > 1 ? pixels.width - 1 : 0, pixels.height > 1 ? pixels.height - 1 : 0};
-}
-
-// The upper or lower triangle of a quad, with its front towards the camera.
-[[nodiscard]] constexpr Face quad_face(bool anti, bool upper, std::uint32_t a, std::uint32_t b, std::uint32_t c,
-                                       std::uint32_t d) noexcept {
-  if (upper) return anti ? Face{a, c, b} : Face{a, d, b};
-  return anti ? Face{b, c, d} : Face{a, c, d};
-}
-
-[[nodiscard]] inline Status validate(const SheetLayer& layer) noexcept {
-  if (layer.vertices.empty()) return {StatusCode::invalid_argument, "a sheet needs at least one pixel"};
-  const Shape quads = quad_shape(layer.vertices.shape());
-  if (quads.empty()) return {};  // a single row or column has no quad
-  if (layer.quads.empty() || layer.quads.shape() != quads) {
-    return {StatusCode::shape_mismatch, "the quads of a sheet are one less than its pixels, both ways"};
-  }
-  return {};
-}
-
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace mesh_detail {
 

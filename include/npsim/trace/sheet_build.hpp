@@ -20,9 +20,9 @@
 
 #include "npsim/core/bits.hpp"
 #include "npsim/core/camera.hpp"
+#include "npsim/core/sheet_layer.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/mesh/layer.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/trace/sheet_layout.hpp"
 #include "npsim/trace/triangle.hpp"

@@ -22,10 +22,10 @@
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/sheet_layer.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/mesh/layer.hpp"
 
 namespace npsim {
 inline namespace v1 {
