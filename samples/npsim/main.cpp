@@ -5,7 +5,9 @@
 #include <charconv>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
 #include <new>
+#include <sstream>
 #include <string>
 #include <system_error>
 
@@ -54,6 +56,21 @@ int main(int argc, char** argv) {
       },
       "UINT64");
 
+  // CLI::Range lets NaN pass.
+  const auto within = [](double least, double most) {
+    return CLI::Validator(
+        [least, most](const std::string& text) {
+          const char* begin = text.c_str();
+          char* end = nullptr;
+          const double value = std::strtod(begin, &end);
+          if (end != begin && *end == '\0' && value >= least && value <= most) return std::string();
+          std::ostringstream expected;
+          expected << "expected a number from " << least << " to " << most << ", got " << text;
+          return expected.str();
+        },
+        "FLOAT");
+  };
+
   NightOptions night;
   CLI::App* night_app = app.add_subcommand("night", "Render nights of a scene");
   night_app->add_option("scene", night.scene, "Folder with a scene.json, or the scene.json itself")->required();
@@ -74,7 +91,7 @@ int main(int argc, char** argv) {
   night_app->add_option("--mesh-error", night.mesh_error,
                         "Relative error of depth that the mesh, traced and exported, is simplified to; 0: faces between "
                         "all pixels; default: 0.005, of the thesis 0")
-      ->check(CLI::Range(0.0, 1.0));
+      ->check(within(0.0, 1.0));
   night_app->add_option("--texture", night.texture, "What the exported mesh wears: the photograph, or its albedo")
       ->check(CLI::IsMember({"photograph", "albedo"}))->capture_default_str();
   night_app->add_flag("--quiet", night.quiet, "No progress");
@@ -100,18 +117,18 @@ int main(int argc, char** argv) {
   view_app->add_option("--mesh", view.mesh, "raw: one sheet; pruned: without spurious faces; complete; background; objects")
       ->check(CLI::IsMember({"raw", "pruned", "complete", "background", "objects"}))->capture_default_str();
   view_app->add_option("--closer", view.from.closer_m, "Metres towards what is looked at")
-      ->check(CLI::Range(-1000.0, 1000.0))->capture_default_str();
+      ->check(within(-1000.0, 1000.0))->capture_default_str();
   view_app->add_option("--turn", view.from.turn_deg, "Degrees clockwise round the pivot, seen from above")
-      ->check(CLI::Range(-360.0, 360.0))->capture_default_str();
+      ->check(within(-360.0, 360.0))->capture_default_str();
   view_app->add_option("--climb", view.from.climb_deg, "Degrees above the pivot, looking down on it")
-      ->check(CLI::Range(-90.0, 90.0))->capture_default_str();
+      ->check(within(-90.0, 90.0))->capture_default_str();
   view_app->add_option("--pivot", view.from.pivot_m,
                        "Metres ahead of the photograph's camera; 0: so that the view shows most of the scene")
-      ->check(CLI::Range(0.0, 1000.0))->capture_default_str();
+      ->check(within(0.0, 1000.0))->capture_default_str();
   view_app->add_option("--wire", view.wire_px, "Width in pixels at which edges are drawn; 0: not")
-      ->check(CLI::Range(0.0, 100.0))->capture_default_str();
+      ->check(within(0.0, 100.0))->capture_default_str();
   view_app->add_option("--shading", view.shading, "How much a face darkens by its direction, 0 to 1")
-      ->check(CLI::Range(0.0, 1.0))->capture_default_str();
+      ->check(within(0.0, 1.0))->capture_default_str();
   view_app->add_flag("--y-down", view.y_down, "An OBJ has y down and z ahead, as truth/street.obj; else y is up");
   view_app->add_flag("--plain", view.plain, "Without the photograph");
   view_app->add_option("--picture", view.picture, "Size of the picture, WIDTHxHEIGHT; default: the scene's");

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "npsim/io/atomic_file.hpp"
 
+#include <sys/stat.h>
+
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -49,6 +51,15 @@ TEST_CASE("many writers of one file: it is always that of one of them, complete"
   for (const int f : failed) CHECK(f == 0);
   const std::string text = contents(folder / "a");
   CHECK(text == std::string(100000, text[0]));
+  CHECK(folder.files() == 1);
+}
+
+TEST_CASE("a pipe or a device is refused and stays what it is") {
+  const TemporaryFolder folder;
+  const std::string pipe = folder / "pipe";
+  REQUIRE(::mkfifo(pipe.c_str(), 0600) == 0);
+  check_error(io::write_file(pipe, "text"), "pipe", "expected a file");
+  CHECK(std::filesystem::is_fifo(pipe));
   CHECK(folder.files() == 1);
 }
 

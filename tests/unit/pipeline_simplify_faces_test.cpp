@@ -124,3 +124,30 @@ TEST_CASE("simplified faces: whole, far fewer, every point on its face, and a ni
   CHECK(thin.elsewhere == 0);
   for (int c = 0; c < 3; ++c) CHECK(std::fabs(thin.mean[c] / full.mean[c] - 1) < 0.01);
 }
+
+TEST_CASE("simplified faces: labels of another shape and vertices of another layer are refused") {
+  const Shape shape{8, 6};
+  io::Image<Vec3f> vertices(shape);
+  io::Image<std::uint8_t> quads(quad_shape(shape));
+  io::Image<float> depth(shape, 5.0F);
+  const Intrinsics camera = intrinsics_from_fov(shape, 1.0F);
+  const SheetLayer layer{vertices.view(), quads.view()};
+  SerialExecutor serial;
+  REQUIRE(build_sheet(SheetParams{}, ImageView<const float>(depth.view()), {}, camera, layer, serial).ok());
+  std::vector<unsigned char> memory(simplify_faces_workspace_bytes({}, shape) + index_layer_workspace_bytes(shape));
+  Workspace workspace(memory.data(), memory.size());
+  std::vector<Vec3f> points(shape.pixels());
+  std::vector<std::uint32_t> pixels(shape.pixels());
+  std::vector<Face> faces(2 * shape.pixels());
+  const MeshBuffers part{{points.data(), points.size()}, {faces.data(), faces.size()}, {pixels.data(), pixels.size()}};
+  MeshSize size;
+  REQUIRE(index_layer(layer, 0, part, size, workspace, serial).ok());
+  const io::Image<Label> small({7, 6});
+  std::size_t count = size.faces;
+  CHECK(simplify_faces({}, layer, small.view(), {}, camera, 0, part, count, workspace, serial).code() ==
+        StatusCode::shape_mismatch);
+  CHECK(count == size.faces);
+  for (std::uint32_t& p : pixels) p = 0;
+  CHECK(simplify_faces({}, layer, {}, {}, camera, 0, part, count, workspace, serial).code() ==
+        StatusCode::invalid_argument);
+}

@@ -335,6 +335,10 @@ TEST_CASE("tool: view refuses what it cannot draw in one line") {
     return run_tool("view '" + scene + "' -o '" + none + "/view.png' --quiet " + more);
   };
   check_refused(view(fixture().out("absent"), ""), "absent", none);
+  for (const char* option : {"--turn", "--closer", "--climb", "--pivot"}) {
+    CAPTURE(option);
+    check_refused(view(fixture().street, std::string(option) + " nan"), option, none);
+  }
   check_refused(view(fixture().out("absent.obj"), ""), "absent.obj", none);
   check_refused(view(fixture().street, "--mesh best"), "mesh", none);
   check_refused(view(fixture().street, "--picture 10"), "--picture", none);

@@ -22,6 +22,11 @@ inline namespace v1 {
 namespace io {
 
 inline Outcome write_file(const std::string& path, const void* data, std::size_t bytes) {
+  std::error_code unknown;
+  const std::filesystem::file_status target = std::filesystem::status(path, unknown);
+  if (std::filesystem::exists(target) && !std::filesystem::is_regular_file(target)) {
+    return Error{path, "", "is a folder, a device or a pipe: expected a file, or a name that is not taken"};
+  }
   std::string temporary;
   std::FILE* file = nullptr;
   for (int number = 0; number < 1000 && file == nullptr; ++number) {

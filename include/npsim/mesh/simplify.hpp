@@ -46,7 +46,7 @@ struct SimplifyParams {
   float max_relative_depth_error = 0.005F;  // of |z' / z - 1|, anywhere on the surface
   float max_pixel_error = 0.25F;            // px, of a vertex from the centre of its pixel
   // px, of the photograph where it is put linearly on a face, as viewers do, and not projected from the camera; 0: any.
-  // On faces that bridge a step in depth, 1 / z changing by a quarter within a pixel, it is not held.
+  // Not held on faces at most 1.5 px wide that bridge depths of more than 1 to 1.25.
   float max_texture_shift = 0.0F;
 };
 

@@ -60,11 +60,12 @@ struct SheetPlanes {
 // Whether a picture put linearly on the face lies within max_shift_px of where the camera saw it. Linear on the face is
 // not linear on the image: a point with weights l_i on the image has l_i z_i / sum on the face. The shift, the
 // covariance of depth and place over the mean depth, is at most L (sqrt r - 1) / (sqrt r + 1) for a longest side of L
-// px and a ratio r of the largest to the smallest depth. Faces less than a pixel wide over a step in depth show no
-// picture worth it.
+// px and a ratio r of the largest to the smallest depth. Not asked of a face that is at most 1.5 px wide and bridges
+// depths of more than 1 to 1.25: mostly a step between two surfaces, which shows no picture worth it.
 [[nodiscard]] inline bool texture_stays(const Corner& a, const Corner& b, const Corner& c,
                                         double max_shift_px) noexcept {
-  constexpr double kStep = 0.25;
+  constexpr double kStep = 1.25;
+  constexpr double kStepWidth_px = 1.5;
   const double least = std::fmin(a.w, std::fmin(b.w, c.w));
   const double most = std::fmax(a.w, std::fmax(b.w, c.w));
   const std::int64_t ab = squared_length(a, b);
@@ -75,14 +76,8 @@ struct SheetPlanes {
   if (share >= 1.0) return true;
   const double root = (1.0 + share) / (1.0 - share);
   if (most <= root * root * least) return true;
-  const double x1 = b.x - a.x;
-  const double y1 = b.y - a.y;
-  const double x2 = c.x - a.x;
-  const double y2 = c.y - a.y;
-  const double along_x = (b.w - a.w) * y2 - (c.w - a.w) * y1;
-  const double along_y = (c.w - a.w) * x1 - (b.w - a.w) * x2;
-  const double steep = kStep * least * static_cast<double>(turn(a, b, c));
-  return along_x * along_x + along_y * along_y > steep * steep;
+  const double width = static_cast<double>(turn(a, b, c)) / longest;
+  return width <= kStepWidth_px && most > kStep * least;
 }
 
 // Greatest common divisor; an edge that spans (dx, dy) has as many pixel centres on it, one end left out.

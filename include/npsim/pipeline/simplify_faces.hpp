@@ -42,7 +42,12 @@ template <class Executor>
                                     ImageView<const Label> labels, ImageView<const std::uint16_t> light_index,
                                     const Intrinsics& intrinsics, std::uint32_t first_vertex, const MeshBuffers& part,
                                     std::size_t& face_count, Workspace& workspace, Executor& executor) {
+  NPSIM_RETURN_IF_ERROR(validate(layer));
   const Shape shape = layer.vertices.shape();
+  if ((!labels.empty() && labels.shape() != shape) || (!light_index.empty() && light_index.shape() != shape) ||
+      part.pixels.size() != part.vertices.size() || face_count > part.faces.size()) {
+    return {StatusCode::shape_mismatch, "fewer faces: labels, lamps and layer must have one shape, vertices one pixel"};
+  }
   const WorkspaceScope scope(workspace);
   ImageView<std::uint32_t> ids;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, ids));
@@ -68,7 +73,9 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(workspace.allocate(thin.vertices.size(), original));
   std::size_t full = 0;
   for (std::size_t v = 0; v < thin.vertices.size(); ++v, ++full) {
-    while (part.pixels[full] != thin.pixels[v]) ++full;
+    while (full < part.pixels.size() && part.pixels[full] != thin.pixels[v]) ++full;
+    if (full == part.pixels.size())
+      return {StatusCode::invalid_argument, "fewer faces: the vertices are not the layer's"};
     original[v] = static_cast<std::uint32_t>(full);
   }
   ImageView<float> depth;
