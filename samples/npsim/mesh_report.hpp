@@ -26,7 +26,8 @@ namespace npsim::tool {
           {"inconsistent_edges", r.inconsistent_edges},
           {"pinched_vertices", r.pinched_vertices},
           {"duplicate_faces", r.duplicate_faces},
-          {"flat_faces", r.flat_faces}};
+          {"flat_faces", r.flat_faces},
+          {"smallest_angle_rad", r.smallest_angle_rad}};
 }
 
 [[nodiscard]] inline OrderedJson to_json(const BackgroundErrors& e) {

@@ -4,7 +4,7 @@
 // Pairs of a visible point (on a regular grid of pixels) and a lamp that faces each other in the true scene. The ray
 // starts at the pixel's point of the mesh in question, pulled out along the true normal as the renderer does, and ends
 // `lamp_clearance_m` and the lamp's own extent before the lamp: whether lamps are placed right is another question.
-// Faces that carry the lamp's own mark do not block it, as in the renderer.
+// Faces that carry the lamp's own mark do not block it; the renderer spares parts of its housing as well.
 // A leak is a pair that is dark in the true scene because of a surface which the camera sees, and lit by the mesh:
 // light came through an edge, or a surface, that is closed.
 #ifndef NPSIM_SAMPLES_NPSIM_SHADOW_ERRORS_HPP
