@@ -55,8 +55,7 @@ struct Sink {
 
   Status reconstructed(const RefinedDepth&, const SceneMesh& scene, const Relighting&, const Bvh&) {
     faces = scene.mesh.faces.size();
-    std::vector<unsigned char> memory(
-        check_mesh_workspace_bytes(scene.mesh.vertices.size(), scene.mesh.faces.size()));
+    std::vector<unsigned char> memory(check_mesh_workspace_bytes(scene.mesh.vertices.size(), scene.mesh.faces.size()));
     Workspace workspace(memory.data(), memory.size());
     if (const Status checked = check_mesh(scene.mesh, workspace, report); !checked.ok()) return checked;
     const TriangleMeshView layer{scene.mesh.vertices, scene.mesh.faces.sub(0, scene.background_faces)};

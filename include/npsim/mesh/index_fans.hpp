@@ -2,8 +2,8 @@
 // The fans of faces around the vertices of a layer. Part of index.hpp.
 //
 // Around a vertex lie four quads, each with two of its edges at the vertex. Going round, these are 8 edge slots; a slot
-// is set when the face at that edge of that quad is present. Slots that follow one another belong to faces that share an
-// edge, or to one face, so a fan is a cyclic run of set slots. The slots of 64 vertices are eight words of bits.
+// is set when the face at that edge of that quad is present. Slots that follow one another belong to faces that share
+// an edge, or to one face, so a fan is a cyclic run of set slots. The slots of 64 vertices are eight words of bits.
 //
 // Exact. Cost: a few instructions a vertex where fans are counted 64 at a time, tens where one is asked for. Memory:
 // none.

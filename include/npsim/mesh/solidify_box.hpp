@@ -14,9 +14,9 @@
 //
 // Invariant: a function of the vertices in their order, no trigonometry, so the same bits everywhere. Cost: linear in
 // the vertices (two selections). Memory: 4 bytes a vertex of the largest object. Error: on exact depth of a box of
-// nominal size seen on two sides its outline lies within 0.65 m (test); the headings of cars and buses are within 3 degrees
-// on the exact depth of four generated streets and within 3.5 on the refined depth of two, most within 1.5. A bicycle
-// shows too few faces for a heading: it stands along the street.
+// nominal size seen on two sides its outline lies within 0.65 m (test); the headings of cars and buses are within 3
+// degrees on the exact depth of four generated streets and within 3.5 on the refined depth of two, most within 1.5. A
+// bicycle shows too few faces for a heading: it stands along the street.
 #ifndef NPSIM_MESH_SOLIDIFY_BOX_HPP
 #define NPSIM_MESH_SOLIDIFY_BOX_HPP
 

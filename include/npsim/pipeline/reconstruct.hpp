@@ -46,7 +46,7 @@ struct ReconstructParams {
   ForegroundParams foreground;
   bool backs = true;  // objects are solids, not shells
   SolidifyParams solidify;
-  GroundParams ground;  // that solids stand on
+  GroundParams ground;         // that solids stand on
   bool simplify_faces = true;  // rays meet no more faces than these bounds need; points stay one per pixel
   SimplifyParams simplify = default_simplification();
 
@@ -73,7 +73,7 @@ struct SceneMesh {
   SheetLayer foreground;
   ImageView<const std::uint32_t> background_vertex;  // per pixel, the first of its fans, kNoVertex for none
   ImageView<const std::uint32_t> foreground_vertex;
-  ImageView<const std::uint32_t> visible_vertex;  // per pixel, kNoVertex where no surface is seen
+  ImageView<const std::uint32_t> visible_vertex;   // per pixel, kNoVertex where no surface is seen
   ImageView<const std::uint8_t> background_state;  // row_state of each pixel in the background
   ImageView<const std::uint32_t> object;           // 0 = background, else the number of the object
 };
@@ -95,8 +95,8 @@ inline constexpr std::size_t kMaxFacesPerPixel = 6;
   return 2 * allocation_bytes<Vec3f>(pixels) + 2 * allocation_bytes<std::uint8_t>(pixels) +
          allocation_bytes<std::uint8_t>(pixels) + 4 * allocation_bytes<std::uint32_t>(pixels) +
          allocation_bytes<Vec3f>(kMaxVerticesPerPixel * pixels) +
-         allocation_bytes<std::uint32_t>(kMaxVerticesPerPixel * pixels) + allocation_bytes<Face>(kMaxFacesPerPixel * pixels) +
-         completion + kWorkspaceAlignment;
+         allocation_bytes<std::uint32_t>(kMaxVerticesPerPixel * pixels) +
+         allocation_bytes<Face>(kMaxFacesPerPixel * pixels) + completion + kWorkspaceAlignment;
 }
 
 namespace reconstruct_detail {
@@ -140,8 +140,8 @@ inline void find_first_vertices(Span<const std::uint32_t> pixels, std::uint32_t 
 // Both layers' faces make way for fewer, and close up.
 template <class Executor>
 [[nodiscard]] Status thin_out(const SimplifyParams& params, const SceneView& scene, ImageView<const Label> labels,
-                              const SheetLayer& background, const SheetLayer& foreground, const MeshBuffers& mesh, MeshSize& behind, MeshSize& front,
-                              Workspace& workspace, Executor& executor) {
+                              const SheetLayer& background, const SheetLayer& foreground, const MeshBuffers& mesh,
+                              MeshSize& behind, MeshSize& front, Workspace& workspace, Executor& executor) {
   const std::size_t full = behind.faces;
   const MeshBuffers back_part{mesh.vertices.sub(0, behind.vertices), mesh.faces.sub(0, full),
                               mesh.pixels.sub(0, behind.vertices)};
@@ -231,8 +231,8 @@ Status reconstruct(const ReconstructParams& params, const SceneView& scene, cons
   NPSIM_RETURN_IF_ERROR(
       index_layers(background, foreground, buffers, background_size, foreground_size, workspace, executor));
   if (params.simplify_faces) {
-    NPSIM_RETURN_IF_ERROR(reconstruct_detail::thin_out(params.simplify, scene, refined.labels, background, foreground, buffers,
-                                                       background_size, foreground_size, workspace, executor));
+    NPSIM_RETURN_IF_ERROR(reconstruct_detail::thin_out(params.simplify, scene, refined.labels, background, foreground,
+                                                       buffers, background_size, foreground_size, workspace, executor));
   }
   out.background_vertices = background_size.vertices;
   out.background_faces = background_size.faces;
