@@ -10,6 +10,7 @@
 #include "../host.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/loading.hpp"
+#include "street/scene_view.hpp"
 #include "street/street.hpp"
 
 namespace npsim::bench {
@@ -31,15 +32,8 @@ class NamedScene {
       params.samples = 1;
       params.sky_rays = 1;
       must(street::make_street(params, pool, street_));
-      view_.camera = street_.intrinsics;
+      view_ = street::view_of(street_);
       view_.camera_height_m = street_.camera_height_m;
-      view_.image = street_.image.view();
-      view_.depth = street_.est_depth.view();
-      view_.labels = street_.labels.view();
-      view_.instances = street_.instances.view();
-      view_.normals = street_.est_normals.view();
-      view_.light_index = street_.light_index.view();
-      view_.lights = Span<const LightMark>(street_.marks.data(), street_.marks.size());
       return true;
     }
     io::Expected<io::Scene> read = tool::load_scene(name, "");

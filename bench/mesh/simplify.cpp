@@ -46,14 +46,6 @@ using namespace npsim;
 using bench::Arena;
 using bench::must;
 
-struct Quiet {
-  void begin(Stage) {}
-  void end(Stage) {}
-  void progress(std::size_t, std::size_t) {}
-  void depth(Stage, const ImageView<const float>&) {}
-  [[nodiscard]] bool cancelled() const { return false; }
-};
-
 struct Layer {
   explicit Layer(Shape shape) : vertices(shape), quads(quad_shape(shape)), ids(shape) {}
   [[nodiscard]] SheetLayer view() { return {vertices.view(), quads.view()}; }
@@ -82,7 +74,7 @@ class Case {
     Arena arena(refine_depth_workspace_bytes(depth_params, shape) + reconstruct_workspace_bytes(params, shape));
     Workspace& workspace = arena.workspace();
     RefinedDepth refined;
-    Quiet quiet;
+    NullObserver quiet;
     must(refine_depth(depth_params, scene, workspace, pool, quiet, refined));
     io::Image<std::uint8_t> state(shape);
     io::Image<std::uint32_t> object(shape);

@@ -13,18 +13,11 @@
 #include "npsim/mesh/sheet.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
+#include "street/scene_view.hpp"
 #include "street/street.hpp"
 
 namespace npsim::bench {
 namespace {
-
-struct Quiet {
-  void begin(Stage) {}
-  void end(Stage) {}
-  void progress(std::size_t, std::size_t) {}
-  void depth(Stage, const ImageView<const float>&) {}
-  [[nodiscard]] bool cancelled() const { return false; }
-};
 
 struct Close {
   void operator()(std::FILE* f) const { static_cast<void>(std::fclose(f)); }
@@ -41,16 +34,8 @@ Layers make_layers(Shape shape) {
   street_params.samples = 1;
   street_params.sky_rays = 1;
   must(street::make_street(street_params, pool, street));
-  SceneView scene;
-  scene.camera = street.intrinsics;
+  SceneView scene = street::view_of(street);
   scene.camera_height_m = street.camera_height_m;
-  scene.image = street.image.view();
-  scene.depth = street.est_depth.view();
-  scene.labels = street.labels.view();
-  scene.instances = street.instances.view();
-  scene.normals = street.est_normals.view();
-  scene.light_index = street.light_index.view();
-  scene.lights = Span<const LightMark>(street.marks.data(), street.marks.size());
 
   Layers out{street.intrinsics, {Layer(shape), Layer(shape), Layer(shape)}};
   const RefineDepthParams depth_params;
@@ -58,7 +43,7 @@ Layers make_layers(Shape shape) {
   Arena arena(refine_depth_workspace_bytes(depth_params, shape) + reconstruct_workspace_bytes(params, shape));
   Workspace& workspace = arena.workspace();
   RefinedDepth refined;
-  Quiet quiet;
+  NullObserver quiet;
   must(refine_depth(depth_params, scene, workspace, pool, quiet, refined));
   io::Image<std::uint8_t> state(shape);
   io::Image<std::uint32_t> object(shape);

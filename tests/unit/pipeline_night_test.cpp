@@ -14,6 +14,7 @@
 #include "npsim/io/image.hpp"
 #include "npsim/mesh/check.hpp"
 #include "npsim/pipeline/night.hpp"
+#include "street/scene_view.hpp"
 #include "street/street.hpp"
 
 namespace {
@@ -95,19 +96,6 @@ const street::Street& small_street() {
     return made;
   }();
   return shared;
-}
-
-SceneView view_of(const street::Street& s) {
-  SceneView view;
-  view.camera = s.intrinsics;
-  view.image = s.image.view();
-  view.depth = s.est_depth.view();
-  view.labels = s.labels.view();
-  view.instances = s.instances.view();
-  view.normals = s.est_normals.view();
-  view.light_index = s.light_index.view();
-  view.lights = Span<const LightMark>(s.marks.data(), s.marks.size());
-  return view;
 }
 
 double mean_luminance(const io::Image<Vec3f>& image, int first_row, int last_row) {

@@ -12,6 +12,7 @@
 #include "npsim/mesh/check.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "npsim/pipeline/point_of_hit.hpp"
+#include "street/scene_view.hpp"
 #include "street/street.hpp"
 
 namespace {
@@ -29,19 +30,6 @@ const street::Street& street_of_test() {
     return made;
   }();
   return shared;
-}
-
-SceneView view_of(const street::Street& s) {
-  SceneView view;
-  view.camera = s.intrinsics;
-  view.image = s.image.view();
-  view.depth = s.est_depth.view();
-  view.labels = s.labels.view();
-  view.instances = s.instances.view();
-  view.normals = s.est_normals.view();
-  view.light_index = s.light_index.view();
-  view.lights = Span<const LightMark>(s.marks.data(), s.marks.size());
-  return view;
 }
 
 struct Sink {

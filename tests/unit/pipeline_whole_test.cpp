@@ -17,6 +17,7 @@
 #include "npsim/mesh/check.hpp"
 #include "npsim/mesh/check_layer.hpp"
 #include "npsim/pipeline/night.hpp"
+#include "street/scene_view.hpp"
 #include "street/street.hpp"
 
 namespace {
@@ -70,19 +71,6 @@ void check_whole(const SceneView& scene) {
   NightParams thesis = default_night_params();  // by another depth: the thesis' own takes long
   thesis.mesh = thesis_night_params().mesh;
   check_whole(thesis, scene);
-}
-
-SceneView view_of(const street::Street& s) {
-  SceneView view;
-  view.camera = s.intrinsics;
-  view.image = s.image.view();
-  view.depth = s.est_depth.view();
-  view.labels = s.labels.view();
-  view.instances = s.instances.view();
-  view.normals = s.est_normals.view();
-  view.light_index = s.light_index.view();
-  view.lights = Span<const LightMark>(s.marks.data(), s.marks.size());
-  return view;
 }
 
 SceneView view_of(const io::Scene& s) {
