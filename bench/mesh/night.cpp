@@ -48,7 +48,7 @@ struct Sink {
   std::array<double, 3> mean{};
   io::Image<Rgb8> picture;
 
-  Status reconstructed(const RefinedDepth&, const SceneMesh& mesh, const Relighting&, const Bvh&) {
+  Status reconstructed(const RefinedDepth&, const SceneMesh& mesh, const Relighting&) {
     faces = mesh.mesh.faces.size();
     return {};
   }

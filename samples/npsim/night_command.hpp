@@ -65,7 +65,7 @@ class NightWriter {
   NightWriter(const NightOptions& options, const io::Scene& scene, Console& console, ThreadPool& pool)
       : options_(options), scene_(scene), console_(console), pool_(pool) {}
 
-  Status reconstructed(const RefinedDepth& refined, const SceneMesh& mesh, const Relighting& light, const Bvh&) {
+  Status reconstructed(const RefinedDepth& refined, const SceneMesh& mesh, const Relighting& light) {
     return written(console_.timed("write depth and mesh", [&]() -> io::Outcome {
       panels_.push_back({"day", scene_.image});
       panels_.push_back({"depth, as given", depth_picture(scene_.depth.view())});

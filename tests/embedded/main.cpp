@@ -100,8 +100,8 @@ struct Sink {
   int nights = 0;
   bool finite = true;
   float brightest = 0;
-  template <class Refined, class Mesh, class Light, class Tree>
-  npsim::Status reconstructed(const Refined&, const Mesh& mesh, const Light&, const Tree&) {
+  template <class Refined, class Mesh, class Light>
+  npsim::Status reconstructed(const Refined&, const Mesh& mesh, const Light&) {
     faces = mesh.mesh.faces.size();
     return {};
   }

@@ -48,7 +48,7 @@ struct Keeper {
   io::Image<float> refined;
   MeshReport mesh;
 
-  Status reconstructed(const RefinedDepth& depth, const SceneMesh& scene, const Relighting& light, const Bvh&) {
+  Status reconstructed(const RefinedDepth& depth, const SceneMesh& scene, const Relighting& light) {
     refined = io::Image<float>(depth.depth.shape());
     for (int y = 0; y < refined.height(); ++y) {
       for (int x = 0; x < refined.width(); ++x) refined(x, y) = depth.depth(x, y);

@@ -41,7 +41,7 @@ struct Sink {
   std::size_t points = 0;
   std::size_t elsewhere = 0;  // hits whose point is of another pixel
 
-  Status reconstructed(const RefinedDepth&, const SceneMesh& scene, const Relighting&, const Bvh&) {
+  Status reconstructed(const RefinedDepth&, const SceneMesh& scene, const Relighting&) {
     faces = scene.mesh.faces.size();
     std::vector<unsigned char> memory(check_mesh_workspace_bytes(scene.mesh.vertices.size(), scene.mesh.faces.size()));
     Workspace workspace(memory.data(), memory.size());
@@ -52,7 +52,7 @@ struct Sink {
     Workspace tree_workspace(tree.data(), bytes);
     Bvh bvh;
     if (const Status built = build_bvh(layer, tree_workspace, bvh); !built.ok()) return built;
-    const PointOfHit point_of{&scene, street_of_test().intrinsics};
+    const PointOfMeshHit point_of{&scene, street_of_test().intrinsics};
     const auto width = static_cast<std::uint32_t>(street_of_test().intrinsics.cx * 2);
     for (std::uint32_t v = 0; v < scene.background_vertices; ++v) {
       const Vec3f p = scene.mesh.vertices[v];
@@ -99,6 +99,7 @@ Sink night_of(const NightParams& params) {
 TEST_CASE("simplified faces: whole, far fewer, every point on its face, and a night of the same mean colour") {
   NightParams params = default_night_params();
   REQUIRE(params.mesh.simplify_faces);
+  params.mesh.traced = TracedFaces::mesh;
   const Sink thin = night_of(params);
   params.mesh.simplify_faces = false;
   const Sink full = night_of(params);
@@ -131,10 +132,10 @@ TEST_CASE("simplified faces: labels of another shape and vertices of another lay
   REQUIRE(index_layer(layer, 0, part, size, workspace, serial).ok());
   const io::Image<Label> small({7, 6});
   std::size_t count = size.faces;
-  CHECK(simplify_faces({}, layer, small.view(), {}, camera, 0, part, count, workspace, serial).code() ==
+  CHECK(simplify_faces({}, true, layer, small.view(), {}, camera, 0, part, count, workspace, serial).code() ==
         StatusCode::shape_mismatch);
   CHECK(count == size.faces);
   for (std::uint32_t& p : pixels) p = 0;
-  CHECK(simplify_faces({}, layer, {}, {}, camera, 0, part, count, workspace, serial).code() ==
+  CHECK(simplify_faces({}, true, layer, {}, {}, camera, 0, part, count, workspace, serial).code() ==
         StatusCode::invalid_argument);
 }

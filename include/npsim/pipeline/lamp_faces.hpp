@@ -15,6 +15,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/sheet_layer.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
@@ -64,6 +65,88 @@ struct LampsOfObjects {
   return {};
 }
 
+// Tells the lamp of one face after the other.
+class FaceMarker {
+ public:
+  [[nodiscard]] static Status make(const SceneView& scene, const SceneMesh& mesh, Span<const Emitter> emitters,
+                                   Workspace& workspace, FaceMarker& out) {
+    out.scene_ = &scene;
+    out.mesh_ = &mesh;
+    out.emitters_ = emitters;
+    out.solids_ = mesh.sheet_faces < mesh.mesh.faces.size();
+    return chain_lamps(scene, mesh, emitters, workspace, out.lamps_);
+  }
+
+  // pixels: of the corners.
+  [[nodiscard]] std::uint16_t mark(const Vec3f (&corners)[3], const std::uint32_t (&pixels)[3],
+                                   bool of_object) const noexcept {
+    std::uint16_t found = 0;
+    for (const std::uint32_t pixel : pixels) {
+      const std::uint16_t mark = at(scene_->light_index, pixel);
+      if (mark != 0 && !is_group(scene_->lights[mark - 1U].cls)) found = mark;
+    }
+    if (!solids_ || found != 0 || !of_object) return found;
+    std::uint32_t e = lamps_.first[at(mesh_->object, pixels[0])];
+    if (e == kNoPoint) return 0;
+    const Vec3f centre = (corners[0] + corners[1] + corners[2]) * (1.0F / 3.0F);
+    for (; e != kNoPoint; e = lamps_.next[e]) {
+      const Emitter& lamp = emitters_[e];
+      const Vec3f away = centre - lamp.centre_m;
+      const float reach2 = dot(lamp.half_u_m, lamp.half_u_m) + dot(lamp.half_v_m, lamp.half_v_m);
+      if (dot(away, away) <= reach2) return lamp.mark;
+    }
+    return 0;
+  }
+
+ private:
+  template <class T>
+  [[nodiscard]] T at(const ImageView<const T>& plane, std::uint32_t pixel) const noexcept {
+    const auto width = static_cast<std::uint32_t>(scene_->shape().width);
+    return plane(static_cast<int>(pixel % width), static_cast<int>(pixel / width));
+  }
+
+  const SceneView* scene_ = nullptr;
+  const SceneMesh* mesh_ = nullptr;
+  Span<const Emitter> emitters_;
+  bool solids_ = false;
+  LampsOfObjects lamps_;
+};
+
+inline void mark_indexed(const FaceMarker& marker, const SceneMesh& mesh, std::size_t first,
+                         Span<std::uint16_t> face_mark) {
+  for (std::size_t f = 0; f < face_mark.size(); ++f) {
+    const Face face = mesh.mesh.faces[first + f];
+    const Vec3f corners[3] = {mesh.mesh.vertices[face.a], mesh.mesh.vertices[face.b], mesh.mesh.vertices[face.c]};
+    const std::uint32_t pixels[3] = {mesh.vertex_pixel[face.a], mesh.vertex_pixel[face.b], mesh.vertex_pixel[face.c]};
+    face_mark[f] = marker.mark(corners, pixels, first + f >= mesh.background_faces);
+  }
+}
+
+// face_mark: of a layer's implicit faces, two a quad.
+inline void mark_layer(const FaceMarker& marker, const SheetLayer& layer, bool of_object,
+                       Span<std::uint16_t> face_mark) {
+  const auto width = static_cast<std::uint32_t>(layer.vertices.width());
+  std::size_t f = 0;
+  for (int y = 0; y < layer.quads.height(); ++y) {
+    for (int x = 0; x < layer.quads.width(); ++x) {
+      const std::uint8_t quad = layer.quads(x, y);
+      const std::uint32_t a = static_cast<std::uint32_t>(y) * width + static_cast<std::uint32_t>(x);
+      for (const bool upper : {true, false}) {
+        std::uint16_t& mark = face_mark[f++];
+        mark = 0;
+        if ((quad & (upper ? kQuadUpperFace : kQuadLowerFace)) == 0) continue;
+        const Face face = quad_face((quad & kQuadAntiDiagonal) != 0, upper, a, a + 1, a + width, a + width + 1);
+        const std::uint32_t pixels[3] = {face.a, face.b, face.c};
+        Vec3f corners[3];
+        for (int k = 0; k < 3; ++k) {
+          corners[k] = layer.vertices(static_cast<int>(pixels[k] % width), static_cast<int>(pixels[k] / width));
+        }
+        mark = marker.mark(corners, pixels, of_object);
+      }
+    }
+  }
+}
+
 }  // namespace lamp_detail
 
 // face_mark: one element per face of the mesh, 0 where it is part of no lamp.
@@ -72,32 +155,25 @@ struct LampsOfObjects {
   std::fill(face_mark.begin(), face_mark.end(), std::uint16_t{0});
   if (scene.light_index.empty() || scene.lights.empty()) return {};
   const WorkspaceScope scope(workspace);
-  lamp_detail::LampsOfObjects lamps;
-  NPSIM_RETURN_IF_ERROR(lamp_detail::chain_lamps(scene, mesh, emitters, workspace, lamps));
-  const bool solids = mesh.sheet_faces < mesh.mesh.faces.size();
-  const auto width = static_cast<std::uint32_t>(scene.shape().width);
-  const auto at = [&](const auto& plane, std::uint32_t vertex) {
-    return plane(static_cast<int>(mesh.vertex_pixel[vertex] % width),
-                 static_cast<int>(mesh.vertex_pixel[vertex] / width));
-  };
-  for (std::size_t f = 0; f < face_mark.size(); ++f) {
-    const Face face = mesh.mesh.faces[f];
-    for (const std::uint32_t vertex : {face.a, face.b, face.c}) {
-      const std::uint16_t mark = at(scene.light_index, vertex);
-      if (mark != 0 && !is_group(scene.lights[mark - 1U].cls)) face_mark[f] = mark;
-    }
-    if (!solids || face_mark[f] != 0 || f < mesh.background_faces) continue;
-    std::uint32_t e = lamps.first[at(mesh.object, face.a)];
-    if (e == kNoPoint) continue;
-    const Vec3f centre =
-        (mesh.mesh.vertices[face.a] + mesh.mesh.vertices[face.b] + mesh.mesh.vertices[face.c]) * (1.0F / 3.0F);
-    for (; e != kNoPoint && face_mark[f] == 0; e = lamps.next[e]) {
-      const Emitter& lamp = emitters[e];
-      const Vec3f away = centre - lamp.centre_m;
-      const float reach2 = dot(lamp.half_u_m, lamp.half_u_m) + dot(lamp.half_v_m, lamp.half_v_m);
-      if (dot(away, away) <= reach2) face_mark[f] = lamp.mark;
-    }
-  }
+  lamp_detail::FaceMarker marker;
+  NPSIM_RETURN_IF_ERROR(lamp_detail::FaceMarker::make(scene, mesh, emitters, workspace, marker));
+  lamp_detail::mark_indexed(marker, mesh, 0, face_mark);
+  return {};
+}
+
+// face_mark: of the implicit faces of both layers, background first, then those of the objects' backs.
+[[nodiscard]] inline Status mark_layer_faces(const SceneView& scene, const SceneMesh& mesh,
+                                             Span<const Emitter> emitters, Span<std::uint16_t> face_mark,
+                                             Workspace& workspace) {
+  std::fill(face_mark.begin(), face_mark.end(), std::uint16_t{0});
+  if (scene.light_index.empty() || scene.lights.empty()) return {};
+  const WorkspaceScope scope(workspace);
+  lamp_detail::FaceMarker marker;
+  NPSIM_RETURN_IF_ERROR(lamp_detail::FaceMarker::make(scene, mesh, emitters, workspace, marker));
+  const std::size_t layer = 2 * quad_shape(scene.shape()).pixels();
+  lamp_detail::mark_layer(marker, mesh.background, false, face_mark.sub(0, layer));
+  lamp_detail::mark_layer(marker, mesh.foreground, true, face_mark.sub(layer, layer));
+  lamp_detail::mark_indexed(marker, mesh, mesh.sheet_faces, face_mark.sub(2 * layer, face_mark.size() - 2 * layer));
   return {};
 }
 

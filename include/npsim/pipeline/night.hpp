@@ -3,8 +3,8 @@
 //
 //   refine_depth (3.2 - 3.9) -> reconstruct (3.1, 3.5) -> prepare_relighting (3.6) -> per variant: relight -> photograph
 // The sink receives what is made while it is still in the workspace:
-//   Status sink.reconstructed(const RefinedDepth&, const SceneMesh&, const Relighting&, const Bvh&)   once
-//   Status sink.night(const Night&)                                                                   per variant
+//   Status sink.reconstructed(const RefinedDepth&, const SceneMesh&, const Relighting&)   once
+//   Status sink.night(const Night&)                                                     per variant
 // A status other than ok from the sink stops the run and is returned.
 // Invariant: the bytes depend on the scene, the parameters and the seed, never on the executor.
 #ifndef NPSIM_PIPELINE_NIGHT_HPP
@@ -20,9 +20,10 @@
 #include "npsim/pipeline/photograph.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
+#include "npsim/pipeline/prepare_relighting.hpp"
 #include "npsim/pipeline/relight.hpp"
+#include "npsim/pipeline/scene_rays.hpp"
 #include "npsim/pipeline/scene_view.hpp"
-#include "npsim/trace/bvh.hpp"
 
 namespace npsim {
 inline namespace v1 {
@@ -69,9 +70,8 @@ struct Night {
 
 [[nodiscard]] inline std::size_t night_workspace_bytes(const NightParams& params, const SceneView& scene) noexcept {
   const Shape shape = scene.shape();
-  const std::size_t faces = kMaxFacesPerPixel * shape.pixels();
   return refine_depth_workspace_bytes(params.depth, shape) + reconstruct_workspace_bytes(params.mesh, shape) +
-         bvh_workspace_bytes(faces) + relight_workspace_bytes(params.relight, scene, params.variants) +
+         scene_rays_workspace_bytes(params.mesh.traced, shape) + relight_workspace_bytes(params.relight, scene, params.variants) +
          photograph_workspace_bytes(params.camera, shape) + allocation_bytes<Vec3f>(shape.pixels()) +
          allocation_bytes<Rgb8>(shape.pixels()) + kWorkspaceAlignment;
 }
@@ -87,15 +87,16 @@ Status make_nights(const NightParams& params, const SceneView& scene, Workspace&
   SceneMesh mesh;
   NPSIM_RETURN_IF_ERROR(reconstruct(params.mesh, scene, refined, workspace, executor, observer, mesh));
 
-  observer.begin(Stage::build_trace);
-  Bvh bvh;
-  NPSIM_RETURN_IF_ERROR(build_bvh(mesh.mesh, workspace, bvh));
-  observer.end(Stage::build_trace);
-
   Relighting light;
-  NPSIM_RETURN_IF_ERROR(prepare_relighting(params.relight, key, params.variants, scene, refined, mesh, bvh,
-                                           workspace, executor, observer, light));
-  NPSIM_RETURN_IF_ERROR(sink.reconstructed(refined, mesh, light, bvh));
+  const auto prepare = [&](auto rays) {
+    observer.begin(Stage::build_trace);
+    NPSIM_RETURN_IF_ERROR(rays.make(scene, mesh, workspace, executor, rays));
+    observer.end(Stage::build_trace);
+    return prepare_relighting(params.relight, key, params.variants, scene, refined, mesh, rays, workspace, executor,
+                              observer, light);
+  };
+  NPSIM_RETURN_IF_ERROR(params.mesh.traced == TracedFaces::mesh ? prepare(MeshRays{}) : prepare(LayerRays{}));
+  NPSIM_RETURN_IF_ERROR(sink.reconstructed(refined, mesh, light));
 
   Night night;
   ImageView<Vec3f> linear;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which surface point stands for a hit on the scene mesh: the vertex of the hit layer at the pixel that the hit lies
-// on.
+// Which surface point stands for a hit: the vertex of the hit layer that is nearest to it on the image.
 //
-// Faces may be large (simplify_faces.hpp), points are one per pixel, so the light of a hit is that of a point within
+// On a layer (PointOfLayerHit) that is the face's nearest corner. Faces of the mesh (PointOfMeshHit) may be large
+// (simplify_faces.hpp) while points are one per pixel: there it is the vertex at the pixel that the hit lies on, within
 // half a pixel. On the backs of objects, which have no pixels of their own, and where rounding leads off the layer, it
 // is the nearest corner of the face.
 #ifndef NPSIM_PIPELINE_POINT_OF_HIT_HPP
@@ -12,6 +12,7 @@
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/sheet_layer.hpp"
 #include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
@@ -20,7 +21,12 @@
 namespace npsim {
 inline namespace v1 {
 
-struct PointOfHit {
+[[nodiscard]] constexpr std::uint32_t nearest_corner(const Face& face, const Hit& hit) noexcept {
+  const float w = 1.0F - hit.u - hit.v;
+  return w >= hit.u && w >= hit.v ? face.a : (hit.u >= hit.v ? face.b : face.c);
+}
+
+struct PointOfMeshHit {
   const SceneMesh* mesh = nullptr;
   Intrinsics camera;
 
@@ -40,7 +46,29 @@ struct PointOfHit {
         if (vertex != kNoVertex) return vertex;
       }
     }
-    return w >= hit.u && w >= hit.v ? face.a : (hit.u >= hit.v ? face.b : face.c);
+    return nearest_corner(face, hit);
+  }
+};
+
+// Hits on the implicit faces of both layers, background first, then on the mesh's faces that are no layer's.
+struct PointOfLayerHit {
+  const SceneMesh* mesh = nullptr;
+
+  [[nodiscard]] std::uint32_t operator()(const Hit& hit) const noexcept {
+    const ImageView<const std::uint32_t> planes[2] = {mesh->background_vertex, mesh->foreground_vertex};
+    const SheetLayer* layers[2] = {&mesh->background, &mesh->foreground};
+    const auto width = static_cast<std::uint32_t>(planes[0].width());
+    const auto faces = static_cast<std::uint32_t>(2 * quad_shape(planes[0].shape()).pixels());
+    if (hit.face >= 2 * faces) return nearest_corner(mesh->mesh.faces[mesh->sheet_faces + (hit.face - 2 * faces)], hit);
+    const std::uint32_t layer = hit.face < faces ? 0 : 1;
+    const std::uint32_t face = hit.face - layer * faces;
+    const std::uint32_t x = face / 2 % (width - 1);
+    const std::uint32_t y = face / 2 / (width - 1);
+    const std::uint32_t a = y * width + x;
+    const bool anti = (layers[layer]->quads(static_cast<int>(x), static_cast<int>(y)) & kQuadAntiDiagonal) != 0;
+    const std::uint32_t pixel =
+        nearest_corner(quad_face(anti, face % 2 == 0, a, a + 1, a + width, a + width + 1), hit);
+    return planes[layer](static_cast<int>(pixel % width), static_cast<int>(pixel / width));
   }
 };
 

@@ -32,7 +32,13 @@ inline namespace v1 {
 
 inline constexpr std::uint32_t kNoVertex = 0xFFFFFFFFU;
 
-// The mesh is also what is exported, textured with the photograph.
+// What rays meet. Points of light are one per pixel either way.
+enum class TracedFaces {
+  layers,  // every face of both layers, and the objects' backs
+  mesh     // the faces of the indexed mesh, however few
+};
+
+// The mesh is what is exported, textured with the photograph.
 [[nodiscard]] constexpr SimplifyParams default_simplification() noexcept {
   SimplifyParams params;
   params.max_texture_shift = 0.5F;
@@ -47,8 +53,9 @@ struct ReconstructParams {
   bool backs = true;  // objects are solids, not shells
   SolidifyParams solidify;
   GroundParams ground;         // that solids stand on
-  bool simplify_faces = true;  // rays meet no more faces than these bounds need; points stay one per pixel
+  bool simplify_faces = true;  // of the mesh: no more than these bounds need
   SimplifyParams simplify = default_simplification();
+  TracedFaces traced = TracedFaces::layers;
 
   [[nodiscard]] static ReconstructParams thesis() noexcept {
     ReconstructParams params;
@@ -139,7 +146,7 @@ inline void find_first_vertices(Span<const std::uint32_t> pixels, std::uint32_t 
 
 // Both layers' faces make way for fewer, and close up.
 template <class Executor>
-[[nodiscard]] Status thin_out(const SimplifyParams& params, const SceneView& scene, ImageView<const Label> labels,
+[[nodiscard]] Status thin_out(const ReconstructParams& params, const SceneView& scene, ImageView<const Label> labels,
                               const SheetLayer& background, const SheetLayer& foreground, const MeshBuffers& mesh,
                               MeshSize& behind, MeshSize& front, Workspace& workspace, Executor& executor) {
   const std::size_t full = behind.faces;
@@ -147,9 +154,11 @@ template <class Executor>
                               mesh.pixels.sub(0, behind.vertices)};
   const MeshBuffers front_part{mesh.vertices.sub(behind.vertices, front.vertices), mesh.faces.sub(full, front.faces),
                                mesh.pixels.sub(behind.vertices, front.vertices)};
-  NPSIM_RETURN_IF_ERROR(simplify_faces(params, background, labels, scene.light_index, scene.camera, 0, back_part,
-                                       behind.faces, workspace, executor));
-  NPSIM_RETURN_IF_ERROR(simplify_faces(params, foreground, labels, scene.light_index, scene.camera,
+  // Points must not lie behind the faces that rays meet.
+  const bool move = params.traced == TracedFaces::mesh;
+  NPSIM_RETURN_IF_ERROR(simplify_faces(params.simplify, move, background, labels, scene.light_index, scene.camera, 0,
+                                       back_part, behind.faces, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(simplify_faces(params.simplify, move, foreground, labels, scene.light_index, scene.camera,
                                        static_cast<std::uint32_t>(behind.vertices), front_part, front.faces, workspace,
                                        executor));
   for (std::size_t f = 0; f < front.faces; ++f) mesh.faces[behind.faces + f] = mesh.faces[full + f];
@@ -231,7 +240,7 @@ Status reconstruct(const ReconstructParams& params, const SceneView& scene, cons
   NPSIM_RETURN_IF_ERROR(
       index_layers(background, foreground, buffers, background_size, foreground_size, workspace, executor));
   if (params.simplify_faces) {
-    NPSIM_RETURN_IF_ERROR(reconstruct_detail::thin_out(params.simplify, scene, refined.labels, background, foreground,
+    NPSIM_RETURN_IF_ERROR(reconstruct_detail::thin_out(params, scene, refined.labels, background, foreground,
                                                        buffers, background_size, foreground_size, workspace, executor));
   }
   out.background_vertices = background_size.vertices;

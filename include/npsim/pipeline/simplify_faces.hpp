@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fewer faces for the rays of a layer, with all its vertices left as the points that light is computed at.
+// Fewer faces for a layer of the mesh, with all its vertices left as the points that light is computed at.
 //
-// The faces of the layer give way to those of simplify_layer() (mesh/simplify.hpp), between the same vertices; the
-// vertices in between move along their rays of view onto the new faces, so that no point lies behind the surface that
-// it belongs to. Borders between labels and the outlines of lamps stay exactly where they are.
+// The faces of the layer give way to those of simplify_layer() (mesh/simplify.hpp), between the same vertices. Where
+// rays are to meet the new faces, the vertices in between move along their rays of view onto them, so that no point
+// lies behind the surface that it belongs to. Borders between labels and the outlines of lamps stay exactly where they are.
 // Invariants: vertices keep their order and pixels; those of the new faces keep their bits. Error: that of
 // simplify_layer(), depth by SimplifyParams::max_relative_depth_error at most, and one rounding of unproject().
 // Cost: simplify_layer() and two passes. Memory: simplify_faces_workspace_bytes().
@@ -38,7 +38,7 @@ inline namespace v1 {
 // replaced, fewer are left. labels, and light_index (position of a lamp's mark + 1 at each pixel, 0 for none): may be
 // empty.
 template <class Executor>
-[[nodiscard]] Status simplify_faces(const SimplifyParams& params, const SheetLayer& layer,
+[[nodiscard]] Status simplify_faces(const SimplifyParams& params, bool move_vertices, const SheetLayer& layer,
                                     ImageView<const Label> labels, ImageView<const std::uint16_t> light_index,
                                     const Intrinsics& intrinsics, std::uint32_t first_vertex, const MeshBuffers& part,
                                     std::size_t& face_count, Workspace& workspace, Executor& executor) {
@@ -78,19 +78,21 @@ template <class Executor>
       return {StatusCode::invalid_argument, "fewer faces: the vertices are not the layer's"};
     original[v] = static_cast<std::uint32_t>(full);
   }
-  ImageView<float> depth;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, depth));
-  NPSIM_RETURN_IF_ERROR(simplified_depth({thin.vertices, thin.faces}, thin.pixels, depth));
-  const auto width = static_cast<std::uint32_t>(shape.width);
-  std::size_t next = 0;  // vertex of the thin mesh
-  for (std::size_t v = 0; v < part.vertices.size(); ++v) {
-    if (next < original.size() && original[next] == v) {
-      ++next;
-      continue;
+  if (move_vertices) {
+    ImageView<float> depth;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, depth));
+    NPSIM_RETURN_IF_ERROR(simplified_depth({thin.vertices, thin.faces}, thin.pixels, depth));
+    const auto width = static_cast<std::uint32_t>(shape.width);
+    std::size_t next = 0;  // vertex of the thin mesh
+    for (std::size_t v = 0; v < part.vertices.size(); ++v) {
+      if (next < original.size() && original[next] == v) {
+        ++next;
+        continue;
+      }
+      const auto x = static_cast<int>(part.pixels[v] % width);
+      const auto y = static_cast<int>(part.pixels[v] / width);
+      if (depth(x, y) > 0.0F) part.vertices[v] = unproject_pixel(intrinsics, x, y, depth(x, y));
     }
-    const auto x = static_cast<int>(part.pixels[v] % width);
-    const auto y = static_cast<int>(part.pixels[v] / width);
-    if (depth(x, y) > 0.0F) part.vertices[v] = unproject_pixel(intrinsics, x, y, depth(x, y));
   }
   for (std::size_t f = 0; f < thin.faces.size(); ++f) {
     const Face& face = thin.faces[f];

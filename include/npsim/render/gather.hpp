@@ -23,7 +23,7 @@
 #include "npsim/material/bsdf.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/simd/isa.hpp"
-#include "npsim/trace/bvh.hpp"
+#include "npsim/trace/ray.hpp"
 
 namespace npsim {
 inline namespace v1 {
@@ -41,11 +41,11 @@ struct GatherParams {
 
 inline namespace NPSIM_ISA_NAMESPACE {
 
-// Traces the rays of `receivers` (indices into points). point_of(hit) is the point that stands for a hit.
+// Traces the rays of `receivers` (indices into points) through `scene` (trace/scene.hpp). point_of(hit) is the point that stands for a hit.
 // hits[r * rays + s] becomes the point that ray s of receiver r reaches, or kNoPoint; sky_irradiance[r] (lx, linear
 // RGB) what the escaping rays bring.
-template <class PointOf, class Executor, class Observer>
-Status trace_gather_rays(const GatherParams& params, const Bvh& bvh, const PointOf& point_of,
+template <class Scene, class PointOf, class Executor, class Observer>
+Status trace_gather_rays(const GatherParams& params, const Scene& scene, const PointOf& point_of,
                          const SurfacePoints& points, Span<const std::uint32_t> receivers, const SkyParams& sky,
                          Span<std::uint32_t> hits, Span<Vec3f> sky_irradiance, Executor& executor, Observer& observer) {
   NPSIM_RETURN_IF_ERROR(validate(points));
@@ -75,7 +75,7 @@ Status trace_gather_rays(const GatherParams& params, const Bvh& bvh, const Point
         std::uint32_t& reached = hits[r * rays + s];
         reached = kNoPoint;
         Hit hit;
-        if (closest_hit(bvh, ray, hit)) {
+        if (closest_hit(scene, ray, hit)) {
           reached = point_of(hit);
           // The back of a sheet is unknown; it hands on nothing.
           if (dot(points.normal[reached], ray.direction) >= 0.0F) reached = kNoPoint;

@@ -14,7 +14,8 @@
 // is at most  n_emitters * cutoff_lx + E / 510  away from shadow edges, plus there  500 cutoff_lx  per emitter at worst,
 // plus the penumbra's sampling noise.
 // Faces that carry an emitter's own mark do not block it: a lamp is not hidden by its own glass.
-// Cost: one shadow ray per pair and sample; memory: one byte per pair, emitter-major.
+// Cost: one shadow ray per pair and sample, traced in batches of neighbouring points and one lamp. Memory: one byte per
+// pair, emitter-major; 18 KiB of stack.
 #ifndef NPSIM_RENDER_VISIBILITY_HPP
 #define NPSIM_RENDER_VISIBILITY_HPP
 
@@ -29,7 +30,7 @@
 #include "npsim/light/emitter.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/simd/isa.hpp"
-#include "npsim/trace/bvh.hpp"
+#include "npsim/trace/scene.hpp"
 
 namespace npsim {
 inline namespace v1 {
@@ -67,80 +68,149 @@ inline namespace NPSIM_ISA_NAMESPACE {
   return relative_intensity(e, -to_light) * cosine / (squared > floor_m2 ? squared : floor_m2);
 }
 
-// `peak_cd[e]`: greatest luminous intensity that emitter e has in any variant; 0 skips it. `face_mark[f]`: mark of the
-// face's pixel, 0 for none. `visibility` has emitters * points elements.
-template <class Executor, class Observer>
-Status compute_visibility(const VisibilityParams& params, const Bvh& bvh, const SurfacePoints& points,
-                          Span<const Emitter> emitters, Span<const float> peak_cd, Span<const std::uint16_t> face_mark,
-                          Span<std::uint8_t> visibility, Executor& executor, Observer& observer) {
+namespace visibility_detail {
+
+inline constexpr std::size_t kPointsPerChunk = 2048;
+inline constexpr std::size_t kRaysPerBatch = 256;  // room for the rays of one point
+
+inline constexpr std::uint16_t kDark = 0xFFFF;
+
+// What becomes of the points of a chunk under one emitter: `count` of them are traced, `traced` says which; point i
+// takes the value of point like[i], kDark is 0. All counted from the chunk's first.
+struct ChunkPlan {
+  std::uint16_t traced[kPointsPerChunk];
+  std::uint16_t like[kPointsPerChunk];
+  std::size_t count = 0;
+};
+
+inline void plan_chunk(const VisibilityParams& params, const SurfacePoints& points, Span<const std::uint8_t> wanted,
+                       const Emitter& emitter, float peak_cd, std::size_t begin, std::size_t end,
+                       ChunkPlan& plan) noexcept {
+  plan.count = 0;
+  for (std::size_t p = begin; p < end; ++p) {
+    std::uint16_t& like = plan.like[p - begin];
+    like = kDark;
+    if (!wanted.empty() && wanted[p] == 0) continue;
+    Vec3f to_light;
+    const float unshadowed =
+        peak_cd * illuminance_per_cd(emitter, points.position[p], points.normal[p], to_light);
+    if (!(unshadowed > params.cutoff_lx)) continue;
+    if (plan.count > 0) {
+      const std::size_t stride =
+          unshadowed < 50.0F * params.cutoff_lx ? 16 : (unshadowed < 500.0F * params.cutoff_lx ? 4 : 1);
+      const std::size_t traced = begin + plan.traced[plan.count - 1];
+      const bool same_surface =
+          std::fabs(points.position[p].z - points.position[traced].z) < 0.03F * points.position[p].z &&
+          dot(points.normal[p], points.normal[traced]) > 0.9F;
+      if (p - traced < stride && same_surface) {
+        like = plan.traced[plan.count - 1];
+        continue;
+      }
+    }
+    like = static_cast<std::uint16_t>(p - begin);
+    plan.traced[plan.count++] = like;
+  }
+}
+
+// Rays of one emitter's chunk that wait to be traced together.
+struct Batch {
+  Ray rays[kRaysPerBatch];
+  std::uint8_t blocked[kRaysPerBatch];
+  std::size_t count = 0;
+};
+
+// Adds the rays from a point to a patch of k x k strata; to the middle of the patch where k is 1.
+inline void add_rays(const Emitter& emitter, const Vec3f& origin, int k, RandomStream& random, Batch& batch) noexcept {
+  for (int s = 0; s < k * k; ++s) {
+    const float jitter_u = k == 1 ? 0.5F : random.uniform();
+    const float jitter_v = k == 1 ? 0.5F : random.uniform();
+    Ray& ray = batch.rays[batch.count++];
+    ray = Ray{};
+    ray.origin = origin;
+    ray.direction = sample_point(emitter, (static_cast<float>(s % k) + jitter_u) / static_cast<float>(k),
+                                 (static_cast<float>(s / k) + jitter_v) / static_cast<float>(k)) -
+                    origin;
+    ray.t_max = 0.999F;
+  }
+}
+
+}  // namespace visibility_detail
+
+// `scene`: see trace/scene.hpp. `peak_cd[e]`: greatest luminous intensity that emitter e has in any variant; 0 skips
+// it. `face_mark[f]`: mark of the face's lamp, 0 for none. `wanted[p]`: 0 where nobody will ask; such points get 0;
+// empty: all are wanted. `visibility` has emitters * points elements.
+template <class Scene, class Executor, class Observer>
+Status compute_visibility(const VisibilityParams& params, const Scene& scene, const SurfacePoints& points,
+                          Span<const std::uint8_t> wanted, Span<const Emitter> emitters, Span<const float> peak_cd,
+                          Span<const std::uint16_t> face_mark, Span<std::uint8_t> visibility, Executor& executor,
+                          Observer& observer) {
+  using namespace visibility_detail;
   NPSIM_RETURN_IF_ERROR(validate(points));
-  if (peak_cd.size() != emitters.size() || visibility.size() != emitters.size() * points.size()) {
+  if (peak_cd.size() != emitters.size() || visibility.size() != emitters.size() * points.size() ||
+      (!wanted.empty() && wanted.size() != points.size())) {
     return Status(StatusCode::shape_mismatch, "visibility needs one peak per emitter and one byte per pair");
   }
   NPSIM_RETURN_IF_ERROR(validate(params));
-  constexpr std::size_t kChunk = 2048;
-  executor.for_chunks(points.size(), kChunk, [&](std::size_t begin, std::size_t end) {
-    if (observer.cancelled()) return;
-    for (std::size_t e = 0; e < emitters.size(); ++e) {
+  executor.for_chunks(points.size(), kPointsPerChunk, [&](std::size_t begin, std::size_t end) {
+    ChunkPlan plan;
+    Batch batch;
+    std::uint16_t waiting[kRaysPerBatch];  // the points whose rays wait
+    for (std::size_t e = 0; e < emitters.size() && !observer.cancelled(); ++e) {
       const Emitter& emitter = emitters[e];
-      std::uint8_t* row = visibility.data() + e * points.size();
-      if (!(peak_cd[e] > 0.0F)) {
-        for (std::size_t p = begin; p < end; ++p) row[p] = 0;
-        continue;
+      std::uint8_t* row = visibility.data() + e * points.size() + begin;
+      plan.count = 0;
+      if (peak_cd[e] > 0.0F) {
+        plan_chunk(params, points, wanted, emitter, peak_cd[e], begin, end, plan);
+      } else {
+        for (std::size_t i = 0; i < end - begin; ++i) plan.like[i] = kDark;
       }
-      const auto passes = [&](std::uint32_t face) {
+      const auto passes = [&](std::uint32_t face) noexcept {
         return emitter.mark == 0 || face >= face_mark.size() || face_mark[face] != emitter.mark;
       };
-      std::size_t traced = begin;  // the last point for which rays were traced, if traced_any
-      bool traced_any = false;
-      std::uint32_t blocker = kNoFace;  // of the last ray that met one
       const float extent = 2.0F * std::fmax(length(emitter.half_u_m), length(emitter.half_v_m));
-      for (std::size_t p = begin; p < end; ++p) {
-        row[p] = 0;
-        Vec3f to_light;
-        const Vec3f position = points.position[p];
-        const float unshadowed =
-            peak_cd[e] * illuminance_per_cd(emitter, position, points.normal[p], to_light);
-        if (!(unshadowed > params.cutoff_lx)) continue;
-        const std::size_t stride =
-            unshadowed < 50.0F * params.cutoff_lx ? 16 : (unshadowed < 500.0F * params.cutoff_lx ? 4 : 1);
-        const bool same_surface =
-            std::fabs(points.position[p].z - points.position[traced].z) < 0.03F * points.position[p].z &&
-            dot(points.normal[p], points.normal[traced]) > 0.9F;
-        if (traced_any && p - traced < stride && same_surface) {
-          row[p] = row[traced];
-          continue;
-        }
-        traced = p;
-        traced_any = true;
-        const Vec3f origin = pulled_out(position, points.normal[p], params.relative_bias);
-        const float distance = length(emitter.centre_m - origin);
-        RandomStream random(params.seed, RandomPurpose::direct, 0, static_cast<std::uint32_t>(e),
-                            static_cast<std::uint32_t>(p), 0);
-        // Rays that see a patch of k x k strata; the middle of the patch where k is 1.
-        const auto rays_that_see = [&](int k) {
-          int seen = 0;
-          for (int s = 0; s < k * k; ++s) {
-            const float jitter_u = k == 1 ? 0.5F : random.uniform();
-            const float jitter_v = k == 1 ? 0.5F : random.uniform();
-            Ray ray;
-            ray.origin = origin;
-            ray.direction = sample_point(emitter, (static_cast<float>(s % k) + jitter_u) / static_cast<float>(k),
-                                         (static_cast<float>(s / k) + jitter_v) / static_cast<float>(k)) -
-                            origin;
-            ray.t_max = 0.999F;
-            if (!occluded(bvh, ray, passes, blocker)) ++seen;
-          }
-          return seen;
+      // First one ray or four of every point, then more of those that lie in a penumbra.
+      std::size_t remaining = plan.count;
+      for (const bool more : {false, true}) {
+        std::size_t penumbra = 0;
+        std::size_t waiting_count = 0;
+        const auto side_of = [&](const Vec3f& origin) {
+          if (more) return params.samples_per_side;
+          return extent < params.small_angle * length(emitter.centre_m - origin) ? 1 : 2;
         };
-        int k = extent < params.small_angle * distance ? 1 : 2;
-        int seen = rays_that_see(k);
-        if (seen != 0 && seen != k * k) {
-          k = params.samples_per_side;
-          seen = rays_that_see(k);
+        const auto origin_of = [&](std::size_t i) {
+          return pulled_out(points.position[begin + i], points.normal[begin + i], params.relative_bias);
+        };
+        const auto trace = [&] {
+          occluded(scene, Span<const Ray>(batch.rays, batch.count), passes,
+                   Span<std::uint8_t>(batch.blocked, batch.count));
+          std::size_t ray = 0;
+          for (std::size_t w = 0; w < waiting_count; ++w) {
+            const int k = side_of(origin_of(waiting[w]));
+            int seen = 0;
+            for (int s = 0; s < k * k; ++s) seen += batch.blocked[ray++] == 0 ? 1 : 0;
+            row[waiting[w]] = static_cast<std::uint8_t>((255 * seen + k * k / 2) / (k * k));
+            if (!more && seen != 0 && seen != k * k) plan.traced[penumbra++] = waiting[w];
+          }
+          batch.count = 0;
+          waiting_count = 0;
+        };
+        for (std::size_t t = 0; t < remaining; ++t) {
+          const std::uint16_t i = plan.traced[t];
+          const Vec3f origin = origin_of(i);
+          const int k = side_of(origin);
+          if (batch.count + static_cast<std::size_t>(k * k) > kRaysPerBatch) trace();
+          RandomStream random(params.seed, RandomPurpose::direct, 0, static_cast<std::uint32_t>(e),
+                              static_cast<std::uint32_t>(begin + i), 0);
+          if (more) {
+            for (int drawn = 0; drawn < 8; ++drawn) static_cast<void>(random.uniform());  // by the first four rays
+          }
+          add_rays(emitter, origin, k, random, batch);
+          waiting[waiting_count++] = i;
         }
-        row[p] = static_cast<std::uint8_t>((255 * seen + k * k / 2) / (k * k));
+        trace();
+        remaining = penumbra;
       }
+      for (std::size_t i = 0; i < end - begin; ++i) row[i] = plan.like[i] == kDark ? std::uint8_t{0} : row[plan.like[i]];
     }
     observer.progress(end, points.size());
   });

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the ray tracers have in common, and two of them as one scene.
+//
+// A scene of rays is any type S for which these exist (found by argument):
+//   bool is_empty(const S&)                                   whether no ray can hit anything
+//   bool closest_hit(const S&, const Ray&, Hit&)              the nearest face; of equal t the lowest
+//   bool occluded(const S&, const Ray&, accept)               whether a face with accept(face) lies on the ray
+//   void occluded(const S&, Span<const Ray>, accept, Span<std::uint8_t> blocked)
+//                                                             the same of many rays: 1 where one does, else 0
+// They are here for SheetScene (layers over the pixel grid), Bvh (any mesh) and JoinedScene of two such types, in which
+// the faces of the second follow the first's face_count(). Code that takes a scene as a template parameter pays only for what
+// its type holds; in a JoinedScene an empty part costs one comparison a ray.
+// Invariant: answers are those of all faces in one structure, to the bit, ties included.
+// Memory: none; rays of a joined scene are handed on in portions of kJoinedBatch, on the stack.
+#ifndef NPSIM_TRACE_SCENE_HPP
+#define NPSIM_TRACE_SCENE_HPP
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/span.hpp"
+#include "npsim/simd/isa.hpp"
+#include "npsim/trace/bvh.hpp"
+#include "npsim/trace/ray.hpp"
+#include "npsim/trace/sheet_layout.hpp"
+#include "npsim/trace/sheet_traverse.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+template <class First, class Second>
+struct JoinedScene {
+  First first;
+  Second second;
+};
+
+inline namespace NPSIM_ISA_NAMESPACE {
+
+// Numbers that the faces take, those that are not there included.
+[[nodiscard]] inline std::uint32_t face_count(const SheetScene& scene) noexcept {
+  std::uint32_t n = 0;
+  for (const SheetTrace& sheet : scene.layers) n += sheet_face_count(sheet.vertices.shape());
+  return n;
+}
+
+[[nodiscard]] inline bool is_empty(const SheetScene& scene) noexcept { return scene.layers.empty(); }
+[[nodiscard]] inline bool is_empty(const Bvh& bvh) noexcept { return bvh.nodes.empty(); }
+template <class First, class Second>
+[[nodiscard]] bool is_empty(const JoinedScene<First, Second>& scene) noexcept {
+  return is_empty(scene.first) && is_empty(scene.second);
+}
+
+template <class First, class Second>
+[[nodiscard]] bool closest_hit(const JoinedScene<First, Second>& scene, const Ray& ray, Hit& out) noexcept {
+  const bool hit = closest_hit(scene.first, ray, out);
+  if (is_empty(scene.second)) return hit;
+  Ray rest = ray;
+  if (hit) rest.t_max = out.t;  // open: at the same t the first part's lower face stays
+  Hit nearer;
+  if (!closest_hit(scene.second, rest, nearer)) return hit;
+  nearer.face += face_count(scene.first);
+  out = nearer;
+  return true;
+}
+
+template <class First, class Second, class Accept>
+[[nodiscard]] bool occluded(const JoinedScene<First, Second>& scene, const Ray& ray, Accept&& accept) noexcept {
+  if (occluded(scene.first, ray, accept)) return true;
+  if (is_empty(scene.second)) return false;
+  const std::uint32_t first_face = face_count(scene.first);
+  return occluded(scene.second, ray, [&](std::uint32_t face) noexcept { return accept(first_face + face); });
+}
+
+// One after the other; what shadowed the last ray is tried first.
+template <class Accept>
+void occluded(const Bvh& bvh, Span<const Ray> rays, Accept&& accept, Span<std::uint8_t> blocked) noexcept {
+  std::uint32_t likely = kNoFace;
+  for (std::size_t i = 0; i < rays.size(); ++i) blocked[i] = occluded(bvh, rays[i], accept, likely) ? 1 : 0;
+}
+
+template <class Accept>
+void occluded(const SheetScene& scene, Span<const Ray> rays, Accept&& accept, Span<std::uint8_t> blocked) noexcept {
+  for (std::size_t i = 0; i < rays.size(); ++i) blocked[i] = occluded(scene, rays[i], accept) ? 1 : 0;
+}
+
+inline constexpr std::size_t kJoinedBatch = 128;
+
+template <class First, class Second, class Accept>
+void occluded(const JoinedScene<First, Second>& scene, Span<const Ray> rays, Accept&& accept,
+              Span<std::uint8_t> blocked) noexcept {
+  occluded(scene.first, rays, accept, blocked);
+  if (is_empty(scene.second)) return;
+  const std::uint32_t first_face = face_count(scene.first);
+  const auto accept_second = [&](std::uint32_t face) noexcept { return accept(first_face + face); };
+  Ray rest[kJoinedBatch];
+  std::uint8_t rest_blocked[kJoinedBatch];
+  std::size_t whose[kJoinedBatch];
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    if (blocked[i] == 0) {
+      rest[count] = rays[i];
+      whose[count++] = i;
+    }
+    if (count < kJoinedBatch && i + 1 < rays.size()) continue;
+    occluded(scene.second, Span<const Ray>(rest, count), accept_second, Span<std::uint8_t>(rest_blocked, count));
+    for (std::size_t k = 0; k < count; ++k) blocked[whose[k]] = rest_blocked[k];
+    count = 0;
+  }
+}
+
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_TRACE_SCENE_HPP
