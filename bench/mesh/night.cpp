@@ -3,7 +3,8 @@
 // CSV.
 //
 // Arguments: a scene.json or streetSEED_WIDTHxHEIGHT (default street1_960x540), --threads N (default: one per
-// processor). One line for the full mesh, then one for each bound on depth, with the pipeline's other settings.
+// processor). One line for the layers as they are (faces: those of their mesh), one for their mesh, then one for each
+// bound on depth, with the pipeline's other settings; changes are against the first.
 // mean_change: of the mean of the linear night, the colour channel that changes most; rms_change: root mean square of
 // the change of a displayed pixel, in codes of 255, over the picture.
 #include <algorithm>
@@ -102,10 +103,11 @@ int main(int argc, char** argv) {
   ThreadPool pool(threads > 0 ? threads : std::max(1U, std::thread::hardware_concurrency()));
   bench::NamedScene scene;
   if (!scene.load(name, pool)) return 1;
-  std::printf("scene,bound,faces,share,complete_s,build_s,transport_s,mean_change,rms_change\n");
+  std::printf("scene,traced,bound,faces,share,complete_s,build_s,transport_s,mean_change,rms_change\n");
   Sink full;
-  for (const float bound : {0.0F, 0.001F, 0.002F, 0.005F, 0.01F, 0.02F, 0.05F, 0.1F}) {
+  for (const float bound : {-1.0F, 0.0F, 0.001F, 0.002F, 0.005F, 0.01F, 0.02F, 0.05F, 0.1F}) {
     NightParams params = default_night_params();
+    params.mesh.traced = bound < 0.0F ? TracedFaces::layers : TracedFaces::mesh;
     params.mesh.simplify_faces = bound > 0.0F;
     params.mesh.simplify.max_relative_depth_error = bound;
     if (bound > 0.02F) params.mesh.simplify.max_texture_shift = 0.0F;
@@ -115,7 +117,8 @@ int main(int argc, char** argv) {
     if (full.picture.empty()) full = sink;
     double change = 0;
     for (std::size_t c = 0; c < 3; ++c) change = std::max(change, std::fabs(sink.mean[c] / full.mean[c] - 1.0));
-    std::printf("%s,%g,%zu,%.4f,%.2f,%.2f,%.1f,%.5f,%.2f\n", name.c_str(), static_cast<double>(bound), sink.faces,
+    std::printf("%s,%s,%g,%zu,%.4f,%.2f,%.2f,%.1f,%.5f,%.2f\n", name.c_str(), bound < 0.0F ? "layers" : "mesh",
+                static_cast<double>(std::max(bound, 0.0F)), sink.faces,
                 static_cast<double>(sink.faces) / static_cast<double>(full.faces), clock.of(Stage::complete),
                 clock.of(Stage::build_trace), clock.of(Stage::render), change, rms_change(sink.picture, full.picture));
     std::fflush(stdout);
