@@ -45,6 +45,7 @@ struct Street {
   ImageView<const Label> labels;
   ImageView<const std::uint8_t> state;
   ImageView<const Vec3f> kept;
+  float focal_px;
 
   [[nodiscard]] bool in(int x, int y) const { return x >= 0 && y >= 0 && x < state.width() && y < state.height(); }
   [[nodiscard]] bool is(int x, int y, std::uint8_t s) const { return in(x, y) && state(x, y) == s; }
@@ -60,10 +61,17 @@ struct Street {
     const auto tolerance = static_cast<double>(params.street.floor_tolerance);
     return f <= tolerance && f * tolerance >= 1 ? f : 0;
   }
+  // Whether the leaves at (x, y) are so few side by side that they are a trunk.
+  [[nodiscard]] bool trunk(int x, int y) const {
+    int l = x, r = x;
+    while (in(l - 1, y) && labels(l - 1, y) == label::vegetation) --l;
+    while (in(r + 1, y) && labels(r + 1, y) == label::vegetation) ++r;
+    return static_cast<float>(r - l + 1) <= params.street.trunk_width_m * focal_px * (1.0F / kept(x, y).z);
+  }
   // What stands above the missing pixel (x, y), `top` being the row of the anchor; 0: nothing.
   [[nodiscard]] double above(int x, int top) const {
     if (!upright(x, top)) return 0;
-    if (labels(x, top) != label::vegetation) return w(x, top);
+    if (labels(x, top) != label::vegetation || trunk(x, top)) return w(x, top);
     for (int j = top - 1; j >= std::max(0, top + 1 - state.height() / 8); --j) {
       if (is(x, j, row_state::blocked)) break;
       if (!known(x, j) || labels(x, j) == label::vegetation) continue;
@@ -76,10 +84,9 @@ struct Street {
   template <class Slope>
   [[nodiscard]] std::vector<double> answers(int x, int y, const Slope& slope) const {
     constexpr double kTie = 1e-5;
-    int l = x, r = x, top = y, bottom = y;  // of the anchors
+    int l = x, r = x, bottom = y;  // of the anchors
     while (is(l, y, row_state::missing)) --l;
     while (is(r, y, row_state::missing)) ++r;
-    while (is(x, top, row_state::missing)) --top;
     while (is(x, bottom, row_state::missing)) ++bottom;
     const bool anchored = known(l, y) || known(r, y);
     if (!anchored && (is(l, y, row_state::blocked) || is(r, y, row_state::blocked))) return {0.0};
@@ -88,6 +95,14 @@ struct Street {
     const bool joined =
         upright(l, y) && upright(r, y) &&
         std::max(w(l, y), w(r, y)) <= static_cast<double>(params.street.join_ratio) * std::min(w(l, y), w(r, y));
+    const auto pavement = [&](int at) { return params.floor.pavement.contains(labels(at, y)); };
+    const bool one_side = (l < floor.vanishing_x) == (r < floor.vanishing_x);
+    const bool one_floor = is_floor(l, y) && is_floor(r, y) && pavement(l) == pavement(r) && (one_side || !pavement(l));
+    const auto up = static_cast<double>(params.street.above_weight);
+    const double sure = joined && std::max(w(l, y), w(r, y)) <=
+                                      static_cast<double>(params.street.same_ratio) * std::min(w(l, y), w(r, y))
+                            ? up
+                            : 1.0;
     struct Candidate {
       double score, w;
     };
@@ -98,17 +113,25 @@ struct Street {
       const auto limit = static_cast<double>(params.max_extension_ratio);
       const double change = joined ? 0.0 : direction * slope(at, y) * distance;
       const double of = std::clamp(anchor + change, anchor / limit, anchor * limit);
-      candidates.push_back({of * distance, joined ? (w(l, y) * dr + w(r, y) * dl) / (dl + dr) : of});
+      candidates.push_back({of * distance / sure, joined ? (w(l, y) * dr + w(r, y) * dl) / (dl + dr) : of});
     };
     beside(l, dl, 1);
     beside(r, dr, -1);
-    const double crest = above(x, top);
-    if (crest > 0) candidates.push_back({crest * (y - top) / static_cast<double>(params.street.above_weight), crest});
+    // Above the columns of the run near by, as far as they are in the same strip.
+    const int reach = std::min(32, state.width() / 80);
+    for (int i = std::max(l + 1, x - reach); i <= std::min(r - 1, x + reach) && !one_floor; ++i) {
+      if (i / mesh_detail::kStripColumns != x / mesh_detail::kStripColumns) continue;
+      int crest_row = y;
+      while (is(i, crest_row, row_state::missing)) --crest_row;
+      const double crest = above(i, crest_row);
+      if (crest > 0) candidates.push_back({crest * ((y - crest_row) / up + std::abs(i - x) * up), crest});
+    }
     double least = std::numeric_limits<double>::infinity();
     for (const Candidate& c : candidates) least = std::min(least, c.score);
     std::vector<double> standing;
     for (const Candidate& c : candidates) {
-      if (c.score <= least * (1 + kTie)) standing.push_back(c.w);
+      const bool new_one = std::find(standing.begin(), standing.end(), c.w) == standing.end();
+      if (c.score <= least * (1 + kTie) && new_one) standing.push_back(c.w);
     }
     if (standing.empty()) standing.push_back(0);
 
@@ -124,10 +147,8 @@ struct Street {
         continue;
       }
       if (plane < horizon * (1 + kTie)) answers.push_back(without);
-      const auto pavement = [&](int at) { return params.floor.pavement.contains(labels(at, y)); };
-      const bool one_side = (l < floor.vanishing_x) == (r < floor.vanishing_x);
       double f;
-      if (is_floor(l, y) && is_floor(r, y) && pavement(l) == pavement(r) && (one_side || !pavement(l))) {
+      if (one_floor) {
         const auto raised = [&](int at) { return w(at, y) / floor.carriageway(at, y); };
         f = (raised(l) * dr + raised(r) * dl) / (dl + dr);
       } else {

@@ -128,6 +128,48 @@ TEST_CASE("behind a car on a street, floor and wall meet where they did") {
   }
 }
 
+TEST_CASE("a pole in front of a car does not hide what is above the car") {
+  Picture p = street_of_planes(false);
+  const Picture truth = p;
+  p.rectangle(105, 0, 135, 5, label::vegetation, 10.0F);  // all that is above the pole
+  p.rectangle(118, 6, 120, 29, label::pole, 9.0F);
+  p.rectangle(60, 30, 180, 60, label::car, 6.0F);
+  BackgroundParams params;
+  params.floor.kerb_height_m = 0.0F;
+  p.run(params);
+  for (int y = 30; y < 42; ++y) {
+    for (int x = 117; x <= 121; ++x) CHECK(p.background.vertices(x, y).z == doctest::Approx(truth.depth(x, y)));
+  }
+}
+
+TEST_CASE("a trunk goes on down behind a car, a crown does not") {
+  BackgroundParams params;
+  params.floor.kerb_height_m = 0.0F;
+  for (const bool crown : {false, true}) {
+    CAPTURE(crown);
+    Picture p = street_of_planes(false);
+    p.rectangle(crown ? 105 : 118, 24, crown ? 135 : 120, 33, label::vegetation, 15.0F);
+    p.rectangle(90, 34, 150, 60, label::car, 6.0F);
+    p.run(params);
+    CHECK(p.background.vertices(119, 40).z == doctest::Approx(crown ? 60.0 : 15.0));
+    params.street.trunk_width_m = crown ? 0.35F : 0.1F;  // three pixels at 15 m are 0.22 m
+    p.run(params);
+    CHECK(p.background.vertices(119, 40).z == doctest::Approx(60.0));
+    params.street.trunk_width_m = 0.35F;
+  }
+}
+
+TEST_CASE("between two ends of one floor there is floor") {
+  Picture p = street_of_planes(false);
+  const Picture truth = p;
+  p.rectangle(100, 20, 130, 60, label::building, 9.0F);  // a board on a foot that the car hides
+  p.rectangle(90, 61, 140, 70, label::car, 6.0F);
+  BackgroundParams params;
+  params.floor.kerb_height_m = 0.0F;
+  p.run(params);
+  for (int y = 61; y <= 70; ++y) CHECK(p.background.vertices(115, y).z == doctest::Approx(truth.depth(115, y)));
+}
+
 TEST_CASE("the kerbs and the vanishing point of a street are found to a pixel") {
   Picture p = street_of_planes(true);
   p.rectangle(60, 35, 110, 80, label::car, 6.0F);
@@ -576,7 +618,7 @@ TEST_CASE("wrong arguments and a small workspace of the background completion ar
   CHECK(run({}, 0, p.labels.cview()) == StatusCode::workspace_exhausted);
   CHECK(run({}, 0, p.labels.cview().sub(0, 0, {5, 5})) == StatusCode::shape_mismatch);
   CHECK(run({}, 0, {}) == StatusCode::shape_mismatch);
-  for (int k = 0; k < 11; ++k) {
+  for (int k = 0; k < 13; ++k) {
     BackgroundParams params;
     if (k == 0) params.max_join_ratio = 0.5F;
     if (k == 1) params.max_extension_ratio = kNaN;
@@ -589,6 +631,8 @@ TEST_CASE("wrong arguments and a small workspace of the background completion ar
     if (k == 8) params.street.farthest_floor = 0.0F;
     if (k == 9) params.floor.kerb_height_m = -0.1F;
     if (k == 10) params.floor.kerb_clearance_m = kNaN;
+    if (k == 11) params.street.same_ratio = 0.9F;
+    if (k == 12) params.street.trunk_width_m = kNaN;
     CHECK(run(params, 0, p.labels.cview()) == StatusCode::invalid_argument);
   }
 }

@@ -46,6 +46,7 @@ Picture random_street(std::uint32_t trial, Shape shape) {
   some(w / 50, label::car, 5.0F, 120, 14);
   some(2, label::bus, 4.0F, w, 6);
   some(w / 20, label::pole, 6.0F, 2, 30);
+  some(w / 30, label::vegetation, 12.0F, 3, 12);
   for (int y = 0; y < h; ++y) {
     for (int x = 0; x < w; ++x) {
       if (random.uniform() < 0.03F) p.uncertain(x, y) = 1;
@@ -87,7 +88,7 @@ TEST_CASE("the street completion is its definition to 1e-5, and the same bits fo
                 .ok());
     floors += floor.valid ? 1 : 0;
     const auto kept = p.background.vertices.cview();
-    const reference::Street street{params, floor, p.labels.cview(), p.state.cview(), kept};
+    const reference::Street street{params, floor, p.labels.cview(), p.state.cview(), kept, p.intrinsics.fx};
     const auto slope = [&](int x, int y) {
       return mesh_detail::inverse_depth_slope<simd::scalar::F32>(params.fit_radius_px, params.fit_tolerance, kept,
                                                                  p.state.cview(), x, y);

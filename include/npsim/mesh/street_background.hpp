@@ -2,14 +2,17 @@
 // What is behind the objects of a street, guessed per pixel: its floor, or something that stands on it, whichever is
 // nearer to the camera. The inverse depth is the greater of
 //   - the floor's (street_floor.hpp), times what nearby kept floor (left, right, below) differs from it, and
-//   - that of the best anchor that is not floor: left or right in the row, or above in the column (street_columns.hpp).
-//     Between a left and a right anchor of one surface inverse depth is linear. The best anchor is the one with the
-//     least distance in pixels over depth: where two disagree, what was behind an object is rather the farther of the
-//     two. A run's anchors of two surfaces go on along their planes.
+//   - that of the best anchor that is not floor: left or right in the row, above in the column, or above one of the
+//     columns near by (street_columns.hpp). Between a left and a right anchor of one surface inverse depth is linear.
+//     The best anchor is the one with the least distance in pixels over depth: where two disagree, what was behind an
+//     object is rather the farther of the two. A run's anchors of two surfaces go on along their planes.
+// Distances up count less than those in the row, as walls are upright; those between columns more, and so a pole or a
+// sign that stands in front of a car does not hide what is above the car. Where one floor is seen left and right of a
+// run there is only floor between.
 // Lanes are neighbouring pixels of a run.
 // Invariant: reads kept vertices only, and of the missing those of its own chunk of rows, so chunks may be done in any
-// order. Cost: about a hundred instructions for as many missing pixels as there are lanes, some hundreds per run.
-// Memory: 17 KiB of stack. Error: 1e-5 relative from the same formulas in double precision (3e-6 seen at 1920x1080),
+// order. Cost: two hundred instructions and more for as many missing pixels as there are lanes, some hundreds per run.
+// Memory: 34 KiB of stack. Error: 1e-5 relative from the same formulas in double precision (3e-6 seen at 1920x1080),
 // where these tell the candidates apart by more than that.
 #ifndef NPSIM_MESH_STREET_BACKGROUND_HPP
 #define NPSIM_MESH_STREET_BACKGROUND_HPP
@@ -29,6 +32,7 @@
 #include "npsim/mesh/prune.hpp"
 #include "npsim/mesh/sheet.hpp"
 #include "npsim/mesh/street_columns.hpp"
+#include "npsim/mesh/street_crest.hpp"
 #include "npsim/mesh/street_floor.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/bytes.hpp"
@@ -38,7 +42,10 @@ inline namespace v1 {
 
 struct StreetBackgroundParams {
   float join_ratio = 1.3F;        // >= 1: anchors left and right whose depths differ by no more are one surface
-  float above_weight = 4.0F;      // > 0: how much nearer an anchor above counts than one beside
+  float same_ratio = 1.05F;       // >= 1: by no more than this, they surely are
+  float above_weight = 5.0F;      // > 0: how much nearer an anchor above, and that of a sure surface, counts than one
+                                  // beside; and how much farther a pixel to another column
+  float trunk_width_m = 0.35F;    // >= 0: leaves side by side, no wider, are a trunk
   float floor_tolerance = 1.3F;   // >= 1: kept floor farther off the fitted one does not correct it
   float farthest_floor = 100.0F;  // > 0, in heights of the camera: beyond, floor and horizon cannot be told apart
 };
@@ -92,25 +99,15 @@ struct StreetBackground {
     return a;
   }
 
-  // What is carried down a strip of columns of one chunk of rows.
-  struct Carried {
-    std::array<float, kStripColumns + simd::kMaxLanes> upright{}, anchor_row{}, floor{}, floor_row{};
-    void take(const ColumnGuess& g, int y, std::size_t column) noexcept {
-      upright[column] = g.upright;
-      floor[column] = g.floor;
-      anchor_row[column] = static_cast<float>(y - g.above);
-      floor_row[column] = static_cast<float>(y + g.below);
-    }
-  };
-
   // Rows begin .. end - 1, a chunk. slope(x, y): d(inverse depth)/dx of what stands at the anchor (x, y).
   template <class F, class Slope>
   void fill(int begin, int end, const Slope& slope) const noexcept {
     using U = simd::BytesOf<F>;
     std::array<int, kRowsPerChunk> open{};  // per row: first column of the run that leaves the strip
+    StreetCrest crest;
     for (int strip = 0; strip < width(); strip += kStripColumns) {
       const int n = std::min(kStripColumns, width() - strip);
-      Carried carried;
+      StreetCarried carried;
       std::array<std::uint64_t, kStripColumns / kWordBits> missing{};
       for (int y = begin; y < end; ++y) {
         const std::uint8_t* state = columns.state.row(y);
@@ -129,7 +126,9 @@ struct StreetBackground {
           if (!continued) first = strip + l;
           int last = strip + r - 1;
           if (r == n) last = end_of_run<U>(state, last);
-          fill_run<F>(y, first, last, strip + l, strip + r, carried, strip, slope);
+          find_crest<F>(params.above_weight, column_reach(width()), y, static_cast<std::size_t>(l), r - l, carried,
+                        crest);
+          fill_run<F>(y, first, last, strip + l, strip + r, carried, crest, strip, slope);
           l = next_bit(missing.data(), r, n, 0);
         }
       }
@@ -151,8 +150,8 @@ struct StreetBackground {
 
   // Pixels begin .. end - 1 of the run l .. r. A run with the sky at an end and no anchor at the other stays empty.
   template <class F, class Slope>
-  void fill_run(int y, int l, int r, int begin, int end, const Carried& carried, int strip,
-                const Slope& slope) const noexcept {
+  void fill_run(int y, int l, int r, int begin, int end, const StreetCarried& carried, const StreetCrest& crest,
+                int strip, const Slope& slope) const noexcept {
     Vec3f* row = columns.vertices.row(y);
     const Anchor left = anchor(l - 1, y);
     const Anchor right = anchor(r + 1, y);
@@ -176,6 +175,8 @@ struct StreetBackground {
     const F right_factor(f32(right.factor));
     const F limit(max_extension_ratio);
     const F shrink(1.0F / max_extension_ratio);
+    const bool same =
+        joined && std::max(left.w, right.w) <= static_cast<double>(params.same_ratio) * std::min(left.w, right.w);
     const F per_above(1.0F / params.above_weight);
     const F one(1.0F);
     const F zero(0.0F);
@@ -220,11 +221,12 @@ struct StreetBackground {
         least = select(better, of * dr, least);
         beside = beside | better;
       }
-      {
-        const F of = F::load(carried.upright.data() + column);
-        const F distance = F(static_cast<float>(y)) - F::load(carried.anchor_row.data() + column);
-        const auto better = (of > zero) & (distance * per_above * of * surely < least);
-        w = select(better, of, w);
+      if (same) least = least * per_above;
+      if (!one_floor) {
+        const auto at = static_cast<std::size_t>(x - begin);
+        const F counts = F::load(crest.score.data() + at);
+        const auto better = counts * surely < least;
+        w = select(better, F::load(crest.inverse_depth.data() + at), w);
         beside = beside & ~better;
       }
       if (joined) w = select(beside, (left_w * dr + right_w * dl) * per_length, w);

@@ -6,8 +6,9 @@
 // is left in the missing vertices themselves, at the top of each piece and in every row that begins a chunk of rows:
 // from there on a chunk carries it down in arrays, and knows nothing of other chunks.
 //
-// What is above is upright: it goes on down at its inverse depth. Below leaves goes on what is above them, where that
-// is farther (crowns seldom reach the ground); a crown is looked through for an eighth of the picture's height.
+// What is above is upright: it goes on down at its inverse depth. Below a crown goes on what is above it, where that is
+// farther (crowns seldom reach the ground): leaves are looked through for an eighth of the picture's height, unless
+// they are so few side by side that they are a trunk.
 // Invariant: kept vertices are only read; strips of columns are independent. Exact but for the roundings to float.
 // Cost: states twice and labels once, 64 pixels at a time, some tens of instructions per piece. Memory: 8 KiB of stack.
 #ifndef NPSIM_MESH_STREET_COLUMNS_HPP
@@ -86,6 +87,7 @@ struct StreetColumns {
   KeptFloor floor;
   ImageView<const std::uint8_t> state;
   ImageView<Vec3f> vertices;
+  float trunk_px_m = 0;  // width of the thickest trunk in pixels, times its depth in metres
 
   [[nodiscard]] bool known(int x, int y) const noexcept { return state(x, y) == row_state::known; }
   [[nodiscard]] float inverse(int x, int y) const noexcept { return 1.0F / vertices(x, y).z; }
@@ -103,8 +105,19 @@ struct StreetColumns {
     if (y == 0 || !known(x, y - 1) || floor.contains(x, y - 1)) return 0.0F;
     const float w = inverse(x, y - 1);
     const bool through = floor.labels(x, y - 1) == label::vegetation &&
-                         seen_row >= std::max(0, y - state.height() / 8) && !floor.contains(x, seen_row);
+                         seen_row >= std::max(0, y - state.height() / 8) && !floor.contains(x, seen_row) &&
+                         !is_trunk(x, y - 1, trunk_px_m * w);
     return through ? std::min(w, inverse(x, seen_row)) : w;
+  }
+
+  // Whether the leaves at (x, y) are at most so many pixels wide.
+  [[nodiscard]] bool is_trunk(int x, int y, float widest) const noexcept {
+    const Label* row = floor.labels.row(y);
+    int l = x;
+    int r = x;
+    while (l > 0 && row[l - 1] == label::vegetation && static_cast<float>(x - l) < widest) --l;
+    while (r + 1 < state.width() && row[r + 1] == label::vegetation && static_cast<float>(r - l) < widest) ++r;
+    return static_cast<float>(r - l + 1) <= widest;
   }
 
   template <class F>
