@@ -25,8 +25,10 @@ namespace npsim {
 inline namespace v1 {
 
 // Predicted normals are worst on roads, which are the plainest surface there is. On these labels they are smoothed far
-// more than elsewhere, and where they still lean away from the ground plane's (robustly fitted to depth) they turn into
-// it: not at all below min_rad, which is the road's own shape, fully from twice that to max_rad; more is a kerb's face.
+// more than elsewhere, and what they still lean away from the ground plane's (robustly fitted to depth) is taken back: a
+// lean of x < min_rad to x (1 - x / min_rad), larger ones wholly, but none above max_rad, which is a kerb's face. So a
+// quarter of min_rad is left at most: by headlamps, whose light comes in at .06 rad ten metres ahead, a lean of .02 rad
+// is a third more or less light, and the rim of a patch where the prediction leans shows as a ring.
 struct GroundNormalsParams {
   bool enabled = true;
   LabelSet labels = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground);
@@ -61,7 +63,7 @@ inline void straighten_ground(const GroundNormalsParams& params, const GroundPla
       const float cosine = dot(smooth(x, y), ground.up);
       const float off = std::sqrt(std::max(0.0F, 2.0F - 2.0F * cosine));  // the chord; nearly the angle
       if (off > params.max_rad) continue;
-      const float towards = known ? std::clamp((off - params.min_rad) / params.min_rad, 0.0F, 1.0F) : 0.0F;
+      const float towards = known ? std::clamp(off / params.min_rad, 0.0F, 1.0F) : 0.0F;
       normals(x, y) = normalized(smooth(x, y) * (1.0F - towards) + ground.up * towards);
     }
   }
