@@ -23,6 +23,9 @@ using npsim::Ray;
 using npsim::Vec3d;
 using npsim::Vec3f;
 
+using Pack = npsim::TrianglePack<npsim::kBvhPack>;
+using Node = npsim::BvhNode<npsim::kBvhWidth>;
+
 constexpr float kInf = std::numeric_limits<float>::infinity();
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
@@ -73,14 +76,18 @@ Mesh soup(std::size_t faces, float size, float scale, std::uint32_t seed) {
 // Every triangle of the tree in turn, in the order of the tree.
 bool linear_scan(const Bvh& bvh, const Ray& ray, Hit& out) {
   npsim::RayFrame frame;
-  if (bvh.nodes.empty() || !npsim::make_ray_frame(ray, bvh.nodes[0].low, bvh.nodes[0].high, frame)) return false;
+  if (bvh.nodes.empty() || !npsim::make_ray_frame(ray, bvh.low, bvh.high, frame)) return false;
   bool found = false;
-  for (const npsim::BvhTriangle& triangle : bvh.triangles) {
-    npsim::TriangleHit hit;
-    if (!npsim::intersect_triangle(frame, triangle.vertex, hit) || !(hit.t < frame.t_max)) continue;
-    if (!found || hit.t < out.t || (hit.t == out.t && triangle.face < out.face)) {
-      out = Hit{hit.t, triangle.face, hit.u, hit.v};
-      found = true;
+  for (const Pack& pack : bvh.packs) {
+    for (unsigned lane = 0; lane < npsim::kBvhPack; ++lane) {
+      float vertex[3][3];
+      npsim::triangle_of_lane(pack, lane, vertex);
+      npsim::TriangleHit hit;
+      if (!npsim::intersect_triangle(frame, vertex, hit) || !(hit.t < frame.t_max)) continue;
+      if (!found || hit.t < out.t || (hit.t == out.t && pack.face[lane] < out.face)) {
+        out = Hit{hit.t, pack.face[lane], hit.u, hit.v};
+        found = true;
+      }
     }
   }
   return found;
@@ -119,11 +126,27 @@ int depth_of(const Bvh& bvh) {
     const auto [node, depth] = stack.back();
     stack.pop_back();
     deepest = std::max(deepest, depth);
-    if (bvh.nodes[node].count != 0) continue;
-    stack.push_back({bvh.nodes[node].first, depth + 1});
-    stack.push_back({bvh.nodes[node].first + 1, depth + 1});
+    if ((node & npsim::kBvhLeaf) != 0) continue;
+    for (unsigned i = 0; i < bvh.nodes[node].count; ++i) stack.push_back({bvh.nodes[node].child[i], depth + 1});
   }
   return deepest;
+}
+
+// How often each face is in the tree; lanes that repeat another do not count.
+std::vector<int> times_in_tree(const Bvh& bvh, std::size_t faces) {
+  std::vector<int> times(faces, 0);
+  for (const Pack& pack : bvh.packs) {
+    for (unsigned lane = 0; lane < npsim::kBvhPack; ++lane) {
+      if (lane == 0 || pack.face[lane] != pack.face[0]) ++times[pack.face[lane]];
+    }
+  }
+  return times;
+}
+
+int faces_in_tree(const Bvh& bvh, std::size_t faces) {
+  const std::vector<int> times = times_in_tree(bvh, faces);
+  CHECK(*std::max_element(times.begin(), times.end()) <= 1);
+  return static_cast<int>(std::count(times.begin(), times.end(), 1));
 }
 
 }  // namespace
@@ -239,8 +262,8 @@ TEST_CASE("trace: twenty thousand identical triangles: bounded depth, lowest fac
   mesh.vertices = {{-1, -1, 2}, {1, -1, 2}, {0, 1, 2}};
   mesh.faces.assign(20000, Face{0, 1, 2});
   const Tree tree(mesh);
-  CHECK(tree.bvh.triangles.size() == 20000);
-  CHECK(depth_of(tree.bvh) <= 16);
+  CHECK(faces_in_tree(tree.bvh, 20000) == 20000);
+  CHECK(depth_of(tree.bvh) <= 5);  // 8^4 packs and more
   Hit hit;
   REQUIRE(npsim::closest_hit(tree.bvh, Ray{{0, 0, 0}, {0, 0, 1}}, hit));
   CHECK(hit.face == 0);
@@ -256,49 +279,72 @@ TEST_CASE("trace: sizes in geometric progression keep the depth below the bound"
     for (int k = 0; k < 4; ++k) mesh.add({size, 0, size}, {size, size, size}, {size, 0, 2 * size});
   }
   const Tree tree(mesh);
-  CHECK(tree.bvh.triangles.size() == 800);
+  CHECK(faces_in_tree(tree.bvh, 800) == 800);
   CHECK(depth_of(tree.bvh) <= npsim::kBvhMaxDepth);
 }
 
-TEST_CASE("trace: near the depth bound a lopsided split is replaced by halves") {
-  std::vector<npsim::BvhPrimitive> primitives;  // fifteen close together and one far away
-  for (int i = 0; i < 16; ++i) {
+TEST_CASE("trace: near the depth bound a lopsided split is replaced by halves, and so it is without packs to spare") {
+  std::vector<npsim::BvhPrimitive> primitives;  // 127 close together and one far away
+  for (std::uint32_t i = 0; i < 128; ++i) {
     const float x = i == 5 ? 1000.0F : 0.01F * static_cast<float>(i);
-    primitives.push_back({{x, 0, 0}, static_cast<std::uint32_t>(i), {x + 0.01F, 0.01F, 0}, 0});
+    primitives.push_back({});
+    npsim::bvh_detail::write_primitive({{x, 0, 0}, {x + 0.01F, 0, 0}, {x, 0.01F, 0}}, i, primitives.back());
   }
   const npsim::Span<npsim::BvhPrimitive> all(primitives.data(), primitives.size());
-  const double area = npsim::bvh_detail::box_of(all).half_area();
-  CHECK(npsim::bvh_detail::divide(all, area, 59) == 15);  // 60 + ceil(log2 15) == 64
-  CHECK(npsim::bvh_detail::divide(all, area, 60) == 8);
+  npsim::bvh_detail::BvhSet set;
+  set.count = 128;
+  npsim::bvh_detail::measure(all, set);
+  npsim::bvh_detail::BvhSet left;
+  npsim::bvh_detail::BvhSet right;
+  set.budget = 17;
+  set.depth = 59;
+  npsim::bvh_detail::divide<8>(all, set, left, right);
+  CHECK(left.count == 127);  // 60 + ceil(log2 16) == 64
+  CHECK(left.budget + right.budget == 17);
+  set.depth = 60;
+  npsim::bvh_detail::divide<8>(all, set, left, right);
+  CHECK(left.count == 64);
+  set.depth = 0;
+  set.budget = 16;
+  npsim::bvh_detail::divide<8>(all, set, left, right);
+  CHECK(left.count == 64);
+  CHECK(left.budget == 8);
+  CHECK(right.budget == 8);
 }
 
 TEST_CASE("trace: every box holds its triangles and every usable face is in exactly one leaf") {
   const Mesh mesh = soup(3000, 0.1F, 5.0F, 77);
   const Tree tree(mesh);
-  std::vector<int> seen(mesh.faces.size(), 0);
-  std::vector<std::uint32_t> stack{0};
-  while (!stack.empty()) {
-    const npsim::BvhNode& node = tree.bvh.nodes[stack.back()];
-    stack.pop_back();
-    if (node.count == 0) {
-      for (std::uint32_t child = node.first; child < node.first + 2; ++child) {
-        CHECK(node.first % 2 == 0);
-        for (int k = 0; k < 3; ++k) {
-          CHECK(tree.bvh.nodes[child].low[k] >= node.low[k]);
-          CHECK(tree.bvh.nodes[child].high[k] <= node.high[k]);
+  CHECK(faces_in_tree(tree.bvh, 3000) == 3000);
+  CHECK(tree.bvh.packs.size() <= npsim::bvh_max_packs<npsim::kBvhPack>(3000));
+  CHECK((tree.bvh.nodes.size() <= npsim::bvh_max_nodes<npsim::kBvhWidth, npsim::kBvhPack>(3000)));
+  for (const Node& node : tree.bvh.nodes) {
+    REQUIRE(node.count >= 2);
+    REQUIRE(node.count <= npsim::kBvhWidth);
+    for (unsigned i = 0; i < node.count; ++i) {
+      const std::uint32_t child = node.child[i] & ~npsim::kBvhLeaf;
+      for (unsigned k = 0; k < 3; ++k) {
+        float low = kInf;
+        float high = -kInf;
+        if (child == node.child[i]) {
+          const Node& below = tree.bvh.nodes[child];
+          for (unsigned j = 0; j < below.count; ++j) {
+            low = std::min(low, below.bound[k][j]);
+            high = std::max(high, below.bound[k + 3][j]);
+          }
+        } else {
+          for (unsigned lane = 0; lane < npsim::kBvhPack; ++lane) {
+            for (unsigned corner = 0; corner < 3; ++corner) {
+              low = std::min(low, tree.bvh.packs[child].vertex[corner][k][lane]);
+              high = std::max(high, tree.bvh.packs[child].vertex[corner][k][lane]);
+            }
+          }
         }
-        stack.push_back(child);
-      }
-      continue;
-    }
-    for (const npsim::BvhTriangle& triangle : tree.bvh.triangles.sub(node.first, node.count)) {
-      ++seen[triangle.face];
-      for (const auto& vertex : triangle.vertex) {
-        for (int k = 0; k < 3; ++k) CHECK((vertex[k] >= node.low[k] && vertex[k] <= node.high[k]));
+        CHECK(node.bound[k][i] == low);
+        CHECK(node.bound[k + 3][i] == high);
       }
     }
   }
-  CHECK(std::count(seen.begin(), seen.end(), 1) == 3000);
 }
 
 TEST_CASE("trace: empty mesh, one face, and a mesh of unusable faces") {
@@ -326,11 +372,11 @@ TEST_CASE("trace: empty mesh, one face, and a mesh of unusable faces") {
   bad.add({-1, -1, 4}, {-1, -1, 4}, {-1, 3, 4});
   bad.add({-1, -1, 4}, {0, 0, 4}, {1, 1, 4});
   const Tree unusable(bad);
-  CHECK(unusable.bvh.triangles.empty());
+  CHECK(unusable.bvh.packs.empty());
   CHECK_FALSE(npsim::closest_hit(unusable.bvh, ray, hit));
   bad.add({-1, -1, 4}, {3, -1, 4}, {-1, 3, 4});
   const Tree mixed(bad);
-  CHECK(mixed.bvh.triangles.size() == 1);
+  CHECK(faces_in_tree(mixed.bvh, 6) == 1);
   REQUIRE(npsim::closest_hit(mixed.bvh, ray, hit));
   CHECK(hit.face == 5);
 }
@@ -447,14 +493,16 @@ TEST_CASE("trace: the triangle that is tried first never changes whether a ray i
   Ray ray;
   for (int i = 0; i < 4000; ++i) {
     if (i % 2 == 0) ray = {in_cube(random, 1.5F), in_cube(random, 1.0F), 0.0F, 1.5F};
-    if (i % 2 == 1) ray.direction = ray.direction + in_cube(random, 1e-3F);  // a neighbour
+    if (i % 2 == 1) ray.direction = ray.direction + in_cube(random, 1e-3F);                   // a neighbour
     const std::uint32_t before = i % 7 == 0 ? static_cast<std::uint32_t>(i) * 977U : likely;  // also beyond the end
     likely = before;
     const bool found = npsim::occluded(tree.bvh, ray, even, likely);
     CHECK(found == npsim::occluded(tree.bvh, ray, even));
     blocked += found ? 1 : 0;
     kept += found && likely == before ? 1 : 0;
-    if (found) CHECK(even(tree.bvh.triangles[likely].face));
+    if (!found) continue;
+    const Pack& pack = tree.bvh.packs[likely];
+    CHECK(std::any_of(pack.face, pack.face + npsim::kBvhPack, even));
   }
   CHECK(blocked > 200);
   CHECK(blocked < 3600);

@@ -2,8 +2,8 @@
 // The ray tracer in one include: a bounding volume hierarchy over triangles.
 //
 //   std::size_t bvh_workspace_bytes(face_count)                          layout   (bvh_layout.hpp)
-//   Status build_bvh(TriangleMeshView, Workspace&, Bvh& out)             build    (build.hpp)
-//   bool closest_hit(const Bvh&, const Ray&, Hit& out)                   traverse (traverse.hpp)
+//   Status build_bvh(TriangleMeshView, Workspace&, Bvh& out)             build    (bvh_build.hpp)
+//   bool closest_hit(const Bvh&, const Ray&, Hit& out)                   traverse (bvh_traverse.hpp)
 //   bool occluded(const Bvh&, const Ray&)
 //   bool occluded(const Bvh&, const Ray&, accept)                        accept(face) == false: does not block
 //   SurfacePoint surface_point(TriangleMeshView, const Hit&)             spawn    (spawn.hpp)
@@ -11,10 +11,10 @@
 #ifndef NPSIM_TRACE_BVH_HPP
 #define NPSIM_TRACE_BVH_HPP
 
-#include "npsim/trace/build.hpp"
+#include "npsim/trace/bvh_build.hpp"
 #include "npsim/trace/bvh_layout.hpp"
+#include "npsim/trace/bvh_traverse.hpp"
 #include "npsim/trace/ray.hpp"
 #include "npsim/trace/spawn.hpp"
-#include "npsim/trace/traverse.hpp"
 
 #endif  // NPSIM_TRACE_BVH_HPP

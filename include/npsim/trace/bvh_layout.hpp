@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// The memory layout of the bounding volume hierarchy: a binary tree of axis-aligned boxes over triangles.
+// The memory layout of the bounding volume hierarchy: nodes of up to W boxes side by side, leaves of one pack of up to
+// P triangles.
 //
-// Invariants: node 0 is the root, node 1 is unused, siblings are nodes (2 i, 2 i + 1), so that a pair fills one
-// 64-byte cache line. A box holds exactly (no rounding) every vertex below it. A leaf has count > 0 and owns
-// triangles[first .. first + count); an inner node has count == 0 and its children at first and first + 1. No leaf is
-// deeper than kBvhMaxDepth, hence a traversal needs a stack of kBvhMaxDepth entries and no more.
-// Memory: 64 bytes of nodes, 40 bytes of triangles and, while building, 32 bytes of scratch per face.
+// Invariants: node 0 is the root. A node has count in [1, W] children in slots 0 .. count - 1, each an inner node or a
+// pack, told apart by kBvhLeaf; only the root may have a single one. Box i holds exactly (no rounding) every vertex
+// below child i. Nodes and packs are numbered as a walk from the root meets them that goes to the first child first and
+// numbers all children of a node when it enters it; so each is named once, and check_bvh() can tell. No leaf is deeper
+// than kBvhMaxDepth, hence a traversal needs a stack of kBvhStack entries and no more. Everything is an index, nothing
+// a pointer: the bytes from bvh_bytes() may be stored and mapped again (bvh_check.hpp). The layout does not depend on
+// the instruction set. Memory: at most bvh_workspace_bytes(); on ordinary meshes about 65 bytes a face and, while
+// building, 32 of scratch and what was set aside for a poor filling.
 #ifndef NPSIM_TRACE_BVH_LAYOUT_HPP
 #define NPSIM_TRACE_BVH_LAYOUT_HPP
 
@@ -14,45 +18,65 @@
 
 #include "npsim/core/span.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/trace/triangle_pack.hpp"
 
 namespace npsim {
 inline namespace v1 {
 
-inline constexpr int kBvhMaxDepth = 64;  // edges from the root to the deepest leaf
+inline constexpr int kBvhMaxDepth = 64;                  // edges from the root to the deepest leaf
+inline constexpr std::uint32_t kBvhLeaf = 0x80000000U;   // child: a pack
+inline constexpr std::size_t kBvhMaxFaces = 0x20000000;  // 2^29
 
-struct BvhNode {
-  float low[3];
-  std::uint32_t first;
-  float high[3];
+template <unsigned W>
+struct alignas(64) BvhNode {
+  float bound[6][W];  // low x, y, z, high x, y, z
+  std::uint32_t child[W];
   std::uint32_t count;
 };
-static_assert(sizeof(BvhNode) == 32);
-
-// A triangle with its vertices copied out of the mesh: one access instead of four that depend on each other.
-struct BvhTriangle {
-  float vertex[3][3];
-  std::uint32_t face;
-};
-static_assert(sizeof(BvhTriangle) == 40);
 
 // Spans into the workspace that build_bvh() was given. Without nodes nothing is ever hit.
-struct Bvh {
-  Span<const BvhNode> nodes;
-  Span<const BvhTriangle> triangles;
+template <unsigned W, unsigned P>
+struct WideBvh {
+  Span<const BvhNode<W>> nodes;
+  Span<const TrianglePack<P>> packs;
+  float low[3] = {};  // bounds of everything
+  float high[3] = {};
 };
 
-// Scratch of the builder: the box of one triangle.
-struct BvhPrimitive {
-  float low[3];
-  std::uint32_t face;
-  float high[3];
-  std::uint32_t unused;
+// Eight children and eight triangles: measured best on machines of 4, 8 and 16 lanes.
+inline constexpr unsigned kBvhWidth = 8;
+inline constexpr unsigned kBvhPack = 8;
+using Bvh = WideBvh<kBvhWidth, kBvhPack>;
+
+template <unsigned W>
+inline constexpr std::size_t kBvhStack = (W - 1) * std::size_t{kBvhMaxDepth} + 1;
+
+// Scratch of the builder: the box of one triangle as low x, y, z, its number, -high x, y, z, 0.
+struct alignas(32) BvhPrimitive {
+  float box[8];
 };
-static_assert(sizeof(BvhPrimitive) == 32);
+
+// At most so many of each; on the way see bvh_build.hpp.
+template <unsigned P>
+[[nodiscard]] constexpr std::size_t bvh_max_packs(std::size_t face_count) noexcept {
+  return 2 * ((face_count + P - 1) / P);
+}
+// A node that is not full has only leaves below it, and more than P triangles; all others have W children.
+template <unsigned W, unsigned P>
+[[nodiscard]] constexpr std::size_t bvh_max_nodes(std::size_t face_count) noexcept {
+  const std::size_t full = face_count / (W - 1);
+  return 1 + full + (P < W - 1 ? face_count / (P + 1) * (W - 1 - P) / (W - 1) + 1 : 0);
+}
+
+template <unsigned W, unsigned P>
+[[nodiscard]] constexpr std::size_t wide_bvh_workspace_bytes(std::size_t face_count) noexcept {
+  return allocation_bytes<BvhNode<W>>(bvh_max_nodes<W, P>(face_count)) +
+         allocation_bytes<TrianglePack<P>>(bvh_max_packs<P>(face_count)) + allocation_bytes<BvhPrimitive>(face_count) +
+         kWorkspaceAlignment;
+}
 
 [[nodiscard]] constexpr std::size_t bvh_workspace_bytes(std::size_t face_count) noexcept {
-  return allocation_bytes<BvhNode>(2 * face_count) + allocation_bytes<BvhTriangle>(face_count) +
-         allocation_bytes<BvhPrimitive>(face_count) + kWorkspaceAlignment;
+  return wide_bvh_workspace_bytes<kBvhWidth, kBvhPack>(face_count);
 }
 
 }  // namespace v1

@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: Apache-2.0
+// Fixed<N>: N floats side by side, the same N on every machine, for structures whose width is part of their layout.
+//
+// Where the instruction set has registers of N floats one register, else two halves, down to single floats. The rules
+// of batch.hpp hold, so a program gives the same bits wherever fma() is fused. Comparisons return bits, lane i in bit
+// i.
+//   Fixed<N>(x) broadcast, load(p) and store(p), no alignment needed, lane(i); + - * / fma min max; negated flips
+//   signs; less(a, b), less_equal(a, b), equal(a, b) -> bits; keep(a, bits, b): lane i of a where bit i is set, else of
+//   b; store_truncated(p): towards 0, for what fits an int; halves_swapped(a): the upper half first; N >= 2.
+#ifndef NPSIM_SIMD_FIXED_HPP
+#define NPSIM_SIMD_FIXED_HPP
+
+#include <cstdint>
+
+#include "npsim/simd/isa.hpp"
+#include "npsim/simd/scalar.hpp"
+#if !defined(NPSIM_SIMD_SCALAR)
+#include "npsim/simd/native.hpp"
+#endif
+
+namespace npsim {
+inline namespace v1 {
+inline namespace NPSIM_ISA_NAMESPACE {
+namespace simd {
+
+// Starts reading the cache line of p.
+NPSIM_ALWAYS_INLINE void prefetch(const void* p) noexcept {
+#if defined(__GNUC__) || defined(__clang__)
+  __builtin_prefetch(p);
+#else
+  static_cast<void>(p);
+#endif
+}
+
+// The lowest bit that is set; bits != 0.
+[[nodiscard]] NPSIM_ALWAYS_INLINE unsigned lowest_bit(std::uint32_t bits) noexcept {
+#if defined(__GNUC__) || defined(__clang__)
+  return static_cast<unsigned>(__builtin_ctz(bits));
+#else
+  unsigned i = 0;
+  while (((bits >> i) & 1U) == 0) ++i;
+  return i;
+#endif
+}
+
+// clang-format off
+template <unsigned N>
+struct Fixed {
+  static_assert(N >= 2 && (N & (N - 1)) == 0);
+  using Half = Fixed<N / 2>;
+  static constexpr int lanes = N;
+
+  Fixed() = default;
+  NPSIM_ALWAYS_INLINE explicit Fixed(float x) noexcept : low(x), high(x) {}
+  NPSIM_ALWAYS_INLINE Fixed(const Half& l, const Half& h) noexcept : low(l), high(h) {}
+  [[nodiscard]] NPSIM_ALWAYS_INLINE static Fixed load(const float* p) noexcept { return {Half::load(p), Half::load(p + N / 2)}; }
+  NPSIM_ALWAYS_INLINE void store(float* p) const noexcept { low.store(p); high.store(p + N / 2); }
+  NPSIM_ALWAYS_INLINE void store_truncated(std::int32_t* p) const noexcept { low.store_truncated(p); high.store_truncated(p + N / 2); }
+  [[nodiscard]] float lane(int i) const noexcept { const int half = static_cast<int>(N / 2); return i < half ? low.lane(i) : high.lane(i - half); }
+
+  friend NPSIM_ALWAYS_INLINE Fixed operator+(const Fixed& a, const Fixed& b) noexcept { return {a.low + b.low, a.high + b.high}; }
+  friend NPSIM_ALWAYS_INLINE Fixed operator-(const Fixed& a, const Fixed& b) noexcept { return {a.low - b.low, a.high - b.high}; }
+  friend NPSIM_ALWAYS_INLINE Fixed operator*(const Fixed& a, const Fixed& b) noexcept { return {a.low * b.low, a.high * b.high}; }
+  friend NPSIM_ALWAYS_INLINE Fixed operator/(const Fixed& a, const Fixed& b) noexcept { return {a.low / b.low, a.high / b.high}; }
+  friend NPSIM_ALWAYS_INLINE Fixed operator-(const Fixed& a) noexcept { return {-a.low, -a.high}; }
+  friend NPSIM_ALWAYS_INLINE Fixed fma(const Fixed& a, const Fixed& b, const Fixed& c) noexcept { return {fma(a.low, b.low, c.low), fma(a.high, b.high, c.high)}; }
+  friend NPSIM_ALWAYS_INLINE Fixed min(const Fixed& a, const Fixed& b) noexcept { return {min(a.low, b.low), min(a.high, b.high)}; }
+  friend NPSIM_ALWAYS_INLINE Fixed max(const Fixed& a, const Fixed& b) noexcept { return {max(a.low, b.low), max(a.high, b.high)}; }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t less(const Fixed& a, const Fixed& b) noexcept { return less(a.low, b.low) | (less(a.high, b.high) << (N / 2)); }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t less_equal(const Fixed& a, const Fixed& b) noexcept { return less_equal(a.low, b.low) | (less_equal(a.high, b.high) << (N / 2)); }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t equal(const Fixed& a, const Fixed& b) noexcept { return equal(a.low, b.low) | (equal(a.high, b.high) << (N / 2)); }
+  friend NPSIM_ALWAYS_INLINE Fixed halves_swapped(const Fixed& a) noexcept { return {a.high, a.low}; }
+
+  Half low;
+  Half high;
+};
+
+template <>
+struct Fixed<1> {
+  static constexpr int lanes = 1;
+
+  Fixed() = default;
+  NPSIM_ALWAYS_INLINE explicit Fixed(float x) noexcept : value(x) {}
+  [[nodiscard]] NPSIM_ALWAYS_INLINE static Fixed load(const float* p) noexcept { return Fixed(*p); }
+  NPSIM_ALWAYS_INLINE void store(float* p) const noexcept { *p = value; }
+  NPSIM_ALWAYS_INLINE void store_truncated(std::int32_t* p) const noexcept { *p = static_cast<std::int32_t>(value); }
+  [[nodiscard]] float lane(int /*i*/) const noexcept { return value; }
+
+  friend NPSIM_ALWAYS_INLINE Fixed operator+(const Fixed& a, const Fixed& b) noexcept { return Fixed(a.value + b.value); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator-(const Fixed& a, const Fixed& b) noexcept { return Fixed(a.value - b.value); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator*(const Fixed& a, const Fixed& b) noexcept { return Fixed(a.value * b.value); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator/(const Fixed& a, const Fixed& b) noexcept { return Fixed(a.value / b.value); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator-(const Fixed& a) noexcept { return Fixed(-a.value); }
+  friend NPSIM_ALWAYS_INLINE Fixed fma(const Fixed& a, const Fixed& b, const Fixed& c) noexcept { return Fixed(fma(scalar::F32(a.value), scalar::F32(b.value), scalar::F32(c.value)).value); }
+  friend NPSIM_ALWAYS_INLINE Fixed min(const Fixed& a, const Fixed& b) noexcept { return Fixed(a.value < b.value ? a.value : b.value); }
+  friend NPSIM_ALWAYS_INLINE Fixed max(const Fixed& a, const Fixed& b) noexcept { return Fixed(a.value > b.value ? a.value : b.value); }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t less(const Fixed& a, const Fixed& b) noexcept { return a.value < b.value ? 1U : 0U; }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t less_equal(const Fixed& a, const Fixed& b) noexcept { return a.value <= b.value ? 1U : 0U; }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t equal(const Fixed& a, const Fixed& b) noexcept { return a.value == b.value ? 1U : 0U; }
+
+  float value;
+};
+
+#if !defined(NPSIM_SIMD_SCALAR)
+#if defined(NPSIM_SIMD_NEON64)
+
+template <>
+struct Fixed<4> {
+  static constexpr int lanes = 4;
+
+  Fixed() = default;
+  NPSIM_ALWAYS_INLINE explicit Fixed(float x) noexcept : value(vdupq_n_f32(x)) {}
+  NPSIM_ALWAYS_INLINE explicit Fixed(float32x4_t v) noexcept : value(v) {}
+  [[nodiscard]] NPSIM_ALWAYS_INLINE static Fixed load(const float* p) noexcept { return Fixed(vld1q_f32(p)); }
+  NPSIM_ALWAYS_INLINE void store(float* p) const noexcept { vst1q_f32(p, value); }
+  NPSIM_ALWAYS_INLINE void store_truncated(std::int32_t* p) const noexcept { vst1q_s32(p, vcvtq_s32_f32(value)); }
+  [[nodiscard]] float lane(int i) const noexcept { float all[4]; store(all); return all[i]; }
+
+  friend NPSIM_ALWAYS_INLINE Fixed operator+(const Fixed& a, const Fixed& b) noexcept { return Fixed(vaddq_f32(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator-(const Fixed& a, const Fixed& b) noexcept { return Fixed(vsubq_f32(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator*(const Fixed& a, const Fixed& b) noexcept { return Fixed(vmulq_f32(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator/(const Fixed& a, const Fixed& b) noexcept { return Fixed(vdivq_f32(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator-(const Fixed& a) noexcept { return Fixed(vnegq_f32(a.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed fma(const Fixed& a, const Fixed& b, const Fixed& c) noexcept { return Fixed(vfmaq_f32(c.value, a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed min(const Fixed& a, const Fixed& b) noexcept { return Fixed(vbslq_f32(vcltq_f32(a.value, b.value), a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed max(const Fixed& a, const Fixed& b) noexcept { return Fixed(vbslq_f32(vcgtq_f32(a.value, b.value), a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t less(const Fixed& a, const Fixed& b) noexcept { return mask_bits(vcltq_f32(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t less_equal(const Fixed& a, const Fixed& b) noexcept { return mask_bits(vcleq_f32(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t equal(const Fixed& a, const Fixed& b) noexcept { return mask_bits(vceqq_f32(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed halves_swapped(const Fixed& a) noexcept { return Fixed(vextq_f32(a.value, a.value, 2)); }
+
+  float32x4_t value;
+
+ private:
+  NPSIM_ALWAYS_INLINE static std::uint32_t mask_bits(uint32x4_t m) noexcept {
+    const uint32x4_t weight = {1U, 2U, 4U, 8U};
+    return vaddvq_u32(vandq_u32(m, weight));
+  }
+};
+
+#else
+
+template <>
+struct Fixed<4> {
+  static constexpr int lanes = 4;
+
+  Fixed() = default;
+  NPSIM_ALWAYS_INLINE explicit Fixed(float x) noexcept : value(_mm_set1_ps(x)) {}
+  NPSIM_ALWAYS_INLINE explicit Fixed(__m128 v) noexcept : value(v) {}
+  [[nodiscard]] NPSIM_ALWAYS_INLINE static Fixed load(const float* p) noexcept { return Fixed(_mm_loadu_ps(p)); }
+  NPSIM_ALWAYS_INLINE void store(float* p) const noexcept { _mm_storeu_ps(p, value); }
+  NPSIM_ALWAYS_INLINE void store_truncated(std::int32_t* p) const noexcept { _mm_storeu_si128(reinterpret_cast<__m128i*>(p), _mm_cvttps_epi32(value)); }
+  [[nodiscard]] float lane(int i) const noexcept { float all[4]; store(all); return all[i]; }
+
+  friend NPSIM_ALWAYS_INLINE Fixed operator+(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm_add_ps(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator-(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm_sub_ps(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator*(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm_mul_ps(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator/(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm_div_ps(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator-(const Fixed& a) noexcept { return Fixed(_mm_xor_ps(a.value, _mm_set1_ps(-0.0F))); }
+  friend NPSIM_ALWAYS_INLINE Fixed fma(const Fixed& a, const Fixed& b, const Fixed& c) noexcept {
+#if defined(NPSIM_SIMD_AVX512) || defined(NPSIM_SIMD_AVX2)
+    return Fixed(_mm_fmadd_ps(a.value, b.value, c.value));
+#else
+    return a * b + c;
+#endif
+  }
+  friend NPSIM_ALWAYS_INLINE Fixed min(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm_min_ps(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed max(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm_max_ps(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t less(const Fixed& a, const Fixed& b) noexcept { return static_cast<std::uint32_t>(_mm_movemask_ps(_mm_cmplt_ps(a.value, b.value))); }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t less_equal(const Fixed& a, const Fixed& b) noexcept { return static_cast<std::uint32_t>(_mm_movemask_ps(_mm_cmple_ps(a.value, b.value))); }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t equal(const Fixed& a, const Fixed& b) noexcept { return static_cast<std::uint32_t>(_mm_movemask_ps(_mm_cmpeq_ps(a.value, b.value))); }
+  friend NPSIM_ALWAYS_INLINE Fixed halves_swapped(const Fixed& a) noexcept { return Fixed(_mm_shuffle_ps(a.value, a.value, 0x4E)); }
+
+  __m128 value;
+};
+
+#if defined(NPSIM_SIMD_AVX512) || defined(NPSIM_SIMD_AVX2)
+
+template <>
+struct Fixed<8> {
+  using Half = Fixed<4>;
+  static constexpr int lanes = 8;
+
+  Fixed() = default;
+  NPSIM_ALWAYS_INLINE explicit Fixed(float x) noexcept : value(_mm256_set1_ps(x)) {}
+  NPSIM_ALWAYS_INLINE explicit Fixed(__m256 v) noexcept : value(v) {}
+  NPSIM_ALWAYS_INLINE Fixed(const Half& l, const Half& h) noexcept : value(_mm256_insertf128_ps(_mm256_castps128_ps256(l.value), h.value, 1)) {}
+  [[nodiscard]] NPSIM_ALWAYS_INLINE static Fixed load(const float* p) noexcept { return Fixed(_mm256_loadu_ps(p)); }
+  NPSIM_ALWAYS_INLINE void store(float* p) const noexcept { _mm256_storeu_ps(p, value); }
+  NPSIM_ALWAYS_INLINE void store_truncated(std::int32_t* p) const noexcept { _mm256_storeu_si256(reinterpret_cast<__m256i*>(p), _mm256_cvttps_epi32(value)); }
+  [[nodiscard]] float lane(int i) const noexcept { float all[8]; store(all); return all[i]; }
+
+  friend NPSIM_ALWAYS_INLINE Fixed operator+(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm256_add_ps(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator-(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm256_sub_ps(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator*(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm256_mul_ps(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator/(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm256_div_ps(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator-(const Fixed& a) noexcept { return Fixed(_mm256_xor_ps(a.value, _mm256_set1_ps(-0.0F))); }
+  friend NPSIM_ALWAYS_INLINE Fixed fma(const Fixed& a, const Fixed& b, const Fixed& c) noexcept { return Fixed(_mm256_fmadd_ps(a.value, b.value, c.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed min(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm256_min_ps(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed max(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm256_max_ps(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t less(const Fixed& a, const Fixed& b) noexcept { return static_cast<std::uint32_t>(_mm256_movemask_ps(_mm256_cmp_ps(a.value, b.value, _CMP_LT_OQ))); }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t less_equal(const Fixed& a, const Fixed& b) noexcept { return static_cast<std::uint32_t>(_mm256_movemask_ps(_mm256_cmp_ps(a.value, b.value, _CMP_LE_OQ))); }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t equal(const Fixed& a, const Fixed& b) noexcept { return static_cast<std::uint32_t>(_mm256_movemask_ps(_mm256_cmp_ps(a.value, b.value, _CMP_EQ_OQ))); }
+  friend NPSIM_ALWAYS_INLINE Fixed halves_swapped(const Fixed& a) noexcept { return Fixed(_mm256_permute2f128_ps(a.value, a.value, 0x01)); }
+
+  __m256 value;
+};
+
+#endif
+#endif
+#endif
+// clang-format on
+
+}  // namespace simd
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_SIMD_FIXED_HPP

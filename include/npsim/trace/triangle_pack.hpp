@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// A ray against P triangles side by side.
+//
+// Invariant: lane i gets the bits that intersect_triangle() gives for triangle i: the same operations in the same
+// order, and a lane whose edge functions need the exact signs is handed to it. Left out at once are lanes with two
+// edge functions of opposite sign, which are exact.
+// Cost: about 35 vector operations where no lane is hit, 100 where one is. Memory: 40 P bytes a pack.
+#ifndef NPSIM_TRACE_TRIANGLE_PACK_HPP
+#define NPSIM_TRACE_TRIANGLE_PACK_HPP
+
+#include <cstdint>
+
+#include "npsim/simd/fixed.hpp"
+#include "npsim/simd/isa.hpp"
+#include "npsim/trace/triangle.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+// Lanes without a triangle of their own repeat one, or are a point, which nothing hits.
+template <unsigned P>
+struct TrianglePack {
+  float vertex[3][3][P];  // corner, axis, lane
+  std::uint32_t face[P];
+};
+
+template <unsigned P>
+struct PackHit {
+  float t[P];
+  float u[P];
+  float v[P];
+};
+
+inline namespace NPSIM_ISA_NAMESPACE {
+
+template <unsigned P>
+inline void triangle_of_lane(const TrianglePack<P>& pack, unsigned lane, float (&out)[3][3]) noexcept {
+  for (int i = 0; i < 3; ++i) {
+    for (int k = 0; k < 3; ++k) out[i][k] = pack.vertex[i][k][lane];
+  }
+}
+
+// Bits of the lanes that are hit with t_min < t <= limit; the other lanes of `out` hold nothing.
+template <unsigned P>
+[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t intersect_pack(const RayFrame& ray, const TrianglePack<P>& pack,
+                                                               float limit, PackHit<P>& out) noexcept {
+  using F = simd::Fixed<P>;
+  const std::uint32_t kx = ray.axis[0];
+  const std::uint32_t ky = ray.axis[1];
+  const std::uint32_t kz = ray.axis[2];
+  const F minus_x(-ray.origin[kx]);  // a - b and a + (-b) are the same, and an addition takes its operand from memory
+  const F minus_y(-ray.origin[ky]);
+  const F minus_z(-ray.origin[kz]);
+  const F shear_x(ray.shear[0]);
+  const F shear_y(ray.shear[1]);
+  F x[3];
+  F y[3];
+  F z[3];
+  for (int i = 0; i < 3; ++i) {
+    z[i] = F::load(pack.vertex[i][kz]) + minus_z;
+    x[i] = (F::load(pack.vertex[i][kx]) + minus_x) - shear_x * z[i];
+    y[i] = (F::load(pack.vertex[i][ky]) + minus_y) - shear_y * z[i];
+  }
+  const F a = x[2] * y[1] - y[2] * x[1];
+  const F b = x[0] * y[2] - y[0] * x[2];
+  const F c = x[1] * y[0] - y[1] * x[0];
+  const F least = min(min(a, b), c);
+  const F greatest = max(max(a, b), c);
+  const F zero(0.0F);
+  const std::uint32_t inside = less_equal(zero, least) | less_equal(greatest, zero);
+  if (inside == 0) return 0;
+  const F sum = a + b + c;
+  const std::uint32_t exact =
+      inside & (equal(a, zero) | equal(b, zero) | equal(c, zero) | less(max(sum, -sum), F(0x1p-100F)));
+  std::uint32_t hits = 0;
+  const std::uint32_t plain = inside & ~exact;
+  if (plain != 0) {
+    const F wa = a / sum;
+    const F wb = b / sum;
+    const F wc = c / sum;
+    const F pad(ray.pad);
+    F enter[3];
+    F leave[3];
+    for (int k = 0; k < 3; ++k) {
+      const F v0 = F::load(pack.vertex[0][k]);
+      const F v1 = F::load(pack.vertex[1][k]);
+      const F v2 = F::load(pack.vertex[2][k]);
+      const F minus_origin(-ray.origin[k]);
+      const F inverse(ray.inverse[k]);
+      const F p = ((min(v0, min(v1, v2)) + minus_origin) - pad) * inverse;
+      const F q = ((max(v0, max(v1, v2)) + minus_origin) + pad) * inverse;
+      enter[k] = min(p, q);
+      leave[k] = max(p, q);
+    }
+    const F t_enter = max(max(enter[0], enter[1]), enter[2]);
+    const F t_leave = min(min(leave[0], leave[1]), leave[2]) * F(1.0F + 2.0F * rounding_gamma(3));
+    const F t = (wa * z[0] + wb * z[1] + wc * z[2]) * F(ray.scale);
+    const F clamped = max(t_enter, min(t_leave, t));
+    hits = plain & less_equal(t_enter, t_leave) & less(F(ray.t_min), clamped) & less_equal(clamped, F(limit));
+    clamped.store(out.t);
+    wb.store(out.u);
+    wc.store(out.v);
+  }
+  for (std::uint32_t rest = exact; rest != 0; rest &= rest - 1) {
+    const unsigned lane = simd::lowest_bit(rest);
+    float vertex[3][3];
+    triangle_of_lane(pack, lane, vertex);
+    TriangleHit hit;
+    if (!intersect_triangle(ray, vertex, hit) || !(hit.t <= limit)) continue;
+    out.t[lane] = hit.t;
+    out.u[lane] = hit.u;
+    out.v[lane] = hit.v;
+    hits |= 1U << lane;
+  }
+  return hits;
+}
+
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_TRACE_TRIANGLE_PACK_HPP
