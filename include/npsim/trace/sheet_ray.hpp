@@ -17,8 +17,8 @@
 //   (u and
 //               v at an end: 2^-24, a slope of 0 raised to 2^-22, s and u(s): 2^-22 of the image);
 //   pad_w       of that, and 2^-19 of the greatest 1 / z for a slab and what is computed from it;
-//   pad_t       t' and the t that is reported differ by a few u of the triangle's extent, 2^-21 reach / D (a needle's
-//               more: see there), so limits of t are moved by 4 times that.
+//   pad_t       t' and the t that is reported differ by at most 60 x 2^-21 reach / D and a rounding, so limits of t are
+//               moved by 64 times that.
 // Projection, clipping and the change between t and s = 0 .. 1 on the projected ray are done in double.
 // Cost: about 8 divisions. Memory: none.
 #ifndef NPSIM_TRACE_SHEET_RAY_HPP
@@ -76,7 +76,7 @@ inline void shorten(SheetRay& ray, float t) noexcept {
                        static_cast<double>(ray.direction.z)};
   const double size = std::max(std::fabs(d[0]), std::max(std::fabs(d[1]), std::fabs(d[2])));
   const double e = 0x1p-21 * size;
-  out.pad_t = 4.0 * static_cast<double>(out.frame.pad) / size;
+  out.pad_t = 64.0 * static_cast<double>(out.frame.pad) / size;
   double t0 = std::max(static_cast<double>(out.frame.t_min) - out.pad_t, 0.0);
   double t1 = static_cast<double>(out.frame.t_max) + out.pad_t;
   double at[8];

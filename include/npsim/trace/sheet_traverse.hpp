@@ -9,9 +9,7 @@
 //
 // Invariant: the bounds only leave out what intersect_triangle() would miss (sheet_ray.hpp), and that test decides
 // edges by the signs of values that neighbours share: nothing slips between two faces, and the hit is that of the same
-// face in the general tree, bit for bit where both have the same bounds. Of equal t the lowest face is reported. The
-// exception to independence of order: a needle seen edge-on whose t errs by more than pad_t may hide behind a farther
-// hit, or be reported before a nearer one.
+// face in the general tree, bit for bit where both have the same bounds. Of equal t the lowest face is reported.
 // Same hits for any number of lanes. Cost: about ten nodes and leaves a ray. Memory: 1 KiB of stack.
 #ifndef NPSIM_TRACE_SHEET_TRAVERSE_HPP
 #define NPSIM_TRACE_SHEET_TRAVERSE_HPP

@@ -17,11 +17,16 @@
 // 0 * inf arises. A slab distance has three roundings; the exit distance is scaled by 1 + 2 gamma(3), gamma(n) =
 // n u / (1 - n u). Hence the interval of a box holds every hit inside it.
 //
-// The t of a triangle is clamped to the interval of the triangle's own box, in which the exact t lies. Slab distances
-// are monotonic in the box, so a hit can never be nearer than the entry of a box round it: the closest hit does not
-// depend on the order of traversal.
-// Error: t errs by at most 2 x 2^-24 reach along the normal of the face (measured on random triangles seen at more than
-// .06 degrees; tests/unit/trace_bvh_test.cpp). A needle's t lies in the interval of its box, no more is promised.
+// Distance. t' = sum w_i z_i / d_z, in double, is where the sheared ray meets the triangle; it differs from where the
+// ray itself meets the plane by the shear's error over the cosine between ray and normal. The t of the plane is
+// reported, in double until it is rounded, unless it lies more than t_slack = 60 pad / |d_z| from t', where t' is: so
+// whatever leaves out faces by their t' need only be that much more generous. t is clamped to the interval of the
+// triangle's own box, in which t' lies. Slab distances are monotonic in the box, so a hit can never be nearer than the
+// entry of a box round it: the closest hit does not depend on the order of traversal.
+//
+// Error: |t - t of the plane| <= 2^-21 reach / (cosine |d|) + 2^-23 t, and no more than the triangle is long
+// (checked by tests/unit/trace_bvh_test.cpp and bench/rays/leaks.cpp).
+//
 // Limits: coordinates up to 2^60, largest component of a direction between 2^-96 and 2^96; otherwise a miss.
 #ifndef NPSIM_TRACE_TRIANGLE_HPP
 #define NPSIM_TRACE_TRIANGLE_HPP
@@ -37,6 +42,7 @@ namespace npsim {
 inline namespace v1 {
 
 inline constexpr float kTraceMaxCoordinate = 0x1p60F;  // metres; products of two sums of these stay finite
+inline constexpr double kTraceSlackPads = 60.0;        // of t, see above
 
 // n roundings to nearest change a value by a factor within 1 +- rounding_gamma(n).
 [[nodiscard]] constexpr float rounding_gamma(int n) noexcept {
@@ -48,11 +54,13 @@ struct RayFrame {
   float origin[3];
   float inverse[3];  // 1 / direction, finite
   float shear[2];    // d_x / d_z and d_y / d_z in the permuted axes
-  float scale;       // 1 / d_z
   float pad;         // how far boxes are moved out
   float t_min;
   float t_max;
   std::uint32_t axis[3];  // permuted x, y, z
+  double direction[3];
+  double scale;    // 1 / d_z
+  double t_slack;  // how far the t that is reported may be from that of the sheared ray
 };
 
 struct TriangleHit {
@@ -98,14 +106,16 @@ inline namespace NPSIM_ISA_NAMESPACE {
   out.axis[2] = z;
   out.shear[0] = direction[x] / direction[z];
   out.shear[1] = direction[y] / direction[z];
-  out.scale = 1.0F / direction[z];
   out.pad = 0x1p-21F * reach;
+  for (std::uint32_t k = 0; k < 3; ++k) out.direction[k] = static_cast<double>(direction[k]);
+  out.scale = 1.0 / out.direction[z];
+  out.t_slack = kTraceSlackPads * static_cast<double>(out.pad) * std::fabs(out.scale);
   return true;
 }
 
 // Interval of t in which the ray may be inside the box; empty when false.
 [[nodiscard]] NPSIM_ALWAYS_INLINE bool box_interval(const RayFrame& ray, const float (&low)[3], const float (&high)[3],
-                                       float& t_enter, float& t_leave) noexcept {
+                                                    float& t_enter, float& t_leave) noexcept {
   float enter[3];
   float leave[3];
   for (int k = 0; k < 3; ++k) {
@@ -119,6 +129,22 @@ inline namespace NPSIM_ISA_NAMESPACE {
   t_enter = near_xy > enter[2] ? near_xy : enter[2];
   t_leave = (far_xy < leave[2] ? far_xy : leave[2]) * (1.0F + 2.0F * rounding_gamma(3));
   return t_enter <= t_leave;
+}
+
+// Where the ray meets the plane of the triangle, in double; not finite where it runs along it.
+[[nodiscard]] NPSIM_ALWAYS_INLINE double plane_distance(const RayFrame& ray, const float (&vertex)[3][3]) noexcept {
+  double from[3];
+  double p[3];
+  double q[3];
+  for (int k = 0; k < 3; ++k) {
+    const auto a = static_cast<double>(vertex[0][k]);
+    from[k] = a - static_cast<double>(ray.origin[k]);
+    p[k] = static_cast<double>(vertex[1][k]) - a;
+    q[k] = static_cast<double>(vertex[2][k]) - a;
+  }
+  const double n[3] = {p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]};
+  return (n[0] * from[0] + n[1] * from[1] + n[2] * from[2]) /
+         (n[0] * ray.direction[0] + n[1] * ray.direction[1] + n[2] * ray.direction[2]);
 }
 
 // Hits from both sides. Does not look at t_max, so that the caller can break ties.
@@ -135,30 +161,20 @@ inline namespace NPSIM_ISA_NAMESPACE {
     x[i] = (vertex[i][kx] - ray.origin[kx]) - ray.shear[0] * z[i];
     y[i] = (vertex[i][ky] - ray.origin[ky]) - ray.shear[1] * z[i];
   }
-  float a = x[2] * y[1] - y[2] * x[1];
-  float b = x[0] * y[2] - y[0] * x[2];
-  float c = x[1] * y[0] - y[1] * x[0];
-  float sum = a + b + c;
-  if (a == 0.0F || b == 0.0F || c == 0.0F || !(std::fabs(sum) >= 0x1p-100F)) {
-    const auto edge = [&x, &y](int i, int j) noexcept {
-      return static_cast<double>(x[i]) * static_cast<double>(y[j]) -
-             static_cast<double>(y[i]) * static_cast<double>(x[j]);
-    };
-    const double a_exact = edge(2, 1);
-    const double b_exact = edge(0, 2);
-    const double c_exact = edge(1, 0);
-    if ((a_exact < 0 || b_exact < 0 || c_exact < 0) && (a_exact > 0 || b_exact > 0 || c_exact > 0)) return false;
-    const double sum_exact = a_exact + b_exact + c_exact;
-    if (!(std::fabs(sum_exact) > 0)) return false;
-    a = static_cast<float>(a_exact / sum_exact);
-    b = static_cast<float>(b_exact / sum_exact);
-    c = static_cast<float>(c_exact / sum_exact);
-  } else {
-    if ((a < 0 || b < 0 || c < 0) && (a > 0 || b > 0 || c > 0)) return false;
-    a /= sum;
-    b /= sum;
-    c /= sum;
-  }
+  const float a = x[2] * y[1] - y[2] * x[1];
+  const float b = x[0] * y[2] - y[0] * x[2];
+  const float c = x[1] * y[0] - y[1] * x[0];
+  if ((a < 0 || b < 0 || c < 0) && (a > 0 || b > 0 || c > 0)) return false;
+  const auto edge = [&x, &y](int i, int j) noexcept {
+    return static_cast<double>(x[i]) * static_cast<double>(y[j]) -
+           static_cast<double>(y[i]) * static_cast<double>(x[j]);
+  };
+  const double wa = edge(2, 1);
+  const double wb = edge(0, 2);
+  const double wc = edge(1, 0);
+  if ((wa < 0 || wb < 0 || wc < 0) && (wa > 0 || wb > 0 || wc > 0)) return false;
+  const double sum = wa + wb + wc;
+  if (!(std::fabs(sum) > 0)) return false;
   float low[3];
   float high[3];
   for (int k = 0; k < 3; ++k) {
@@ -171,10 +187,15 @@ inline namespace NPSIM_ISA_NAMESPACE {
   float t_enter = 0.0F;
   float t_leave = 0.0F;
   if (!box_interval(ray, low, high, t_enter, t_leave)) return false;
-  const float t = (a * z[0] + b * z[1] + c * z[2]) * ray.scale;
+  const double inverse_sum = 1.0 / sum;
+  const double t_sheared =
+      (wa * static_cast<double>(z[0]) + wb * static_cast<double>(z[1]) + wc * static_cast<double>(z[2])) *
+      (inverse_sum * ray.scale);
+  const double t_plane = plane_distance(ray, vertex);
+  const auto t = static_cast<float>(std::fabs(t_plane - t_sheared) <= ray.t_slack ? t_plane : t_sheared);
   out.t = t < t_enter ? t_enter : (t > t_leave ? t_leave : t);
-  out.u = b;
-  out.v = c;
+  out.u = static_cast<float>(wb * inverse_sum);
+  out.v = static_cast<float>(wc * inverse_sum);
   return out.t > ray.t_min;  // false for NaN
 }
 
