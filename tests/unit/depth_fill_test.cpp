@@ -125,6 +125,21 @@ TEST_CASE("the road goes on as a plane beyond the last measurement: left strip, 
   CHECK(s.worst_relative_error(label::building) < 1e-5);
 }
 
+TEST_CASE("grass beside the road, measured only ahead, goes on as ground in the strip that stereo does not see") {
+  Scene s({200, 100});
+  s.plane(0.02, 0, 0, 0, 0, 200, 40, label::building);
+  s.plane(-0.38, 0.0001, 0.01, 80, 40, 200, 100, label::road);
+  s.plane(-0.379, 0.0001, 0.01, 0, 40, 80, 100, label::terrain);
+  for (int y = 0; y < 100; ++y) {
+    for (int x = 0; x < 50; ++x) s.depth[s.at(x, y)] = 0;
+  }
+  for (int y = 60; y < 100; ++y) {
+    for (int x = 0; x < 80; ++x) s.depth[s.at(x, y)] = 0;
+  }
+  REQUIRE(s.run().ok());
+  CHECK(s.worst_relative_error(label::terrain) < 1e-3);
+}
+
 TEST_CASE("stereo mismatches far beneath the near road neither stay nor spread; a slope far ahead is kept") {
   Scene s({200, 100});
   s.plane(0.02, 0, 0, 0, 0, 200, 40, label::building);

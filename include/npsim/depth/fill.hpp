@@ -37,7 +37,8 @@ inline namespace v1 {
 
 struct FillParams {
   LabelSet no_surface = kNoSurfaceLabels;
-  LabelSet planar = LabelSet::of(label::ground, label::road, label::sidewalk, label::parking, label::rail_track);
+  LabelSet planar = LabelSet::of(label::ground, label::road, label::sidewalk, label::parking, label::rail_track,
+                                 label::terrain);
   float ground_outlier = 2;  // farther than this many times the near ground: filled anew; 0: kept
   int max_sweeps = 400;      // holes up to about this many pixels wide converge
   float tolerance = 1e-5F;   // stop when no inverse depth changes by more than this share of itself in one sweep
