@@ -89,7 +89,7 @@ int main(int argc, char** argv) {
                         "JSON list of measured light sources [{class, strength, xy | rg_bg}] that replaces the built-in "
                         "strengths and colours of the classes it names");
   night_app->add_option("--mesh-error", night.mesh_error,
-                        "Relative error of depth that the mesh, traced and exported, is simplified to; 0: faces between "
+                        "Relative error of depth that the exported mesh is simplified to; 0: faces between "
                         "all pixels; default: 0.005, of the thesis 0")
       ->check(within(0.0, 1.0));
   night_app->add_option("--texture", night.texture, "What the exported mesh wears: the photograph, or its albedo")
@@ -141,7 +141,7 @@ int main(int argc, char** argv) {
 
   EvaluateOptions evaluate;
   CLI::App* evaluate_app =
-      app.add_subcommand("evaluate", "Judge the depth, as given and after each step, by the scene's ground truth");
+      app.add_subcommand("evaluate", "Judge the depth, as given and after each step, and the mesh by the scene's ground truth");
   evaluate_app->add_option("scene", evaluate.scene, "Folder with a scene.json that names the truth, or the scene.json")
       ->required();
   evaluate_app->add_option("-o,--output", evaluate.output, "JSON file for all figures, also by label");
@@ -150,6 +150,8 @@ int main(int argc, char** argv) {
   evaluate_app->add_option("--threads", evaluate.threads, "0 = one per processor")->check(CLI::Range(0, 1024))
       ->capture_default_str();
   evaluate_app->add_option("--size", evaluate.size, "Work at WIDTHxHEIGHT; default: the image's size");
+  evaluate_app->add_flag("--night", evaluate.night,
+                         "Render one night with all faces of the mesh and one with the simplified ones, and compare them");
   evaluate_app->add_flag("--quiet", evaluate.quiet, "No progress and no notes");
 
   try {
