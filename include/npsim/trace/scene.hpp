@@ -24,6 +24,7 @@
 #include "npsim/trace/bvh.hpp"
 #include "npsim/trace/ray.hpp"
 #include "npsim/trace/sheet_layout.hpp"
+#include "npsim/trace/sheet_stream.hpp"
 #include "npsim/trace/sheet_traverse.hpp"
 
 namespace npsim {
@@ -77,11 +78,6 @@ template <class Accept>
 void occluded(const Bvh& bvh, Span<const Ray> rays, Accept&& accept, Span<std::uint8_t> blocked) noexcept {
   std::uint32_t likely = kNoFace;
   for (std::size_t i = 0; i < rays.size(); ++i) blocked[i] = occluded(bvh, rays[i], accept, likely) ? 1 : 0;
-}
-
-template <class Accept>
-void occluded(const SheetScene& scene, Span<const Ray> rays, Accept&& accept, Span<std::uint8_t> blocked) noexcept {
-  for (std::size_t i = 0; i < rays.size(); ++i) blocked[i] = occluded(scene, rays[i], accept) ? 1 : 0;
 }
 
 inline constexpr std::size_t kJoinedBatch = 128;

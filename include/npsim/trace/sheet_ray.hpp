@@ -37,11 +37,13 @@ inline namespace v1 {
 
 struct SheetRay {
   RayFrame frame;
-  float u, v, w;        // at s = 0, in pixels from the first one's centre, and 1 / m
-  float du, dv, dw;     // to s = 1; du and dv are not 0
-  float iu, iv;         // 1 / du, 1 / dv
-  float near_u, far_u;  // s where the ray enters and leaves column x, pads included: x iu + near_u, x iu + far_u
-  float near_v, far_v;  // the same of rows
+  float u, v, w;           // at s = 0, in pixels from the first one's centre, and 1 / m
+  float du, dv, dw;        // to s = 1; du and dv are not 0
+  float iu, iv;            // 1 / du, 1 / dv
+  float back_u, back_v;    // the same where it is negative, else 0
+  float ahead_u, ahead_v;  // where it is positive
+  float near_u, far_u;     // s where the ray enters and leaves column x, pads included: x iu + near_u, x iu + far_u
+  float near_v, far_v;     // the same of rows
   float pad_px, pad_w;
   float s_max;      // nothing beyond it matters
   bool everything;  // the projection says nothing
@@ -129,6 +131,10 @@ inline void shorten(SheetRay& ray, float t) noexcept {
   out.dw = static_cast<float>(w1 - w0);
   out.iu = 1.0F / out.du;
   out.iv = 1.0F / out.dv;
+  out.back_u = std::min(out.iu, 0.0F);
+  out.back_v = std::min(out.iv, 0.0F);
+  out.ahead_u = std::max(out.iu, 0.0F);
+  out.ahead_v = std::max(out.iv, 0.0F);
   const auto off = static_cast<float>(rho) * 1.25F;  // rho / (1 - rho) and its rounding
   out.pad_px = off * bounds.focal_reach + bounds.pad_px;
   const float pad_u = out.pad_px * std::fabs(out.iu);

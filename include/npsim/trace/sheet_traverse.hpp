@@ -1,324 +1,83 @@
 // SPDX-License-Identifier: Apache-2.0
 // Closest hit and occlusion through a sheet (sheet_layout.hpp), with the rays, hits and tests of the general tree.
 //
-// The ray, a straight line in (column, row, 1 / depth), starts at the smallest node that holds its projection and
-// visits children in the order of its octant, so no distances are sorted. A child counts when, on the ray's way through
-// it, 1 / depth comes into its bounds: at a node between least and greatest, at a tile and a quad within a slab about a
-// plane, where the difference of ray and plane is linear and two values decide. What passes is given to
-// intersect_triangle().
-//
-// Invariant: the bounds only leave out what intersect_triangle() would miss (sheet_ray.hpp), and that test decides
+// Invariant: bounds only leave out what intersect_triangle() would miss (sheet_test.hpp), and that test decides
 // edges by the signs of values that neighbours share: nothing slips between two faces, and the hit is that of the same
 // face in the general tree, bit for bit where both have the same bounds. Of equal t the lowest face is reported.
-// Same hits for any number of lanes. Cost: about ten nodes and leaves a ray. Memory: 1 KiB of stack.
+// Same hits for any number of lanes. Cost: about ten nodes and two tiles a ray, one after the other: a single ray waits
+// for each; see sheet_stream.hpp for many. Memory: 400 bytes of stack.
 #ifndef NPSIM_TRACE_SHEET_TRAVERSE_HPP
 #define NPSIM_TRACE_SHEET_TRAVERSE_HPP
 
-#include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
-#include "npsim/core/bits.hpp"
 #include "npsim/simd/batch.hpp"
-#include "npsim/simd/block.hpp"
 #include "npsim/trace/ray.hpp"
 #include "npsim/trace/sheet_layout.hpp"
+#include "npsim/trace/sheet_query.hpp"
 #include "npsim/trace/sheet_ray.hpp"
-#include "npsim/trace/triangle.hpp"
+#include "npsim/trace/sheet_test.hpp"
+#include "npsim/trace/sheet_walk.hpp"
 
 namespace npsim {
 inline namespace v1 {
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace sheet_detail {
 
-inline constexpr float kBeforeStart = -0x1p-20F;
-
-// Swaps the columns of a block of 4x4 bits for rays to the left, and its rows for rays upwards, so that the lowest bit
-// is the first on the way.
-[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t along(std::uint32_t m, std::uint32_t flip) noexcept {
-  // Without branches: the octants of rays that follow each other have nothing to do with each other.
-  const std::uint32_t pairs = (m & 0x5555U) << 1U | (m & 0xAAAAU) >> 1U;
-  const std::uint32_t columns = (pairs & 0x3333U) << 2U | (pairs & 0xCCCCU) >> 2U;
-  m ^= (m ^ columns) & (0U - (flip & 1U));
-  const std::uint32_t bytes = (m & 0x0F0FU) << 4U | (m & 0xF0F0U) >> 4U;
-  const std::uint32_t rows = (bytes & 0x00FFU) << 8U | (bytes & 0xFF00U) >> 8U;
-  return m ^ ((m ^ rows) & (0U - (flip >> 2U & 1U)));
-}
-
-[[nodiscard]] inline std::uint32_t flip_of(const SheetRay& ray) noexcept {
-  return (ray.du < 0 ? 3U : 0U) | (ray.dv < 0 ? 12U : 0U);
-}
-
-// Where the ray is in 16 cells of `size` quads from (x, y) on: s from `enter` to `leave`, empty if enter > leave.
-template <class F>
-struct Crossing {
-  F enter, leave;
-
-  NPSIM_ALWAYS_INLINE Crossing(const SheetRay& ray, float x, float y, float size, int part) noexcept {
-    const F columns = fma(simd::block_columns<F>(part), F(size), F(x));
-    const F rows = fma(simd::block_rows<F>(part), F(size), F(y));
-    const float step_u = size * ray.iu;
-    const float step_v = size * ray.iv;
-    const F near_u = fma(columns, F(ray.iu), F(ray.near_u + (step_u < 0 ? step_u : 0.0F)));
-    const F far_u = fma(columns, F(ray.iu), F(ray.far_u + (step_u < 0 ? 0.0F : step_u)));
-    const F near_v = fma(rows, F(ray.iv), F(ray.near_v + (step_v < 0 ? step_v : 0.0F)));
-    const F far_v = fma(rows, F(ray.iv), F(ray.far_v + (step_v < 0 ? 0.0F : step_v)));
-    enter = max(max(near_u, near_v), F(kBeforeStart));
-    leave = min(min(far_u, far_v), F(ray.s_max));
-  }
-};
-
-// Lanes whose crossing comes within `half` (and the pads) of the plane w = base + gx (u - x) + gy (v - y).
-template <class F>
-[[nodiscard]] NPSIM_ALWAYS_INLINE typename F::MaskType meets_slab(const SheetRay& ray, const Crossing<F>& c, F from_x,
-                                                                  F from_y, F base, F gx, F gy, F half) noexcept {
-  // The difference at s = 0, and its change to s = 1.
-  const F at = fma(-gx, from_x, fma(-gy, from_y, F(ray.w) - base));
-  const F change = fma(-gx, F(ray.du), fma(-gy, F(ray.dv), F(ray.dw)));
-  const F first = fma(c.enter, change, at);
-  const F last = fma(c.leave, change, at);
-  const F tolerance = fma(abs(gx) + abs(gy), F(ray.pad_px), half + F(ray.pad_w));
-  return (c.enter <= c.leave) & (min(first, last) <= tolerance) & (max(first, last) >= -tolerance);
-}
-
-// Children of a node of nodes that matter; when the ray enters them goes to `enter`.
-template <class F>
-[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t test_node(const SheetNode& node, const SheetRay& ray, float x, float y,
-                                                          float size, float* enter) noexcept {
-  std::uint32_t mask = 0;
-  for (int part = 0; part < simd::kBlockElements / F::lanes; ++part) {
-    const int k = part * F::lanes;
-    const Crossing<F> c(ray, x, y, size, part);
-    const F first = fma(c.enter, F(ray.dw), F(ray.w));
-    const F last = fma(c.leave, F(ray.dw), F(ray.w));
-    const auto m = (c.enter <= c.leave) & (min(first, last) - F(ray.pad_w) <= F::load(node.high + k)) &
-                   (max(first, last) + F(ray.pad_w) >= F::load(node.low + k));
-    c.enter.store(enter + k);
-    mask |= bits(m) << static_cast<unsigned>(k);
-  }
-  return mask;
-}
-
-// Tiles that matter.
-template <class F>
-[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t test_tiles(const SheetTiles& tiles, const SheetRay& ray, float x,
-                                                           float y, float* enter) noexcept {
-  std::uint32_t mask = 0;
-  for (int part = 0; part < simd::kBlockElements / F::lanes; ++part) {
-    const int k = part * F::lanes;
-    const Crossing<F> c(ray, x, y, 4.0F, part);
-    const F from_x = fma(simd::block_columns<F>(part), F(-4.0F), F(ray.u - x));
-    const F from_y = fma(simd::block_rows<F>(part), F(-4.0F), F(ray.v - y));
-    const auto m = meets_slab<F>(ray, c, from_x, from_y, F::load(tiles.base + k), F::load(tiles.gx + k),
-                                 F::load(tiles.gy + k), F::load(tiles.half + k));
-    c.enter.store(enter + k);
-    mask |= bits(m) << static_cast<unsigned>(k);
-  }
-  return mask;
-}
-
-// Quads of the tile at (x, y) that matter. The four corners of a quad with both faces lie at the same distance of its
-// mean plane, on alternate sides; with one face the ray's way through the quad decides alone.
-template <class F>
-[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t test_quads(const SheetTrace& sheet, const SheetRay& ray, int x, int y,
-                                                           std::uint32_t faces) noexcept {
-  const std::uint32_t both = faces & faces >> 16U;
-  const std::uint32_t some = (faces | faces >> 16U) & 0xFFFFU;
-  const std::ptrdiff_t stride = sheet.inverse_depth.stride();
-  const float* w = sheet.inverse_depth.row(y) + x;
-  const auto fx = static_cast<float>(x);
-  const auto fy = static_cast<float>(y);
-  std::uint32_t mask = 0;
-  for (int part = 0; part < simd::kBlockElements / F::lanes; ++part) {
-    const auto k = static_cast<unsigned>(part * F::lanes);
-    const Crossing<F> cell(ray, fx, fy, 1.0F, part);
-    const F a = simd::load_block<F>(w, stride, part);
-    const F b = simd::load_block<F>(w + 1, stride, part);
-    const F c = simd::load_block<F>(w + stride, stride, part);
-    const F d = simd::load_block<F>(w + stride + 1, stride, part);
-    const F gx = F(0.5F) * ((b - a) + (d - c));
-    const F gy = F(0.5F) * ((c - a) + (d - b));
-    const F off = F(0.25F) * ((a - b) + (d - c));
-    const F from_x = F(ray.u - fx) - simd::block_columns<F>(part);
-    const F from_y = F(ray.v - fy) - simd::block_rows<F>(part);
-    const auto whole = F::MaskType::from_bits(both >> k);
-    const auto m = meets_slab<F>(ray, cell, from_x, from_y, a - off, gx, gy, select(whole, abs(off), F(0x1p60F)));
-    mask |= bits(m) << k;
-  }
-  return mask & some;
-}
-
-// Calls hit(face, triangle hit) for what intersect_triangle() says is hit in one quad; true: stop.
-template <class OnHit>
-[[nodiscard]] NPSIM_ALWAYS_INLINE bool test_faces(const SheetTrace& sheet, const SheetRay& ray, int x, int y,
-                                                  bool upper, bool lower, OnHit& on_hit) noexcept {
-  const Vec3f* p = sheet.vertices.row(y) + x;
-  const Vec3f* q = sheet.vertices.row(y + 1) + x;
-  const Vec3f corners[4] = {p[0], p[1], q[0], q[1]};
-  const bool anti = (sheet.quads(x, y) & kQuadAntiDiagonal) != 0;
-  // The edge functions of intersect_triangle(), by the same operations: where two are not 0 and differ in sign it
-  // misses.
-  const RayFrame& f = ray.frame;
-  float sx[4];
-  float sy[4];
-  for (int i = 0; i < 4; ++i) {
-    const float at[3] = {corners[i].x, corners[i].y, corners[i].z};
-    const float z = at[f.axis[2]] - f.origin[f.axis[2]];
-    sx[i] = (at[f.axis[0]] - f.origin[f.axis[0]]) - f.shear[0] * z;
-    sy[i] = (at[f.axis[1]] - f.origin[f.axis[1]]) - f.shear[1] * z;
-  }
-  const auto edge = [&sx, &sy](int i, int j) noexcept { return sx[i] * sy[j] - sy[i] * sx[j]; };
-  const float across = anti ? edge(2, 1) : edge(3, 0);  // the diagonal, seen from the upper face
-  const auto misses = [](float a, float b, float c) noexcept {
-    return (a < 0 || b < 0 || c < 0) && (a > 0 || b > 0 || c > 0);
+// One layer from begin to end; true: the ray is done.
+template <class F, class Query>
+NPSIM_ALWAYS_INLINE bool walk_sheet(const SheetTrace& sheet, std::uint32_t first_face, SheetRay& ray,
+                                    const Query& query, typename Query::Answer& answer) noexcept {
+  const auto on_hit = [&](std::uint32_t face, const TriangleHit& hit) noexcept {
+    return query.meet(answer, ray, first_face + face, hit);
   };
-  upper = upper && !misses(across, anti ? edge(1, 0) : edge(0, 1), anti ? edge(0, 2) : edge(1, 3));
-  lower = lower && !misses(-across, anti ? edge(2, 3) : edge(3, 2), anti ? edge(3, 1) : edge(2, 0));
-  if (!upper && !lower) return false;
-  const std::uint32_t number = 2U * (static_cast<std::uint32_t>(y) * static_cast<std::uint32_t>(sheet.quads.width()) +
-                                     static_cast<std::uint32_t>(x));
-  for (const bool is_upper : {true, false}) {
-    if (!(is_upper ? upper : lower)) continue;
-    const Face face = quad_face(anti, is_upper, 0, 1, 2, 3);
-    const Vec3f& a = corners[face.a];
-    const Vec3f& b = corners[face.b];
-    const Vec3f& c = corners[face.c];
-    const float vertex[3][3] = {{a.x, a.y, a.z}, {b.x, b.y, b.z}, {c.x, c.y, c.z}};
-    TriangleHit hit;
-    if (intersect_triangle(ray.frame, vertex, hit) && on_hit(is_upper ? number : number + 1, hit)) return true;
-  }
-  return false;
-}
-
-template <class F, class OnHit>
-[[nodiscard]] NPSIM_ALWAYS_INLINE bool test_leaf(const SheetTrace& sheet, const SheetRay& ray, int tx, int ty,
-                                                 std::uint32_t flip, OnHit& on_hit) noexcept {
-  const std::size_t group =
-      static_cast<std::size_t>(ty / 4) * static_cast<std::size_t>(sheet.across[0]) + static_cast<std::size_t>(tx / 4);
-  const std::uint32_t faces = sheet.tiles[group].faces[4 * (ty % 4) + tx % 4];
-  if (faces == 0) return false;
-  std::uint32_t m = along(test_quads<F>(sheet, ray, 4 * tx, 4 * ty, faces), flip);
-  for (; m != 0; m &= m - 1) {
-    const auto k = static_cast<unsigned>(lowest_set_bit(m)) ^ flip;
-    if (test_faces(sheet, ray, 4 * tx + static_cast<int>(k & 3U), 4 * ty + static_cast<int>(k >> 2U),
-                   (faces >> k & 1U) != 0, (faces >> (16U + k) & 1U) != 0, on_hit)) {
-      return true;
-    }
-  }
-  return false;
-}
-
-// Every face in turn.
-template <class OnHit>
-void test_everything(const SheetTrace& sheet, const SheetRay& ray, OnHit& on_hit) noexcept {
-  for (int y = 0; y < sheet.quads.height(); ++y) {
-    for (int x = 0; x < sheet.quads.width(); ++x) {
-      const std::size_t group =
-          static_cast<std::size_t>(y / kSheetGroupQuads) * static_cast<std::size_t>(sheet.across[0]) +
-          static_cast<std::size_t>(x / kSheetGroupQuads);
-      const std::uint32_t faces =
-          sheet.tiles[group].faces[4 * (y / 4 % 4) + x / 4 % 4] >> static_cast<unsigned>(4 * (y % 4) + x % 4);
-      if (test_faces(sheet, ray, x, y, (faces & 1U) != 0, (faces & 0x10000U) != 0, on_hit)) return;
-    }
-  }
-}
-
-// The walk. on_hit(face, hit) may shorten the ray; it returns true to stop.
-template <class F, class OnHit>
-void walk_sheet(const SheetTrace& sheet, SheetRay& ray, OnHit& on_hit) noexcept {
   if (ray.everything) return test_everything(sheet, ray, on_hit);
-  const std::uint32_t flip = flip_of(ray);
-  // Tiles that the projection may touch.
-  const auto tile = [](float at, int quads) {
-    const float last = static_cast<float>((quads - 1) / 4);
-    return static_cast<int>(std::min(std::max(std::floor(at * 0.25F), 0.0F), last));
-  };
-  const float end_u = ray.u + ray.du;
-  const float end_v = ray.v + ray.dv;
-  const int x0 = tile(std::min(ray.u, end_u) - ray.pad_px, sheet.quads.width());
-  const int x1 = tile(std::max(ray.u, end_u) + ray.pad_px, sheet.quads.width());
-  const int y0 = tile(std::min(ray.v, end_v) - ray.pad_px, sheet.quads.height());
-  const int y1 = tile(std::max(ray.v, end_v) + ray.pad_px, sheet.quads.height());
-  auto differ = static_cast<std::uint32_t>((x0 ^ x1) | (y0 ^ y1));
-  if (differ == 0) {
-    (void)test_leaf<F>(sheet, ray, x0, y0, flip, on_hit);
-    return;
-  }
-  struct Entry {
-    int x, y;  // node of its level
-    std::uint32_t mask;
-  };
-  Entry entry[kSheetMaxLevels];
-  alignas(64) float enter[kSheetMaxLevels][16];
-  int level = highest_set_bit(differ) / 2;
-  const int top = level;
-  int nx = x0 >> (2 * level + 2);
-  int ny = y0 >> (2 * level + 2);
-  for (;;) {
-    // Test the node (nx, ny) of this level.
-    const std::size_t index =
-        static_cast<std::size_t>(ny) * static_cast<std::size_t>(sheet.across[level]) + static_cast<std::size_t>(nx);
-    std::uint32_t mask = 0;
-    if (level == 0) {
-      mask = test_tiles<F>(sheet.tiles[index], ray, static_cast<float>(16 * nx), static_cast<float>(16 * ny), enter[0]);
+  SheetWalk walk;
+  for (Step step = begin_walk(sheet, ray, walk); step != Step::none; step = next_step(walk)) {
+    if (step == Step::tile) {
+      std::uint32_t faces = 0;
+      const std::uint32_t quads = visit_tile<F>(sheet, ray, walk, faces);
+      const float end = ray.s_max;
+      if (visit_quads(sheet, ray, walk, quads, faces, on_hit)) return true;
+      if (ray.s_max < end) forget_beyond<F>(sheet, ray, walk);
     } else {
-      const int size = 4 << (2 * level);
-      mask = test_node<F>(sheet.nodes[sheet.first[level] + index], ray, static_cast<float>(4 * nx * size),
-                          static_cast<float>(4 * ny * size), static_cast<float>(size), enter[level]);
-    }
-    entry[level] = {nx, ny, along(mask, flip)};
-    for (;;) {
-      Entry& e = entry[level];
-      if (e.mask == 0) {
-        if (++level > top) return;
-        continue;
-      }
-      const auto k = static_cast<unsigned>(lowest_set_bit(e.mask)) ^ flip;
-      e.mask &= e.mask - 1;
-      if (enter[level][k] > ray.s_max) continue;
-      nx = 4 * e.x + static_cast<int>(k & 3U);
-      ny = 4 * e.y + static_cast<int>(k >> 2U);
-      if (level > 0) {
-        --level;
-        break;
-      }
-      if (test_leaf<F>(sheet, ray, nx, ny, flip, on_hit)) return;
+      add_children(test_at<F>(sheet, ray, walk.level, walk.x, walk.y), walk);
     }
   }
+  return false;
 }
 
-template <class Scene>
-[[nodiscard]] bool ray_into(const Scene& scene, const SheetTrace& camera, const Ray& ray, SheetRay& out) noexcept {
-  return make_sheet_ray(scene.bounds, camera.intrinsics, camera.vertices.shape(), ray, out);
+// False when the ray can hit nothing.
+template <class F, class Query>
+[[nodiscard]] NPSIM_ALWAYS_INLINE bool trace_one(Span<const SheetTrace> layers, const SheetBounds& bounds,
+                                                 const Ray& ray, const Query& query,
+                                                 typename Query::Answer& answer) noexcept {
+  SheetRay r;
+  if (layers.empty() || !make_sheet_ray(bounds, layers[0].intrinsics, layers[0].vertices.shape(), ray, r)) return false;
+  query.begin(answer, r);
+  std::uint32_t first_face = 0;
+  for (const SheetTrace& sheet : layers) {
+    if (sheet.levels > 0 && walk_sheet<F>(sheet, first_face, r, query, answer)) break;
+    first_face += sheet_face_count(sheet.vertices.shape());
+  }
+  return true;
 }
 
-// The nearest face of one layer that is nearer than `best`.
 template <class F>
-NPSIM_ALWAYS_INLINE void closest_of(const SheetTrace& sheet, SheetRay& ray, std::uint32_t first_face,
-                                    Hit& best) noexcept {
-  auto on_hit = [&](std::uint32_t face, const TriangleHit& hit) noexcept {
-    face += first_face;
-    // Without a hit yet best.t is t_max and the interval is open.
-    if (hit.t < best.t || (hit.t == best.t && best.face != kNoFace && face < best.face)) {
-      best = Hit{hit.t, face, hit.u, hit.v};
-      if (!ray.everything) shorten(ray, hit.t);
-    }
-    return false;
-  };
-  walk_sheet<F>(sheet, ray, on_hit);
+[[nodiscard]] bool closest_of(Span<const SheetTrace> layers, const SheetBounds& bounds, const Ray& ray,
+                              Hit& out) noexcept {
+  ClosestQuery::Answer answer;
+  if (!trace_one<F>(layers, bounds, ray, ClosestQuery{}, answer) || answer.best.face == kNoFace) return false;
+  out = answer.best;
+  return true;
 }
 
 template <class F, class Accept>
-[[nodiscard]] NPSIM_ALWAYS_INLINE bool any_of(const SheetTrace& sheet, SheetRay& ray, std::uint32_t first_face,
-                                              Accept& accept) noexcept {
-  bool found = false;
-  auto on_hit = [&](std::uint32_t face, const TriangleHit& hit) noexcept {
-    found = hit.t < ray.frame.t_max && accept(first_face + face);
-    return found;
-  };
-  walk_sheet<F>(sheet, ray, on_hit);
-  return found;
+[[nodiscard]] bool any_of(Span<const SheetTrace> layers, const SheetBounds& bounds, const Ray& ray,
+                          Accept& accept) noexcept {
+  typename AnyQuery<Accept>::Answer answer;
+  return trace_one<F>(layers, bounds, ray, AnyQuery<Accept>{accept, {}}, answer) && answer.blocked;
 }
 
 }  // namespace sheet_detail
@@ -326,49 +85,23 @@ template <class F, class Accept>
 // The nearest face that the ray meets; `out` is written only when there is one.
 template <class F = simd::F32>
 [[nodiscard]] bool closest_hit(const SheetScene& scene, const Ray& ray, Hit& out) noexcept {
-  SheetRay r;
-  if (scene.layers.empty() || !sheet_detail::ray_into(scene, scene.layers[0], ray, r)) return false;
-  Hit best;
-  best.t = r.frame.t_max;
-  std::uint32_t first_face = 0;
-  for (const SheetTrace& sheet : scene.layers) {
-    if (sheet.levels > 0) sheet_detail::closest_of<F>(sheet, r, first_face, best);
-    first_face += sheet_face_count(sheet.vertices.shape());
-  }
-  if (best.face == kNoFace) return false;
-  out = best;
-  return true;
+  return sheet_detail::closest_of<F>(scene.layers, scene.bounds, ray, out);
 }
 
 template <class F = simd::F32>
 [[nodiscard]] bool closest_hit(const SheetTrace& sheet, const Ray& ray, Hit& out) noexcept {
-  SheetRay r;
-  if (!sheet_detail::ray_into(sheet, sheet, ray, r)) return false;
-  Hit best;
-  best.t = r.frame.t_max;
-  sheet_detail::closest_of<F>(sheet, r, 0, best);
-  if (best.face == kNoFace) return false;
-  out = best;
-  return true;
+  return sheet_detail::closest_of<F>({&sheet, 1}, sheet.bounds, ray, out);
 }
 
 // Whether some face with accept(face) lies on the ray; the others are transparent.
 template <class F = simd::F32, class Accept>
 [[nodiscard]] bool occluded(const SheetScene& scene, const Ray& ray, Accept&& accept) noexcept {
-  SheetRay r;
-  if (scene.layers.empty() || !sheet_detail::ray_into(scene, scene.layers[0], ray, r)) return false;
-  std::uint32_t first_face = 0;
-  for (const SheetTrace& sheet : scene.layers) {
-    if (sheet.levels > 0 && sheet_detail::any_of<F>(sheet, r, first_face, accept)) return true;
-    first_face += sheet_face_count(sheet.vertices.shape());
-  }
-  return false;
+  return sheet_detail::any_of<F>(scene.layers, scene.bounds, ray, accept);
 }
 
 template <class F = simd::F32, class Accept>
 [[nodiscard]] bool occluded(const SheetTrace& sheet, const Ray& ray, Accept&& accept) noexcept {
-  SheetRay r;
-  return sheet_detail::ray_into(sheet, sheet, ray, r) && sheet_detail::any_of<F>(sheet, r, 0, accept);
+  return sheet_detail::any_of<F>({&sheet, 1}, sheet.bounds, ray, accept);
 }
 
 template <class F = simd::F32>

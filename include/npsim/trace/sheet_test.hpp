@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: Apache-2.0
+// The tests of one ray against the parts of a sheet (sheet_layout.hpp): nodes, tiles, quads, faces.
+//
+// A part counts when, on the ray's way through its columns and rows, 1 / depth comes into its bounds: at a node between
+// least and greatest, at a tile and a quad within a slab about a plane, where the difference of ray and plane is linear
+// and two values decide. Sixteen children at once.
+//
+// Invariant: only what intersect_triangle() would miss is left out (sheet_ray.hpp has the error of every step). Same
+// bits for any number of lanes. Cost: about 35 vector instructions a node or a tile, 60 for the quads of a tile.
+// Memory: none.
+#ifndef NPSIM_TRACE_SHEET_TEST_HPP
+#define NPSIM_TRACE_SHEET_TEST_HPP
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/bits.hpp"
+#include "npsim/simd/batch.hpp"
+#include "npsim/simd/block.hpp"
+#include "npsim/trace/ray.hpp"
+#include "npsim/trace/sheet_layout.hpp"
+#include "npsim/trace/sheet_ray.hpp"
+#include "npsim/trace/triangle.hpp"
+
+namespace npsim {
+inline namespace v1 {
+inline namespace NPSIM_ISA_NAMESPACE {
+namespace sheet_detail {
+
+inline constexpr float kBeforeStart = -0x1p-20F;
+
+// Swaps the columns of a block of 4x4 bits for rays to the left, and its rows for rays upwards, so that the lowest bit
+// is the first on the way.
+[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t along(std::uint32_t m, std::uint32_t flip) noexcept {
+  // Without branches: the octants of rays that follow each other have nothing to do with each other.
+  const std::uint32_t pairs = (m & 0x5555U) << 1U | (m & 0xAAAAU) >> 1U;
+  const std::uint32_t columns = (pairs & 0x3333U) << 2U | (pairs & 0xCCCCU) >> 2U;
+  m ^= (m ^ columns) & (0U - (flip & 1U));
+  const std::uint32_t bytes = (m & 0x0F0FU) << 4U | (m & 0xF0F0U) >> 4U;
+  const std::uint32_t rows = (bytes & 0x00FFU) << 8U | (bytes & 0xFF00U) >> 8U;
+  return m ^ ((m ^ rows) & (0U - (flip >> 2U & 1U)));
+}
+
+[[nodiscard]] inline std::uint32_t flip_of(const SheetRay& ray) noexcept {
+  return (ray.du < 0 ? 3U : 0U) | (ray.dv < 0 ? 12U : 0U);
+}
+
+// Where the ray is in 16 cells of `size` quads from (x, y) on: s from `enter` to `leave`, empty if enter > leave.
+template <class F>
+struct Crossing {
+  F enter, leave;
+
+  NPSIM_ALWAYS_INLINE Crossing(const SheetRay& ray, float x, float y, float size, int part) noexcept {
+    const F columns = fma(simd::block_columns<F>(part), F(size), F(x));
+    const F rows = fma(simd::block_rows<F>(part), F(size), F(y));
+    // Times a power of two: exact.
+    const F near_u = fma(columns, F(ray.iu), F(ray.near_u + size * ray.back_u));
+    const F far_u = fma(columns, F(ray.iu), F(ray.far_u + size * ray.ahead_u));
+    const F near_v = fma(rows, F(ray.iv), F(ray.near_v + size * ray.back_v));
+    const F far_v = fma(rows, F(ray.iv), F(ray.far_v + size * ray.ahead_v));
+    enter = max(max(near_u, near_v), F(kBeforeStart));
+    leave = min(min(far_u, far_v), F(ray.s_max));
+  }
+};
+
+// Lanes whose crossing comes within `half` (and the pads) of the plane w = base + gx (u - x) + gy (v - y).
+template <class F>
+[[nodiscard]] NPSIM_ALWAYS_INLINE typename F::MaskType meets_slab(const SheetRay& ray, const Crossing<F>& c, F from_x,
+                                                                  F from_y, F base, F gx, F gy, F half) noexcept {
+  // The difference at s = 0, and its change to s = 1.
+  const F at = fma(-gx, from_x, fma(-gy, from_y, F(ray.w) - base));
+  const F change = fma(-gx, F(ray.du), fma(-gy, F(ray.dv), F(ray.dw)));
+  const F first = fma(c.enter, change, at);
+  const F last = fma(c.leave, change, at);
+  const F tolerance = fma(abs(gx) + abs(gy), F(ray.pad_px), half + F(ray.pad_w));
+  return (c.enter <= c.leave) & (min(first, last) <= tolerance) & (max(first, last) >= -tolerance);
+}
+
+// Children of a node of nodes that matter; they are `size` quads wide, the first one's first quad is (x, y).
+template <class F>
+[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t test_node(const SheetNode& node, const SheetRay& ray, float x, float y,
+                                                          float size) noexcept {
+  std::uint32_t mask = 0;
+  for (int part = 0; part < simd::kBlockElements / F::lanes; ++part) {
+    const int k = part * F::lanes;
+    const Crossing<F> c(ray, x, y, size, part);
+    const F first = fma(c.enter, F(ray.dw), F(ray.w));
+    const F last = fma(c.leave, F(ray.dw), F(ray.w));
+    const auto m = (c.enter <= c.leave) & (min(first, last) - F(ray.pad_w) <= F::load(node.high + k)) &
+                   (max(first, last) + F(ray.pad_w) >= F::load(node.low + k));
+    mask |= bits(m) << static_cast<unsigned>(k);
+  }
+  return mask;
+}
+
+// Tiles that matter.
+template <class F>
+[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t test_tiles(const SheetTiles& tiles, const SheetRay& ray, float x,
+                                                           float y) noexcept {
+  std::uint32_t mask = 0;
+  for (int part = 0; part < simd::kBlockElements / F::lanes; ++part) {
+    const int k = part * F::lanes;
+    const Crossing<F> c(ray, x, y, 4.0F, part);
+    const F from_x = fma(simd::block_columns<F>(part), F(-4.0F), F(ray.u - x));
+    const F from_y = fma(simd::block_rows<F>(part), F(-4.0F), F(ray.v - y));
+    const auto m = meets_slab<F>(ray, c, from_x, from_y, F::load(tiles.base + k), F::load(tiles.gx + k),
+                                 F::load(tiles.gy + k), F::load(tiles.half + k));
+    mask |= bits(m) << static_cast<unsigned>(k);
+  }
+  return mask;
+}
+
+// Quads of the tile at (x, y) that matter. The four corners of a quad with both faces lie at the same distance of its
+// mean plane, on alternate sides; with one face the ray's way through the quad decides alone.
+template <class F>
+[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t test_quads(const SheetTrace& sheet, const SheetRay& ray, int x, int y,
+                                                           std::uint32_t faces) noexcept {
+  const std::uint32_t both = faces & faces >> 16U;
+  const std::uint32_t some = (faces | faces >> 16U) & 0xFFFFU;
+  const std::ptrdiff_t stride = sheet.inverse_depth.stride();
+  const float* w = sheet.inverse_depth.row(y) + x;
+  const auto fx = static_cast<float>(x);
+  const auto fy = static_cast<float>(y);
+  std::uint32_t mask = 0;
+  for (int part = 0; part < simd::kBlockElements / F::lanes; ++part) {
+    const auto k = static_cast<unsigned>(part * F::lanes);
+    const Crossing<F> cell(ray, fx, fy, 1.0F, part);
+    const F a = simd::load_block<F>(w, stride, part);
+    const F b = simd::load_block<F>(w + 1, stride, part);
+    const F c = simd::load_block<F>(w + stride, stride, part);
+    const F d = simd::load_block<F>(w + stride + 1, stride, part);
+    const F gx = F(0.5F) * ((b - a) + (d - c));
+    const F gy = F(0.5F) * ((c - a) + (d - b));
+    const F off = F(0.25F) * ((a - b) + (d - c));
+    const F from_x = F(ray.u - fx) - simd::block_columns<F>(part);
+    const F from_y = F(ray.v - fy) - simd::block_rows<F>(part);
+    const auto whole = F::MaskType::from_bits(both >> k);
+    const auto m = meets_slab<F>(ray, cell, from_x, from_y, a - off, gx, gy, select(whole, abs(off), F(0x1p60F)));
+    mask |= bits(m) << k;
+  }
+  return mask & some;
+}
+
+// Calls hit(face, triangle hit) for what intersect_triangle() says is hit in one quad; true: stop.
+template <class OnHit>
+[[nodiscard]] NPSIM_ALWAYS_INLINE bool test_faces(const SheetTrace& sheet, const SheetRay& ray, int x, int y,
+                                                  bool upper, bool lower, OnHit& on_hit) noexcept {
+  const Vec3f* p = sheet.vertices.row(y) + x;
+  const Vec3f* q = sheet.vertices.row(y + 1) + x;
+  const Vec3f corners[4] = {p[0], p[1], q[0], q[1]};
+  const bool anti = (sheet.quads(x, y) & kQuadAntiDiagonal) != 0;
+  // The edge functions of intersect_triangle(), by the same operations: where two are not 0 and differ in sign it
+  // misses.
+  const RayFrame& f = ray.frame;
+  float sx[4];
+  float sy[4];
+  for (int i = 0; i < 4; ++i) {
+    const float at[3] = {corners[i].x, corners[i].y, corners[i].z};
+    const float z = at[f.axis[2]] - f.origin[f.axis[2]];
+    sx[i] = (at[f.axis[0]] - f.origin[f.axis[0]]) - f.shear[0] * z;
+    sy[i] = (at[f.axis[1]] - f.origin[f.axis[1]]) - f.shear[1] * z;
+  }
+  const auto edge = [&sx, &sy](int i, int j) noexcept { return sx[i] * sy[j] - sy[i] * sx[j]; };
+  const float across = anti ? edge(2, 1) : edge(3, 0);  // the diagonal, seen from the upper face
+  const auto misses = [](float a, float b, float c) noexcept {
+    return (a < 0 || b < 0 || c < 0) && (a > 0 || b > 0 || c > 0);
+  };
+  upper = upper && !misses(across, anti ? edge(1, 0) : edge(0, 1), anti ? edge(0, 2) : edge(1, 3));
+  lower = lower && !misses(-across, anti ? edge(2, 3) : edge(3, 2), anti ? edge(3, 1) : edge(2, 0));
+  if (!upper && !lower) return false;
+  const std::uint32_t number = 2U * (static_cast<std::uint32_t>(y) * static_cast<std::uint32_t>(sheet.quads.width()) +
+                                     static_cast<std::uint32_t>(x));
+  for (const bool is_upper : {true, false}) {
+    if (!(is_upper ? upper : lower)) continue;
+    const Face face = quad_face(anti, is_upper, 0, 1, 2, 3);
+    const Vec3f& a = corners[face.a];
+    const Vec3f& b = corners[face.b];
+    const Vec3f& c = corners[face.c];
+    const float vertex[3][3] = {{a.x, a.y, a.z}, {b.x, b.y, b.z}, {c.x, c.y, c.z}};
+    TriangleHit hit;
+    if (intersect_triangle(ray.frame, vertex, hit) && on_hit(is_upper ? number : number + 1, hit)) return true;
+  }
+  return false;
+}
+
+// Every face in turn; true: stop.
+template <class OnHit>
+[[nodiscard]] bool test_everything(const SheetTrace& sheet, const SheetRay& ray, OnHit& on_hit) noexcept {
+  for (int y = 0; y < sheet.quads.height(); ++y) {
+    for (int x = 0; x < sheet.quads.width(); ++x) {
+      const std::size_t group =
+          static_cast<std::size_t>(y / kSheetGroupQuads) * static_cast<std::size_t>(sheet.across[0]) +
+          static_cast<std::size_t>(x / kSheetGroupQuads);
+      const std::uint32_t faces =
+          sheet.tiles[group].faces[4 * (y / 4 % 4) + x / 4 % 4] >> static_cast<unsigned>(4 * (y % 4) + x % 4);
+      if (test_faces(sheet, ray, x, y, (faces & 1U) != 0, (faces & 0x10000U) != 0, on_hit)) return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace sheet_detail
+}  // namespace NPSIM_ISA_NAMESPACE
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_TRACE_SHEET_TEST_HPP
