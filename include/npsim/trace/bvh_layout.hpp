@@ -37,8 +37,8 @@ struct alignas(64) BvhNode {
 // Spans into the workspace that build_bvh() was given. Without nodes nothing is ever hit.
 template <unsigned W, unsigned P>
 struct WideBvh {
-  Span<const BvhNode<W>> nodes;
-  Span<const TrianglePack<P>> packs;
+  Span<BvhNode<W>> nodes;
+  Span<TrianglePack<P>> packs;
   float low[3] = {};  // bounds of everything
   float high[3] = {};
 };
