@@ -9,9 +9,10 @@
 // - the id of every pixel (labels, emitters, objects: whatever the caller puts into one number): every pixel centre
 //   lies in a face, on an edge or at a vertex whose corners all have its id. The line between two ids runs between the
 //   same pixel centres as before; faces with corners of several ids hold no pixel centre;
-// - topology: components, holes, fans at pinched pixels (index.hpp) and orientation. No face turns over.
+// - topology: components, holes, fans at pinched pixels (index.hpp) and orientation.
 // A vertex that is farther than max_pixel_error from the centre of its pixel (completion in position, no default) is
-// kept with its neighbours, and the faces around them.
+// kept with its neighbours, and the faces around them. Places are compared as if vertices were on the centres: where
+// they are not, a face a fraction of a pixel wide may turn over; with max_pixel_error = kSafePixelError none can.
 //
 // Order: tiles of kSimplifyTile pixels, then tiles shifted by half, then the whole, which leaves no seams; the same
 // mesh for any executor. Vertices and faces are written in raster order of their pixels.
@@ -41,6 +42,10 @@
 
 namespace npsim {
 inline namespace v1 {
+
+// px. A face with corners at pixel centres is at least 1 / length wide; corners that move by this much do not turn it
+// over where it is no longer than 500 px. Vertices on their rays are closer, rounding included, up to 4096 columns.
+inline constexpr float kSafePixelError = 0x1p-10F;
 
 struct SimplifyParams {
   float max_relative_depth_error = 0.005F;  // of |z' / z - 1|, anywhere on the surface

@@ -63,6 +63,7 @@ struct ReconstructParams {
     params.foreground = ForegroundParams::thesis();
     params.backs = false;
     params.simplify_faces = false;
+    params.simplify.max_pixel_error = kSafePixelError;  // vertices completed in position are off their rays
     return params;
   }
 };
