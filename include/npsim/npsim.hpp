@@ -120,6 +120,7 @@
 #include "npsim/trace/sheet_query.hpp"
 #include "npsim/trace/sheet_ray.hpp"
 #include "npsim/trace/sheet_slab.hpp"
+#include "npsim/trace/sheet_store.hpp"
 #include "npsim/trace/sheet_stream.hpp"
 #include "npsim/trace/sheet_test.hpp"
 #include "npsim/trace/sheet_traverse.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Builds the ray structure of a layer (sheet_layout.hpp) from its vertices and quads.
+// Builds the ray structure of a layer (sheet_layout.hpp) from its vertices and quads, or a region of it again.
 //
 // Inverse depths (sheet_inverse_depth.hpp), then tiles (sheet_slab.hpp), then the nodes above them. Left out, hence
 // never hit: faces with a vertex that is missing, not finite, beyond kTraceMaxCoordinate or nearer than kSheetMinDepth.
@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstring>
 #include <limits>
 
 #include "npsim/core/camera.hpp"
@@ -30,10 +31,80 @@ namespace sheet_detail {
 
 // A child's bounds put into its parent; slots without a child stay empty.
 inline void put_bounds(SheetNode* nodes, int across, int x, int y, float low, float high) noexcept {
-  SheetNode& node = nodes[(y / 4) * across + x / 4];
+  SheetNode& node =
+      nodes[static_cast<std::size_t>(y / 4) * static_cast<std::size_t>(across) + static_cast<std::size_t>(x / 4)];
   const int k = 4 * (y % 4) + x % 4;
   node.low[k] = low;
   node.high[k] = high;
+}
+
+// Nodes [x0, x1) x [y0, y1) of a level.
+struct NodeRange {
+  int x0, y0, x1, y1;
+};
+
+// Fills what depends on the given rows of groups of pixels, and on the given groups of quads.
+template <class F, class Executor>
+[[nodiscard]] Status fill_sheet(const sheet_layout::Levels& levels, int row0, int row1, NodeRange range,
+                                SheetTrace& sheet, Executor& executor) {
+  const Shape shape = sheet.vertices.shape();
+  const Shape plane = sheet.inverse_depth.shape();
+  const sheet_layout::Block block = sheet_layout::block_of(shape, levels);
+  unsigned char* const bytes = sheet.writable.data();
+  auto* const inverse_depth = reinterpret_cast<float*>(bytes + block.plane);
+  auto* const tiles = reinterpret_cast<SheetTiles*>(bytes + block.tiles);
+  auto* const nodes = reinterpret_cast<SheetNode*>(bytes + block.nodes);
+  const Span<RowBounds> rows(reinterpret_cast<RowBounds*>(bytes + block.rows),
+                             static_cast<std::size_t>(levels.down[0]));
+  sheet.levels = 0;
+  executor.for_chunks(static_cast<std::size_t>(row1 - row0), 1, [&](std::size_t begin, std::size_t end) {
+    for (int g = row0 + static_cast<int>(begin); g < row0 + static_cast<int>(end); ++g) {
+      RowBounds bounds = no_bounds();
+      const PixelRows pixels = rows_of_group(plane, g, levels.down[0]);
+      for (int y = pixels.begin; y < pixels.end; ++y) {
+        float* const row = inverse_depth + static_cast<std::size_t>(y) * static_cast<std::size_t>(plane.width);
+        if (y < shape.height) {
+          invert_row<F>(sheet, y, bounds, [row](int x, F w, int n) noexcept {
+            if (n == F::lanes) {
+              w.store(row + x);
+            } else {
+              w.store(row + x, n);
+            }
+          });
+        }
+        std::fill(row + (y < shape.height ? shape.width : 0), row + plane.width, 0.0F);
+      }
+      rows[static_cast<std::size_t>(g)] = bounds;
+    }
+  });
+  NPSIM_RETURN_IF_ERROR(put_bounds_of(rows, sheet));
+  executor.for_chunks(static_cast<std::size_t>(range.y1 - range.y0), 1, [&](std::size_t begin, std::size_t end) {
+    for (int y = range.y0 + static_cast<int>(begin); y < range.y0 + static_cast<int>(end); ++y) {
+      for (int x = range.x0; x < range.x1; ++x) {
+        float low = 0;
+        float high = 0;
+        build_tiles(sheet, kSheetGroupQuads * x, kSheetGroupQuads * y,
+                    tiles[static_cast<std::size_t>(y) * static_cast<std::size_t>(levels.across[0]) +
+                          static_cast<std::size_t>(x)],
+                    low, high);
+        if (levels.count > 1) put_bounds(nodes, levels.across[1], x, y, low, high);
+      }
+    }
+  });
+  for (int level = 1; level + 1 < levels.count; ++level) {
+    range = {range.x0 / 4, range.y0 / 4, (range.x1 + 3) / 4, (range.y1 + 3) / 4};
+    for (int y = range.y0; y < range.y1; ++y) {
+      for (int x = range.x0; x < range.x1; ++x) {
+        const SheetNode& node =
+            nodes[levels.first[level] + static_cast<std::size_t>(y) * static_cast<std::size_t>(levels.across[level]) +
+                  static_cast<std::size_t>(x)];
+        put_bounds(nodes + levels.first[level + 1], levels.across[level + 1], x, y,
+                   *std::min_element(node.low, node.low + 16), *std::max_element(node.high, node.high + 16));
+      }
+    }
+  }
+  if (sheet.bounds.max_inverse_depth > 0.0F) sheet.levels = levels.count;  // else there is no vertex
+  return {};
 }
 
 }  // namespace sheet_detail
@@ -42,102 +113,68 @@ inline void put_bounds(SheetNode* nodes, int across, int x, int y, float low, fl
 template <class F = simd::F32, class Executor>
 [[nodiscard]] Status build_sheet_trace(const SheetLayer& layer, const Intrinsics& intrinsics, Workspace& workspace,
                                        SheetTrace& out, Executor& executor) {
-  using namespace sheet_detail;
-  using namespace sheet_layout;
   out = SheetTrace{};
   NPSIM_RETURN_IF_ERROR(validate(layer));
   NPSIM_RETURN_IF_ERROR(validate(intrinsics));
   const Shape shape = layer.vertices.shape();
-  const Levels levels = levels_of(shape);
+  const sheet_layout::Levels levels = sheet_layout::levels_of(shape);
   if (levels.count == 0) return {};
   if (shape.pixels() >= (std::size_t{1} << 30U)) {
     return Status(StatusCode::capacity_exceeded, "a ray tracer takes fewer than 2^31 faces");
   }
-  const auto rows = static_cast<std::size_t>(levels.down[0]);
-  const Shape plane = plane_shape(shape);
-  ImageView<float> inverse_depth;
-  Span<SheetTiles> tiles;
-  Span<SheetNode> nodes;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(plane, inverse_depth));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(levels.across[0]) * rows, tiles));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(levels.nodes, nodes));
-  const WorkspaceScope scope(workspace);
-  Span<RowBounds> row_bounds;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(rows, row_bounds));
-
-  SheetTrace sheet;
-  sheet.vertices = layer.vertices;
-  sheet.quads = layer.quads;
-  sheet.inverse_depth = inverse_depth;
-  sheet.intrinsics = intrinsics;
+  const sheet_layout::Block block = sheet_layout::block_of(shape, levels);
+  Span<unsigned char> bytes;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(block.bytes, bytes));
+  SheetHeader header;
+  header.magic = kSheetMagic;
+  header.version = kSheetVersion;
+  header.width = shape.width;
+  header.height = shape.height;
+  header.intrinsics = intrinsics;
+  header.bytes = block.bytes;
+  std::memcpy(bytes.data(), &header, sizeof header);
+  // The padding of every part; nothing that is stored was never written.
+  for (const std::size_t end : {block.tiles, block.nodes, block.rows, block.bytes}) {
+    if (end > sizeof header) std::memset(bytes.data() + end - kWorkspaceAlignment, 0, kWorkspaceAlignment);
+  }
+  auto* const nodes = reinterpret_cast<SheetNode*>(bytes.data() + block.nodes);
   const float inf = std::numeric_limits<float>::infinity();
-  executor.for_chunks(rows, 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t g = begin; g < end; ++g) {
-      RowBounds bounds{{inf, inf, inf}, {-inf, -inf, -inf}, 0.0F, 0.0F};
-      const int y0 = kSheetGroupQuads * static_cast<int>(g);
-      const int y1 = g + 1 == rows ? plane.height : y0 + kSheetGroupQuads;
-      for (int y = y0; y < y1; ++y) {
-        float* row = inverse_depth.row(y);
-        int x = 0;
-        if (y < shape.height) {
-          invert_row<F>(sheet, y, row, bounds);
-          x = shape.width;
-        }
-        std::fill(row + x, row + plane.width, 0.0F);
-      }
-      row_bounds[g] = bounds;
-    }
-  });
-  RowBounds bounds = row_bounds[0];
-  for (const RowBounds& b : row_bounds) {
-    for (int k = 0; k < 3; ++k) {
-      bounds.low[k] = std::min(bounds.low[k], b.low[k]);
-      bounds.high[k] = std::max(bounds.high[k], b.high[k]);
-    }
-    bounds.max_inverse_depth = std::max(bounds.max_inverse_depth, b.max_inverse_depth);
-    bounds.off_grid_px = std::max(bounds.off_grid_px, b.off_grid_px);
+  for (std::size_t i = 0; i < levels.nodes; ++i) {
+    std::fill_n(nodes[i].low, 16, inf);
+    std::fill_n(nodes[i].high, 16, -inf);
   }
-  if (!(bounds.max_inverse_depth > 0.0F)) return {};  // no vertex: nothing to hit
-
-  sheet.bounds = bounds_of(bounds, shape, intrinsics);
-  if (!(sheet.bounds.focal_reach < 0x1p30F)) {
-    return Status(StatusCode::invalid_argument, "the vertices of a traced sheet must lie near their pixels' rays");
-  }
-  for (SheetNode& node : nodes) {
-    std::fill_n(node.low, 16, inf);
-    std::fill_n(node.high, 16, -inf);
-  }
-  executor.for_chunks(rows, 1, [&](std::size_t begin, std::size_t end) {
-    for (auto g = static_cast<int>(begin); g < static_cast<int>(end); ++g) {
-      for (int x = 0; x < levels.across[0]; ++x) {
-        float low = 0;
-        float high = 0;
-        build_tiles(sheet, kSheetGroupQuads * x, kSheetGroupQuads * g,
-                    tiles[static_cast<std::size_t>(g * levels.across[0] + x)], low, high);
-        if (levels.count > 1) put_bounds(nodes.data(), levels.across[1], x, g, low, high);
-      }
-    }
-  });
-  for (int level = 1; level + 1 < levels.count; ++level) {
-    for (int y = 0; y < levels.down[level]; ++y) {
-      for (int x = 0; x < levels.across[level]; ++x) {
-        const SheetNode& node = nodes[levels.first[level] + static_cast<std::size_t>(y * levels.across[level] + x)];
-        put_bounds(nodes.data() + levels.first[level + 1], levels.across[level + 1], x, y,
-                   *std::min_element(node.low, node.low + 16), *std::max_element(node.high, node.high + 16));
-      }
-    }
-  }
-  sheet.tiles = tiles;
-  sheet.nodes = nodes;
-  sheet.levels = levels.count;
-  for (int level = 0; level < levels.count; ++level) {
-    sheet.first[level] = levels.first[level];
-    sheet.across[level] = levels.across[level];
-    sheet.down[level] = levels.down[level];
-  }
+  SheetTrace sheet = sheet_layout::views_of(layer, levels, bytes);
+  sheet.intrinsics = intrinsics;
+  sheet.writable = bytes;
+  NPSIM_RETURN_IF_ERROR(sheet_detail::fill_sheet<F>(levels, 0, levels.down[0], {0, 0, levels.across[0], levels.down[0]},
+                                                    sheet, executor));
   out = sheet;
   return {};
 }
+
+// Brings the structure up to date with its layer, of which vertices (and quads with such a corner) have changed within
+// `region`, in pixels. The result is that of building anew, bit for bit; after an error it hits nothing. Scenes that
+// hold the layer have to be joined again. Cost: that of building the rows of 16 pixels that the region touches, and
+// of the tiles and nodes of its quads.
+template <class F = simd::F32, class Executor>
+[[nodiscard]] Status refit_sheet_trace(const SheetRegion& region, SheetTrace& sheet, Executor& executor) {
+  const Shape shape = sheet.vertices.shape();
+  const bool inside = region.x >= 0 && region.y >= 0 && region.shape.width >= 0 && region.shape.height >= 0 &&
+                      region.shape.width <= shape.width - region.x && region.shape.height <= shape.height - region.y;
+  if (!inside) return {StatusCode::invalid_argument, "the region of a refit must lie within the layer"};
+  const sheet_layout::Levels levels = sheet_layout::levels_of(shape);
+  if (levels.count == 0 || region.shape.empty()) return {};
+  if (sheet.writable.empty()) return {StatusCode::invalid_argument, "a structure in stored bytes cannot be refitted"};
+  const int x1 = region.x + region.shape.width;
+  const int y1 = region.y + region.shape.height;
+  const auto group = [](int quad, int groups) { return std::min(std::max(quad, 0) / kSheetGroupQuads, groups - 1); };
+  const int across = levels.across[0];
+  const int down = levels.down[0];
+  const sheet_detail::NodeRange range{group(region.x - 1, across), group(region.y - 1, down), group(x1 - 1, across) + 1,
+                                      group(y1 - 1, down) + 1};
+  return sheet_detail::fill_sheet<F>(levels, group(region.y, down), group(y1 - 1, down) + 1, range, sheet, executor);
+}
+
 }  // namespace NPSIM_ISA_NAMESPACE
 }  // namespace v1
 }  // namespace npsim

@@ -13,6 +13,8 @@
 #include <limits>
 
 #include "npsim/core/camera.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/trace/sheet_layout.hpp"
 #include "npsim/trace/triangle.hpp"
@@ -27,9 +29,10 @@ namespace sheet_detail {
 
 using sheet_layout::RowBounds;
 
-// Inverse depths of one row of pixels, and what its vertices add to the bounds.
-template <class F>
-void invert_row(const SheetTrace& sheet, int y, float* out, RowBounds& bounds) noexcept {
+// Inverse depths of one row of pixels, given to put(x, n inverse depths of them, n), and what its vertices add to the
+// bounds.
+template <class F, class Put>
+void invert_row(const SheetTrace& sheet, int y, RowBounds& bounds, Put&& put) noexcept {
   using M = typename F::MaskType;
   const int width = sheet.vertices.width();
   const Intrinsics& k = sheet.intrinsics;
@@ -46,11 +49,7 @@ void invert_row(const SheetTrace& sheet, int y, float* out, RowBounds& bounds) n
     const M good = (at.z >= F(kSheetMinDepth)) & (at.z <= F(kTraceMaxCoordinate)) &
                    (abs(at.x) <= F(kTraceMaxCoordinate)) & (abs(at.y) <= F(kTraceMaxCoordinate));
     const F w = select(good, F(1.0F) / select(good, at.z, F(1.0F)), F(0.0F));
-    if (n == F::lanes) {
-      w.store(out + x);
-    } else {
-      w.store(out + x, n);
-    }
+    put(x, w, n);
     const F all[3] = {at.x, at.y, at.z};
     for (int i = 0; i < 3; ++i) {
       low[i] = min(select(good, all[i], inf), low[i]);
@@ -64,13 +63,42 @@ void invert_row(const SheetTrace& sheet, int y, float* out, RowBounds& bounds) n
   }
   for (int i = 0; i < F::lanes; ++i) {
     for (int c = 0; c < 3; ++c) {
-      bounds.low[c] = std::min(bounds.low[c], low[c].lane(i));
-      bounds.high[c] = std::max(bounds.high[c], high[c].lane(i));
+      // + 0: of zeros of both signs the least would depend on the number of lanes.
+      bounds.low[c] = std::min(bounds.low[c], low[c].lane(i) + 0.0F);
+      bounds.high[c] = std::max(bounds.high[c], high[c].lane(i) + 0.0F);
     }
     bounds.max_inverse_depth = std::max(bounds.max_inverse_depth, greatest.lane(i));
     bounds.off_grid_px = std::max(bounds.off_grid_px, off.lane(i));
   }
 }
+
+// The rows of pixels of a row of groups.
+struct PixelRows {
+  int begin, end;
+};
+[[nodiscard]] inline PixelRows rows_of_group(Shape plane, int group, int groups) noexcept {
+  const int begin = kSheetGroupQuads * group;
+  return {begin, group + 1 == groups ? plane.height : begin + kSheetGroupQuads};
+}
+
+[[nodiscard]] inline RowBounds no_bounds() noexcept {
+  const float inf = std::numeric_limits<float>::infinity();
+  return {{inf, inf, inf}, {-inf, -inf, -inf}, 0.0F, 0.0F};
+}
+
+[[nodiscard]] inline RowBounds union_of(Span<const RowBounds> all) noexcept {
+  RowBounds out = no_bounds();
+  for (const RowBounds& b : all) {
+    for (int k = 0; k < 3; ++k) {
+      out.low[k] = std::min(out.low[k], b.low[k]);
+      out.high[k] = std::max(out.high[k], b.high[k]);
+    }
+    out.max_inverse_depth = std::max(out.max_inverse_depth, b.max_inverse_depth);
+    out.off_grid_px = std::max(out.off_grid_px, b.off_grid_px);
+  }
+  return out;
+}
+
 // The bounds from what was found: the frustum of the vertices' pixels, half a pixel and their errors wider, and their
 // range of depth.
 [[nodiscard]] inline SheetBounds bounds_of(const RowBounds& b, Shape shape, const Intrinsics& k) noexcept {
@@ -101,6 +129,16 @@ void invert_row(const SheetTrace& sheet, int y, float* out, RowBounds& bounds) n
     out.size[i] = std::fabs(out.x[i]) + std::fabs(out.y[i]) + std::fabs(out.z[i]);
   }
   return out;
+}
+
+// The bounds of the whole layer; refused where vertices are too far from their pixels' rays.
+[[nodiscard]] inline Status put_bounds_of(Span<const RowBounds> rows, SheetTrace& sheet) noexcept {
+  const RowBounds all = union_of(rows);
+  sheet.bounds =
+      all.max_inverse_depth > 0.0F ? bounds_of(all, sheet.vertices.shape(), sheet.intrinsics) : SheetBounds{};
+  if (sheet.bounds.focal_reach < 0x1p30F) return {};
+  sheet.bounds = SheetBounds{};
+  return {StatusCode::invalid_argument, "the vertices of a traced sheet must lie near their pixels' rays"};
 }
 
 }  // namespace sheet_detail

@@ -14,6 +14,9 @@
 // (to within the rounding that sheet_ray.hpp allows for); a tile without a face has half = -infinity. Vertices and
 // quads are not copied: the caller keeps them. Memory: 2.7 bytes a triangle of a full layer: 4 bytes a pixel, 20 bytes
 // a tile, 8 bytes a SheetTiles and their nodes.
+//
+// All of it is one block of bytes without an address in it: SheetHeader, plane, tiles, nodes, bounds of rows, each
+// padded with zeros to whole 64 bytes. It can be stored and attached again (sheet_store.hpp).
 #ifndef NPSIM_TRACE_SHEET_LAYOUT_HPP
 #define NPSIM_TRACE_SHEET_LAYOUT_HPP
 
@@ -64,6 +67,21 @@ struct SheetBounds {
   float focal_reach = 0;  // pixels that a point moves at most when it moves by its depth
 };
 
+// What a stored structure starts with. A number is in the byte order of the machine that wrote it.
+struct alignas(64) SheetHeader {
+  std::uint32_t magic = 0;
+  std::uint32_t version = 0;
+  std::int32_t width = 0;  // px, of the layer
+  std::int32_t height = 0;
+  Intrinsics intrinsics;
+  std::uint64_t bytes = 0;  // of the block, this header included
+  std::uint32_t unused[6] = {};
+};
+static_assert(sizeof(SheetHeader) == 64);
+
+inline constexpr std::uint32_t kSheetMagic = 0x5453504EU;  // "NPST"
+inline constexpr std::uint32_t kSheetVersion = 1;          // another one for every change of what a block holds
+
 // Views of the layer and of the workspace that build_sheet_trace() was given. Without levels nothing is ever hit.
 struct SheetTrace {
   ImageView<const Vec3f> vertices;
@@ -77,6 +95,15 @@ struct SheetTrace {
   int down[kSheetMaxLevels] = {};
   Intrinsics intrinsics;
   SheetBounds bounds;
+  Span<const unsigned char> block;  // what to store
+  Span<unsigned char> writable;     // the same, for refit_sheet_trace(); empty where it was attached to stored bytes
+};
+
+// Pixels [x, x + width) x [y, y + height) of a layer.
+struct SheetRegion {
+  int x = 0;
+  int y = 0;
+  Shape shape;
 };
 
 // Layers of one camera that are traced as one (join_layers() in sheet_build.hpp). The faces of layer i follow those of
@@ -149,16 +176,53 @@ struct RowBounds {
   float off_grid_px;
 };
 
+// Where the parts of a block start, in bytes.
+struct Block {
+  std::size_t plane = 0;
+  std::size_t tiles = 0;
+  std::size_t nodes = 0;
+  std::size_t rows = 0;
+  std::size_t bytes = 0;
+};
+
+[[nodiscard]] constexpr Block block_of(Shape pixels, const Levels& levels) noexcept {
+  const auto rows = static_cast<std::size_t>(levels.down[0]);
+  Block out;
+  out.plane = sizeof(SheetHeader);
+  out.tiles = out.plane + allocation_bytes<float>(plane_shape(pixels).pixels());
+  out.nodes = out.tiles + allocation_bytes<SheetTiles>(static_cast<std::size_t>(levels.across[0]) * rows);
+  out.rows = out.nodes + allocation_bytes<SheetNode>(levels.nodes);
+  out.bytes = out.rows + allocation_bytes<RowBounds>(rows);
+  return out;
+}
+
+// The views of a layer's structure in the bytes of a block; nothing in them is read.
+[[nodiscard]] inline SheetTrace views_of(const SheetLayer& layer, const Levels& levels,
+                                         Span<const unsigned char> bytes) noexcept {
+  const Shape shape = layer.vertices.shape();
+  const Block block = block_of(shape, levels);
+  SheetTrace out;
+  out.vertices = layer.vertices;
+  out.quads = layer.quads;
+  out.inverse_depth = {reinterpret_cast<const float*>(bytes.data() + block.plane), plane_shape(shape)};
+  out.tiles = {reinterpret_cast<const SheetTiles*>(bytes.data() + block.tiles),
+               static_cast<std::size_t>(levels.across[0]) * static_cast<std::size_t>(levels.down[0])};
+  out.nodes = {reinterpret_cast<const SheetNode*>(bytes.data() + block.nodes), levels.nodes};
+  for (int level = 0; level < levels.count; ++level) {
+    out.first[level] = levels.first[level];
+    out.across[level] = levels.across[level];
+    out.down[level] = levels.down[level];
+  }
+  out.block = bytes;
+  return out;
+}
+
 }  // namespace sheet_layout
 
 [[nodiscard]] constexpr std::size_t sheet_workspace_bytes(Shape pixels) noexcept {
   const sheet_layout::Levels levels = sheet_layout::levels_of(pixels);
   if (levels.count == 0) return kWorkspaceAlignment;
-  const auto rows = static_cast<std::size_t>(levels.down[0]);
-  return allocation_bytes<float>(sheet_layout::plane_shape(pixels).pixels()) +
-         allocation_bytes<SheetTiles>(static_cast<std::size_t>(levels.across[0]) * rows) +
-         allocation_bytes<SheetNode>(levels.nodes) + allocation_bytes<sheet_layout::RowBounds>(rows) +
-         kWorkspaceAlignment;
+  return sheet_layout::block_of(pixels, levels).bytes + kWorkspaceAlignment;
 }
 
 }  // namespace v1
