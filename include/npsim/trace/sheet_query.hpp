@@ -21,6 +21,7 @@ inline namespace NPSIM_ISA_NAMESPACE {
 namespace sheet_detail {
 
 struct ClosestQuery {
+  static constexpr bool kOrdered = true;  // what is near shortens the ray
   struct Answer {
     Hit best;
   };
@@ -48,6 +49,7 @@ struct ClosestQuery {
 
 template <class Accept>
 struct AnyQuery {
+  static constexpr bool kOrdered = false;  // one is as good as another, and order costs a sixth of a step
   struct Answer {
     bool blocked;
   };

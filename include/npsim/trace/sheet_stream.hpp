@@ -116,7 +116,7 @@ class Stream {
         s.sheet = &layers_[s.layer++];
         s.first_face = s.next_face;
         s.next_face += sheet_face_count(s.sheet->vertices.shape());
-        if (s.sheet->levels > 0) return begin_walk(*s.sheet, s.ray, s.walk);
+        if (s.sheet->levels > 0) return begin_walk<Query::kOrdered>(*s.sheet, s.ray, s.walk);
       }
       if (s.index < input_.size()) query_.end(s.answer, s.index);
       s.index = input_.size();
@@ -147,7 +147,7 @@ class Stream {
     for (int k = 0; k < n; ++k) {
       const int i = nodes.rays[k];
       Slot& s = slots_[i];
-      add_children(test_node_at<F>(*s.sheet, s.ray, s.walk.level, s.walk.x, s.walk.y), s.walk);
+      add_children<Query::kOrdered>(test_node_at<F>(*s.sheet, s.ray, s.walk.level, s.walk.x, s.walk.y), s.walk);
       go_on(i);
     }
   }
@@ -158,7 +158,7 @@ class Stream {
     for (int k = 0; k < n; ++k) {
       const int i = tiles.rays[k];
       Slot& s = slots_[i];
-      add_children(test_tiles_at<F>(*s.sheet, s.ray, s.walk.x, s.walk.y), s.walk);
+      add_children<Query::kOrdered>(test_tiles_at<F>(*s.sheet, s.ray, s.walk.x, s.walk.y), s.walk);
       go_on(i);
     }
   }
@@ -169,7 +169,7 @@ class Stream {
     for (int k = 0; k < n; ++k) {
       const int i = leaves.rays[k];
       Slot& s = slots_[i];
-      s.quads = visit_tile<F>(*s.sheet, s.ray, s.walk, s.faces);
+      s.quads = visit_tile<F, Query::kOrdered>(*s.sheet, s.ray, s.walk, s.faces);
       if (s.quads == 0) {
         go_on(i);
         continue;

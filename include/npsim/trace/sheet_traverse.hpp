@@ -34,15 +34,15 @@ NPSIM_ALWAYS_INLINE bool walk_sheet(const SheetTrace& sheet, std::uint32_t first
   };
   if (ray.everything) return test_everything(sheet, ray, on_hit);
   SheetWalk walk;
-  for (Step step = begin_walk(sheet, ray, walk); step != Step::none; step = next_step(walk)) {
+  for (Step step = begin_walk<Query::kOrdered>(sheet, ray, walk); step != Step::none; step = next_step(walk)) {
     if (step == Step::tile) {
       std::uint32_t faces = 0;
-      const std::uint32_t quads = visit_tile<F>(sheet, ray, walk, faces);
+      const std::uint32_t quads = visit_tile<F, Query::kOrdered>(sheet, ray, walk, faces);
       const float end = ray.s_max;
       if (visit_quads(sheet, ray, walk, quads, faces, on_hit)) return true;
       if (ray.s_max < end) forget_beyond<F>(sheet, ray, walk);
     } else {
-      add_children(test_at<F>(sheet, ray, walk.level, walk.x, walk.y), walk);
+      add_children<Query::kOrdered>(test_at<F>(sheet, ray, walk.level, walk.x, walk.y), walk);
     }
   }
   return false;

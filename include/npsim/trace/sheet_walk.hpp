@@ -2,11 +2,10 @@
 // The way of a ray through the pyramid of a sheet (sheet_layout.hpp), one step at a time.
 //
 // The ray, a straight line in (column, row, 1 / depth), starts at the smallest node that holds its projection and
-// visits children in the order of its octant, so no distances are sorted. What is still to be visited is one word of
-// children for every level: the parents of a place are its numbers shifted. A walk can rest between any two steps:
-// single rays (sheet_traverse.hpp) take them all at once, streams (sheet_stream.hpp) take turns. The steps of a ray are
-// the same either way, so are its hits.
-// Memory: 32 bytes a walk.
+// visits children in the order of its octant (`ordered`), so no distances are sorted, or in that of the image. What is
+// still to be visited is one word of children for every level: the parents of a place are its numbers shifted. A walk
+// can rest between any two steps: single rays (sheet_traverse.hpp) take them all at once, streams (sheet_stream.hpp)
+// take turns. The steps of a ray are the same either way, so are its hits. Memory: 32 bytes a walk.
 #ifndef NPSIM_TRACE_SHEET_WALK_HPP
 #define NPSIM_TRACE_SHEET_WALK_HPP
 
@@ -32,16 +31,17 @@ enum class Step { tile, tiles, nodes, none };
 [[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t some(std::uint32_t children) noexcept { return (0U - children) >> 31U; }
 
 struct SheetWalk {
-  int x, y;               // of the node, in nodes of its level
-  int level;              // -1: a tile, 0: a SheetTiles
-  std::uint32_t pending;  // bit l: a child of the node visited last on level l
-  std::uint32_t flip;
-  std::uint16_t children[kSheetMaxLevels];  // to be visited, in the order of the octant
+  int x, y;                                 // of the node, in nodes of its level
+  int level;                                // -1: a tile, 0: a SheetTiles
+  std::uint32_t pending;                    // bit l: a child of the node visited last on level l
+  std::uint32_t flip;                       // 0: in the order of the image
+  std::uint16_t children[kSheetMaxLevels];  // to be visited, in order
 };
 
 [[nodiscard]] NPSIM_ALWAYS_INLINE Step step_at(int level) noexcept { return static_cast<Step>(std::min(level, 1) + 1); }
 
 // The smallest node that holds what the projection may touch.
+template <bool ordered>
 [[nodiscard]] NPSIM_ALWAYS_INLINE Step begin_walk(const SheetTrace& sheet, const SheetRay& ray,
                                                   SheetWalk& walk) noexcept {
   const auto tile = [](float at, int quads) {
@@ -59,7 +59,7 @@ struct SheetWalk {
   walk.x = x0 >> (2 * walk.level + 2);
   walk.y = y0 >> (2 * walk.level + 2);
   walk.pending = 0;
-  walk.flip = flip_of(ray);
+  walk.flip = ordered ? flip_of(ray) : 0;
   return step_at(walk.level);
 }
 
@@ -106,14 +106,20 @@ template <class F>
   return level == 0 ? test_tiles_at<F>(sheet, ray, x, y) : test_node_at<F>(sheet, ray, level, x, y);
 }
 
+template <bool ordered>
+[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t in_order(std::uint32_t m, const SheetWalk& walk) noexcept {
+  return ordered ? along(m, walk.flip) : m;
+}
+
 // What a test of the node before the walk found.
+template <bool ordered>
 NPSIM_ALWAYS_INLINE void add_children(std::uint32_t found, SheetWalk& walk) noexcept {
-  const std::uint32_t m = along(found, walk.flip);
+  const std::uint32_t m = in_order<ordered>(found, walk);
   walk.children[walk.level] = static_cast<std::uint16_t>(m);
   walk.pending |= some(m) << static_cast<unsigned>(walk.level);
 }
 
-// After the ray was shortened: forgets what lies beyond its end.
+// After an ordered walk's ray was shortened: forgets what lies beyond its end.
 template <class F>
 void forget_beyond(const SheetTrace& sheet, const SheetRay& ray, SheetWalk& walk) noexcept {
   for (std::uint32_t rest = walk.pending; rest != 0; rest &= rest - 1) {
@@ -126,14 +132,14 @@ void forget_beyond(const SheetTrace& sheet, const SheetRay& ray, SheetWalk& walk
   }
 }
 
-// The faces of a tile, and those of its quads that matter, in the order of the octant.
-template <class F>
+// The faces of a tile, and those of its quads that matter, in order.
+template <class F, bool ordered>
 [[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t visit_tile(const SheetTrace& sheet, const SheetRay& ray,
                                                            const SheetWalk& walk, std::uint32_t& faces) noexcept {
   const std::size_t group = static_cast<std::size_t>(walk.y / 4) * static_cast<std::size_t>(sheet.across[0]) +
                             static_cast<std::size_t>(walk.x / 4);
   faces = sheet.tiles[group].faces[4 * (walk.y % 4) + walk.x % 4];
-  return faces == 0 ? 0 : along(test_quads<F>(sheet, ray, 4 * walk.x, 4 * walk.y, faces), walk.flip);
+  return faces == 0 ? 0 : in_order<ordered>(test_quads<F>(sheet, ray, 4 * walk.x, 4 * walk.y, faces), walk);
 }
 
 // Calls on_hit(face, hit) for what the ray hits in quads that visit_tile() found; true: stop.
