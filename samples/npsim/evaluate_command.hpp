@@ -31,6 +31,7 @@ struct EvaluateOptions {
   std::string preset = "default";
   int threads = 0;
   std::string size;
+  bool night = false;  // render with all faces and with fewer
   bool quiet = false;
 };
 
@@ -113,7 +114,11 @@ struct EvaluateOptions {
     }
   }
   OrderedJson meshes = OrderedJson::array();
-  for (const MeshErrors& m : e.meshes) meshes.push_back(to_json(m));
+  OrderedJson costs = OrderedJson::object();
+  for (const MeshErrors& m : e.meshes) {
+    meshes.push_back(to_json(m));
+    costs[m.key] = costs_json(m);
+  }
   return {{"npsim", NPSIM_VERSION_STRING},
           {"scene", scene.name},
           {"settings", {{"preset", options.preset}, {"width", scene.image.width()}, {"height", scene.image.height()}}},
@@ -135,6 +140,8 @@ struct EvaluateOptions {
             {"share_near_edges", share(e.uncertain_near_edges.both, e.uncertain_near_edges.second)}}},
           {"labels", std::move(labels)},
           {"mesh", std::move(meshes)},
+          {"night_of_simplified_mesh", e.night ? to_json(*e.night) : OrderedJson()},
+          {"costs", std::move(costs)},
           {"notes", scene.notes}};
 }
 
@@ -203,6 +210,7 @@ inline void print_table(const Evaluation& e, const io::Scene& scene, const Evalu
   for (const MeshErrors& m : e.meshes) {
     print_table(m, m.key == "refined" ? "mesh of the refined depth" : "mesh of the true depth");
   }
+  if (e.night) print_table(*e.night);
 }
 
 // The scene and its truth, at the size that is wanted.
@@ -213,6 +221,7 @@ inline void print_table(const Evaluation& e, const io::Scene& scene, const Evalu
     if (!parsed) return parsed.error();
     size = parsed.value();
   }
+  if (const io::Outcome good = expect_scene(options.scene); !good) return good.error();
   io::Expected<io::Scene> scene = io::read_scene(options.scene);
   if (!scene) return scene.error();
   io::Scene& s = scene.value();
@@ -283,6 +292,12 @@ inline int run_evaluate(const EvaluateOptions& options) {
   if (evaluation.pixels == 0) {
     return fail(
         io::Error{scene.file, "truth.depth", "is known on no pixel of a surface that has depth, expected some"});
+  }
+  if (options.night) {
+    NightChange change;
+    const Status rendered = night_change(params, view_of(scene), pool, console, change);
+    if (!rendered.ok()) return fail(options.scene, rendered);
+    evaluation.night = change;
   }
   print_table(evaluation, scene, options);
   if (options.output.empty()) return kExitDone;

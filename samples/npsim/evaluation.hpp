@@ -20,6 +20,7 @@
 #include "console.hpp"
 #include "mesh_evaluation.hpp"
 #include "mesh_truth.hpp"
+#include "night_change.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/depth/normals.hpp"
 #include "npsim/exec/thread_pool.hpp"
@@ -73,6 +74,7 @@ struct Evaluation {
   MaskOverlap uncertain_on_foreground_edges;  // the same for edges of vehicles, persons, poles and signs
   MaskOverlap uncertain_near_edges;           // first: within a window of a true edge
   std::vector<MeshErrors> meshes;             // of the refined depth, of the true depth
+  std::optional<NightChange> night;           // when asked for
 };
 
 // Passes everything on to the console and keeps a copy of the depth after each step.

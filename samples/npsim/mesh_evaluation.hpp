@@ -2,11 +2,13 @@
 // The scene mesh against the truth: is it whole, is what it hides right, and does it cast the right shadows?
 //
 // Done twice: for the mesh that the pipeline makes of the refined depth, and for the one it would make of the true
-// depth, which shows what the mesh steps alone do wrong. Four stages of each: the connected sheet, the sheet after
-// pruning, the completed layers, and the layers with the backs of objects.
+// depth, which shows what the mesh steps alone do wrong. Five stages of each: the connected sheet, the sheet after
+// pruning, the completed layers, the layers with the backs of objects, and those simplified. Beside that the steps are
+// run one at a time (mesh_steps.hpp).
 #ifndef NPSIM_SAMPLES_NPSIM_MESH_EVALUATION_HPP
 #define NPSIM_SAMPLES_NPSIM_MESH_EVALUATION_HPP
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -16,11 +18,14 @@
 #include <vector>
 
 #include "console.hpp"
+#include "mesh_steps.hpp"
 #include "mesh_truth.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
+#include "npsim/light/placement.hpp"
 #include "npsim/mesh/check.hpp"
 #include "npsim/mesh/index.hpp"
+#include "npsim/pipeline/lamp_faces.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
 #include "shadow_errors.hpp"
@@ -44,6 +49,9 @@ struct BackgroundErrors {
 struct MeshErrors {
   std::string key;  // what it was made of
   std::array<MeshReport, kMeshStages> report;
+  MeshReport simplified_background;  // of the last stage's parts
+  MeshReport simplified_objects;
+  MeshSteps steps;
   std::optional<BackgroundErrors> background;
   std::vector<ShadowErrors> shadows;  // one per stage, or none without a true mesh
 };
@@ -101,7 +109,7 @@ struct LayerMesh {
   return errors;
 }
 
-// The depth planes of the four stages: where each has the point that a pixel shows.
+// The depth plane of a stage: where it has the point that a pixel shows.
 [[nodiscard]] inline io::Image<float> shown_depth(const SceneMesh& mesh, Shape shape) {
   io::Image<float> depth(shape);
   for (int y = 0; y < shape.height; ++y) {
@@ -114,10 +122,48 @@ struct LayerMesh {
   return depth;
 }
 
+// The lamps as the renderer places them.
+[[nodiscard]] inline Status placed_lamps(const PlacementParams& placement, const GroundParams& ground_params,
+                                         const SceneView& scene, const RefinedDepth& refined,
+                                         std::vector<Emitter>& out) {
+  out.clear();
+  if (scene.light_index.empty() || scene.lights.empty()) return {};
+  std::vector<unsigned char> memory(std::max(placement_workspace_bytes(placement, scene.shape()),
+                                             ground_workspace_bytes(ground_params, scene.shape())));
+  GroundPlane ground;
+  {
+    Workspace workspace(memory.data(), memory.size());
+    NPSIM_RETURN_IF_ERROR(
+        estimate_ground(ground_params, refined.depth, refined.labels, scene.camera, workspace, ground));
+  }
+  out.resize(scene.lights.size());
+  std::size_t count = 0;
+  Workspace workspace(memory.data(), memory.size());
+  NPSIM_RETURN_IF_ERROR(place_lights(placement, scene.lights, scene.light_index, refined.depth, refined.labels,
+                                     refined.uncertain, refined.normals, scene.camera, ground, workspace,
+                                     Span<Emitter>(out.data(), out.size()), count));
+  out.resize(count);
+  return {};
+}
+
+// Ids of the lamps that faces are part of, by the renderer's rule. `mesh` has the stage's faces.
+[[nodiscard]] inline Status lamps_of_faces(const SceneView& scene, const SceneMesh& mesh,
+                                           const std::vector<Emitter>& lamps, std::vector<std::uint32_t>& out) {
+  std::vector<std::uint16_t> mark(mesh.mesh.faces.size());
+  std::vector<unsigned char> memory(mark_faces_workspace_bytes(scene, lamps.size()));
+  Workspace workspace(memory.data(), memory.size());
+  NPSIM_RETURN_IF_ERROR(mark_faces(scene, mesh, Span<const Emitter>(lamps.data(), lamps.size()),
+                                   Span<std::uint16_t>(mark.data(), mark.size()), workspace));
+  out.resize(mark.size());
+  for (std::size_t f = 0; f < mark.size(); ++f) out[f] = mark[f] == 0 ? 0 : scene.lights[mark[f] - 1U].id;
+  return {};
+}
+
 }  // namespace mesh_evaluation_detail
 
 // What the mesh is judged by; planes may be empty, and then so is what they are needed for.
 struct MeshJudges {
+  PlacementParams placement;  // of lamps, as the renderer has them
   ImageView<const float> true_depth;
   ImageView<const Vec3f> true_normals;
   ImageView<const float> background_depth;
@@ -125,7 +171,7 @@ struct MeshJudges {
   ShadowErrorParams shadows;
 };
 
-// `refined` needs its depth, labels, surface and uncertain planes only.
+// `refined` needs its depth, labels, normals, surface and uncertain planes only.
 inline Status evaluate_mesh(const ReconstructParams& params, const SceneView& scene, const RefinedDepth& refined,
                             const MeshJudges& judges, ThreadPool& pool, Console& console, MeshErrors& out) {
   using namespace mesh_evaluation_detail;
@@ -158,17 +204,32 @@ inline Status evaluate_mesh(const ReconstructParams& params, const SceneView& sc
   for (std::size_t i = 0; i < stages.size(); ++i) {
     NPSIM_RETURN_IF_ERROR(checked(stages[i], out.report[i]));
   }
+  const SceneMesh& thin = meshes[1];
+  NPSIM_RETURN_IF_ERROR(
+      checked({thin.mesh.vertices.sub(0, thin.background_vertices), thin.mesh.faces.sub(0, thin.background_faces)},
+              out.simplified_background));
+  NPSIM_RETURN_IF_ERROR(checked(
+      {thin.mesh.vertices, thin.mesh.faces.sub(thin.background_faces, thin.mesh.faces.size() - thin.background_faces)},
+      out.simplified_objects));
+  NPSIM_RETURN_IF_ERROR(measure_mesh_steps(params, scene, refined, pool, out.steps));
   if (!judges.background_depth.empty() && !refined.labels.empty()) {
     out.background = background_errors(mesh.background.vertices, refined.labels, params.foreground.foreground,
                                        judges.background_depth);
   }
   if (judges.mesh == nullptr || !judges.mesh->known() || judges.true_normals.empty()) return {};
   const std::array<io::Image<float>, 2> shown = {shown_depth(meshes[0], shape), shown_depth(meshes[1], shape)};
+  std::vector<Emitter> lamps;
+  NPSIM_RETURN_IF_ERROR(placed_lamps(judges.placement, params.ground, scene, refined, lamps));
   std::vector<ShadowCaster> casters(kMeshStages);
   for (std::size_t i = 0; i < stages.size(); ++i) {
-    const Span<const std::uint32_t> pixels =
-        i < 2 ? Span<const std::uint32_t>(sheets[i].pixels.data(), sheets[i].pixels.size()) : mesh.vertex_pixel;
-    NPSIM_RETURN_IF_ERROR(casters[i].build(stages[i], pixels, scene));
+    SceneMesh stage = meshes[i + 1 < kMeshStages ? 0 : 1];
+    stage.mesh = stages[i];
+    if (i < 2) {  // one sheet, all background
+      stage.vertex_pixel = Span<const std::uint32_t>(sheets[i].pixels.data(), sheets[i].pixels.size());
+      stage.background_faces = stage.sheet_faces = stage.mesh.faces.size();
+    }
+    NPSIM_RETURN_IF_ERROR(casters[i].traced.build(stage.mesh));
+    NPSIM_RETURN_IF_ERROR(lamps_of_faces(scene, stage, lamps, casters[i].lamp_of_face));
     casters[i].depth = i < 2 ? ImageView<const float>(refined.depth)
                              : ImageView<const float>(shown[i + 1 < kMeshStages ? 0 : 1].view());
   }

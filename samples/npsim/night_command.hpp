@@ -5,6 +5,7 @@
 
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <cstdio>
@@ -59,6 +60,13 @@ struct NightOptions {
   return hash;
 }
 
+// Vertices that some face has; the others are only points of light.
+[[nodiscard]] inline std::size_t vertices_of_faces(const TriangleMeshView& mesh) {
+  std::vector<bool> used(mesh.vertices.size());
+  for (const Face& f : mesh.faces) used[f.a] = used[f.b] = used[f.c] = true;
+  return static_cast<std::size_t>(std::count(used.begin(), used.end(), true));
+}
+
 // Receives what the pipeline makes and writes it; remembers the first file that could not be written.
 class NightWriter {
  public:
@@ -74,7 +82,8 @@ class NightWriter {
       panels_.push_back({"normals", normal_picture(refined.normals)});
       const Status drawn = mesh_panels(scene_.image, mesh, refined.depth, scene_.intrinsics, pool_, panels_);
       if (!drawn.ok()) return io::Error{options_.scene, "views of the mesh", drawn.message()};
-      counts_ = {mesh.mesh.vertices.size(), mesh.mesh.faces.size(), mesh.background_faces, light.emitters.size()};
+      counts_ = {vertices_of_faces(mesh.mesh), mesh.mesh.vertices.size(), mesh.mesh.faces.size(), mesh.background_faces,
+                 light.emitters.size()};
       ground_ = light.ground;
       if (auto o = io::write_png(path("depth.png"), panels_[2].picture.view()); !o) return o;
       if (auto o = io::write_pfm(path("depth.pfm"), refined.depth); !o) return o;
@@ -126,7 +135,7 @@ class NightWriter {
         {"stages", std::move(stages)},
         {"peak_memory_bytes", static_cast<std::uint64_t>(usage.ru_maxrss) * 1024},
         {"workspace_peak_bytes", workspace.peak()},
-        {"mesh", {{"vertices", counts_.vertices}, {"triangles", counts_.faces},
+        {"mesh", {{"vertices", counts_.vertices}, {"points_of_light", counts_.points}, {"triangles", counts_.faces},
                   {"background_triangles", counts_.background_faces},
                   {"foreground_triangles", counts_.faces - counts_.background_faces}}},
         {"ground", {{"camera_height_m", ground_.camera_height_m}, {"up", {ground_.up.x, ground_.up.y, ground_.up.z}}}},
@@ -139,7 +148,7 @@ class NightWriter {
 
  private:
   struct Counts {
-    std::size_t vertices = 0, faces = 0, background_faces = 0, emitters = 0;
+    std::size_t vertices = 0, points = 0, faces = 0, background_faces = 0, emitters = 0;
   };
 
   [[nodiscard]] std::string path(const std::string& name) const { return options_.output + "/" + name; }

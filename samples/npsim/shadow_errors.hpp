@@ -4,7 +4,7 @@
 // Pairs of a visible point (on a regular grid of pixels) and a lamp that faces each other in the true scene. The ray
 // starts at the pixel's point of the mesh in question, pulled out along the true normal as the renderer does, and ends
 // `lamp_clearance_m` and the lamp's own extent before the lamp: whether lamps are placed right is another question.
-// Faces that carry the lamp's own mark do not block it; the renderer spares parts of its housing as well.
+// Faces that are part of the lamp (pipeline/lamp_faces.hpp) do not block it.
 // A leak is a pair that is dark in the true scene because of a surface which the camera sees, and lit by the mesh:
 // light came through an edge, or a surface, that is closed.
 #ifndef NPSIM_SAMPLES_NPSIM_SHADOW_ERRORS_HPP
@@ -20,7 +20,6 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/exec/thread_pool.hpp"
-#include "npsim/pipeline/scene_view.hpp"
 #include "npsim/render/surface_points.hpp"
 
 namespace npsim::tool {
@@ -56,22 +55,8 @@ struct ShadowErrors {
 // A mesh to judge.
 struct ShadowCaster {
   TracedMesh traced;
-  std::vector<std::uint32_t> lamp_of_face;  // id of the annotation that a corner's pixel carries, 0 for none
+  std::vector<std::uint32_t> lamp_of_face;  // id of the lamp's annotation, 0 for none
   ImageView<const float> depth;             // of the point that each pixel shows, 0 for none
-
-  [[nodiscard]] Status build(const TriangleMeshView& mesh, Span<const std::uint32_t> vertex_pixel,
-                             const SceneView& scene) {
-    lamp_of_face.assign(mesh.faces.size(), 0);
-    const auto width = static_cast<std::uint32_t>(scene.shape().width);
-    for (std::size_t f = 0; f < (scene.light_index.empty() ? 0 : mesh.faces.size()); ++f) {
-      for (const std::uint32_t v : {mesh.faces[f].a, mesh.faces[f].b, mesh.faces[f].c}) {
-        const std::uint32_t pixel = vertex_pixel[v];
-        const std::uint16_t mark = scene.light_index(static_cast<int>(pixel % width), static_cast<int>(pixel / width));
-        if (mark != 0) lamp_of_face[f] = scene.lights[mark - 1U].id;
-      }
-    }
-    return traced.build(mesh);
-  }
 };
 
 namespace shadow_detail {

@@ -68,6 +68,18 @@ struct DrawnMesh {
   ViewPose pose;
 };
 
+// An executor whose work is left undone once the user has had enough.
+template <class Executor>
+struct Interruptible {
+  Executor& executor;
+  template <class Work>
+  void for_chunks(std::size_t count, std::size_t chunk, Work&& work) {
+    executor.for_chunks(count, chunk, [&work](std::size_t begin, std::size_t end) {
+      if (!interrupted.load(std::memory_order_relaxed)) work(begin, end);
+    });
+  }
+};
+
 template <class Executor>
 int write_view(const ViewOptions& options, const DrawnMesh& drawn, Executor& executor) {
   const io::Expected<Shape> shape = picture_shape(options, drawn.shape);
@@ -76,19 +88,29 @@ int write_view(const ViewOptions& options, const DrawnMesh& drawn, Executor& exe
   params.shading = options.plain && !(options.shading > 0) ? 0.65F : options.shading;
   params.wire_px = 2 * options.wire_px;  // it is drawn at twice the size
   io::Image<Rgb8> picture;
-  const Status status =
-      draw_mesh(params, drawn.mesh, options.plain ? PreviewColours{} : drawn.colours,
-                scaled(drawn.camera, drawn.shape, shape.value()), drawn.pose, shape.value(), executor, picture);
+  Interruptible<Executor> until_interrupted{executor};
+  Status status = draw_mesh(params, drawn.mesh, options.plain ? PreviewColours{} : drawn.colours,
+                            scaled(drawn.camera, drawn.shape, shape.value()), drawn.pose, shape.value(),
+                            until_interrupted, picture);
+  if (interrupted.load(std::memory_order_relaxed)) status = {StatusCode::cancelled, "cancelled while drawing"};
   if (!status.ok()) return fail(options.scene, status);
   if (const io::Outcome o = io::write_png(options.output, picture.view()); !o) return fail(o.error());
   std::printf("%s\n", options.output.c_str());
   return kExitDone;
 }
 
+// The folder that a file is to be in; made before the work, so that none is lost.
+[[nodiscard]] inline io::Outcome make_folder_of(const std::string& file) {
+  const std::filesystem::path folder = std::filesystem::path(file).parent_path();
+  return folder.empty() ? io::Done{} : make_folder(folder.string());
+}
+
 // A mesh from a file has no photograph and no camera: it is seen plain, with a field of view of 60 degrees.
 inline int view_file(const ViewOptions& options) {
   io::Expected<io::Mesh> mesh = io::read_obj(options.scene);
   if (!mesh) return fail(mesh.error());
+  if (mesh.value().faces.empty()) return fail(io::Error{options.scene, "", "has no faces, expected some to draw"});
+  if (const io::Outcome made = make_folder_of(options.output); !made) return fail(made.error());
   if (!options.y_down) {
     for (Vec3f& v : mesh.value().vertices) v = {v.x, -v.y, -v.z};
   }
@@ -131,11 +153,16 @@ inline int run_view(const ViewOptions& options) {
   if (const io::Expected<Shape> shape = picture_shape(options, Shape{1, 1}); !shape) return fail(shape.error());
   std::error_code ignored;
   const std::filesystem::path path(options.scene);
-  if (path.extension() == ".obj" && !std::filesystem::is_directory(path, ignored)) return view_file(options);
+  const bool obj = path.extension() == ".obj" && !std::filesystem::is_directory(path, ignored);
+  if (const io::Outcome good = obj ? io::Done{} : expect_scene(options.scene, ", or an .obj"); !good) {
+    return fail(good.error());
+  }
+  if (obj) return view_file(options);
   Console console(options.quiet);
   const io::Expected<io::Scene> loaded =
       console.timed("read scene", [&] { return load_scene(options.scene, options.size); });
   if (!loaded) return fail(loaded.error());
+  if (const io::Outcome made = make_folder_of(options.output); !made) return fail(made.error());
   const NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
   const SceneView scene = view_of(loaded.value());
   if (const Status valid = validate(scene); !valid.ok()) return fail(options.scene, valid);

@@ -229,10 +229,47 @@ TEST_CASE("tool: evaluate judges every step by the truth, and says the same on a
   CHECK(json["uncertain"]["foreground_edges"]["hit_rate"].get<double>() > 0.5);
   CHECK(!json["labels"].contains("sky"));
   REQUIRE(run_tool("evaluate '" + fixture().street + "' -o '" + file + "3' --quiet --threads 3").status == 0);
-  CHECK(bytes_of(file) == bytes_of(file + "3"));
+  const auto without_times = [](nlohmann::json figures) {
+    CHECK(figures["costs"]["refined"]["sheet"]["seconds"].get<double>() > 0);
+    figures.erase("costs");
+    return figures.dump();
+  };
+  CHECK(without_times(json) == without_times(json_of(file + "3")));
+  for (const nlohmann::json& mesh : json["mesh"]) {
+    CAPTURE(mesh["of"]);
+    for (const nlohmann::json& stage : mesh["stages"]) CHECK(stage["mesh"]["oriented_manifold"] == true);
+    CHECK(mesh["simplified_parts"]["background"]["oriented_manifold"] == true);
+    CHECK(mesh["simplified_parts"]["objects"]["watertight"] == true);
+    for (const char* layer : {"background", "objects"}) {
+      CHECK(mesh["layers"][layer]["whole"] == true);
+      const nlohmann::json& errors = mesh["simplification"][layer];
+      CHECK(errors["faces_after"] < errors["faces_before"]);
+      CHECK(errors["max_relative_depth"].get<double>() <= 0.005);
+      CHECK(errors["rms_relative_depth"].get<double>() <= errors["max_relative_depth"].get<double>());
+      CHECK(errors["max_px"].get<double>() <= 0.25);
+      CHECK(errors["rms_px"].get<double>() <= errors["max_px"].get<double>());
+    }
+  }
+  for (const char* step : {"sheet", "prune", "complete_background", "complete_objects", "index", "simplify_background",
+                           "simplify_objects"}) {
+    CAPTURE(step);
+    CHECK(json["costs"]["true_depth"][step]["output_bytes"].get<double>() > 0);
+  }
+  CHECK(json["night_of_simplified_mesh"].is_null());
   for (const auto& entry : fs::directory_iterator(fs::path(file).parent_path())) {
     CHECK(entry.path().extension() != ".partial");
   }
+}
+
+TEST_CASE("tool: evaluate renders a night of the simplified mesh when asked to") {
+  const std::string file = fixture().out("night_change.json");
+  const Run run = run_tool("evaluate '" + fixture().street + "' --night --size 160x90 --quiet -o '" + file + "'");
+  REQUIRE_MESSAGE(run.status == 0, run.output);
+  const nlohmann::json night = json_of(file)["night_of_simplified_mesh"];
+  CHECK(night["faces_after"] < night["faces_before"]);
+  CHECK(night["mean_colour"].get<double>() < 0.02);
+  CHECK(night["rms_codes_of_255"].get<double>() < 20);
+  CHECK(run.output.find("mean colour changes by") != std::string::npos);
 }
 
 TEST_CASE("tool: evaluate finds no error in the truth itself") {
@@ -345,6 +382,23 @@ TEST_CASE("tool: view refuses what it cannot draw in one line") {
   check_refused(view(fixture().street, "--size 10"), "--size", none);
   check_refused(view(fixture().street, "--turn north"), "turn", none);
   check_refused(run_tool("view '" + fixture().street + "'"), "--output");
+  std::ofstream(fixture().out("points.obj")) << "v 0 0 1\nv 1 0 1\nv 0 1 1\n";
+  check_refused(view(fixture().out("points.obj"), ""), "points.obj: has no faces", none);
+  std::ofstream(fixture().out("a_file")) << "x";
+  check_refused(run_tool("view '" + fixture().street + "' --quiet -o '" + fixture().out("a_file") + "/view.png'"),
+                "a_file");
+  for (const char* name : {"mesh.glb", "mesh.PLY"}) {
+    std::ofstream(fixture().out(name)) << "x";
+    check_refused(view(fixture().out(name), ""), "or an .obj", none);
+    check_refused(run_tool("inspect '" + fixture().out(name) + "'"), "is no scene, expected a folder");
+    check_refused(run_tool("evaluate '" + fixture().out(name) + "'"), "is no scene, expected a folder");
+  }
+}
+
+TEST_CASE("tool: view makes the folder that it writes to") {
+  const Run run = run_tool("view '" + fixture().street + "' --size 160x90 --quiet -o '" + fixture().out("new/folder/v.png") + "'");
+  CHECK_MESSAGE(run.status == 0, run.output);
+  CHECK(fs::file_size(fixture().out("new/folder/v.png")) > 100);
 }
 
 TEST_CASE("tool: bad input ends in one line that names the file, status 2, and writes nothing") {
