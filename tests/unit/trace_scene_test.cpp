@@ -40,6 +40,7 @@ template <class Accept>
 [[nodiscard]] bool occluded(const Counted& c, const Ray& ray, Accept&& accept) {
   return npsim::occluded(c.bvh, ray, accept);
 }
+void closest_hits(const Counted& c, Span<const Ray> rays, Span<Hit> hits) { npsim::closest_hits(c.bvh, rays, hits); }
 template <class Accept>
 void occluded(const Counted& c, Span<const Ray> rays, Accept&& accept, Span<std::uint8_t> blocked) {
   npsim::occluded(c.bvh, rays, accept, blocked);
@@ -96,6 +97,8 @@ TEST_CASE("joined scene: hits, ties and shadows are those of all faces in one tr
     const auto odd = [](std::uint32_t face) noexcept { return face % 2 == 1; };
     std::vector<std::uint8_t> blocked(rays.size(), 7);
     occluded(scene, Span<const Ray>(rays.data(), rays.size()), odd, Span<std::uint8_t>(blocked.data(), blocked.size()));
+    std::vector<Hit> together(rays.size());
+    closest_hits(scene, Span<const Ray>(rays.data(), rays.size()), Span<Hit>(together.data(), together.size()));
     std::size_t hits = 0;
     std::size_t shadows = 0;
     for (std::size_t i = 0; i < rays.size(); ++i) {
@@ -103,12 +106,15 @@ TEST_CASE("joined scene: hits, ties and shadows are those of all faces in one tr
       Hit hit;
       const bool any = closest_hit(whole.bvh, rays[i], expected);
       REQUIRE(closest_hit(scene, rays[i], hit) == any);
+      REQUIRE((together[i].face != kNoFace) == any);
       if (any) {
         ++hits;
         CHECK(hit.face == expected.face);
         CHECK(hit.t == expected.t);
         CHECK(hit.u == expected.u);
         CHECK(hit.v == expected.v);
+        CHECK(together[i].face == expected.face);
+        CHECK(together[i].t == expected.t);
       }
       const bool shadow = occluded(whole.bvh, rays[i], odd);
       shadows += shadow ? 1U : 0U;

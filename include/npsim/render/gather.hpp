@@ -7,10 +7,11 @@
 // gather: a Monte Carlo form of radiosity (Goral et al. 1984) on the vertices. The radiosity of a point near the hit
 // stands for that of the hit; the error is the variation of B between the two, about one pixel.
 // Rays that leave the modelled scene downwards see neither sky nor ground and count as dark.
-// Cost: n closest-hit rays per receiver. Memory: 4 n bytes per receiver.
+// Cost: n closest-hit rays per receiver. Memory: 4 n bytes per receiver; 13 KiB of stack.
 #ifndef NPSIM_RENDER_GATHER_HPP
 #define NPSIM_RENDER_GATHER_HPP
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -23,7 +24,7 @@
 #include "npsim/material/bsdf.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/simd/isa.hpp"
-#include "npsim/trace/ray.hpp"
+#include "npsim/trace/scene.hpp"
 
 namespace npsim {
 inline namespace v1 {
@@ -55,35 +56,48 @@ Status trace_gather_rays(const GatherParams& params, const Scene& scene, const P
     return Status(StatusCode::shape_mismatch, "gather needs one hit per ray and one sky irradiance per receiver");
   }
   constexpr std::size_t kChunk = 1024;
+  constexpr std::size_t kBatch = 256;  // rays traced together
   constexpr float kPi = 3.14159265F;
   executor.for_chunks(receivers.size(), kChunk, [&](std::size_t begin, std::size_t end) {
-    if (observer.cancelled()) return;
-    for (std::size_t r = begin; r < end; ++r) {
-      const std::uint32_t point = receivers[r];
-      RandomStream random(params.seed, RandomPurpose::bounce, 0, 0, point, 0);
-      // A rotated rank-1 lattice: stratified for any number of rays and decorrelated between neighbouring points.
-      const float shift_u = random.uniform();
-      const float shift_v = random.uniform();
-      const Vec3f origin = pulled_out(points.position[point], points.normal[point], params.relative_bias);
-      Vec3f sky_sum;
-      for (std::size_t s = 0; s < rays; ++s) {
+    Ray batch[kBatch];
+    Hit met[kBatch];
+    Vec3f origin;
+    float shift_u = 0.0F;
+    float shift_v = 0.0F;
+    Vec3f sky_sum;
+    for (std::size_t first = begin * rays; first < end * rays && !observer.cancelled(); first += kBatch) {
+      const std::size_t count = std::min(kBatch, end * rays - first);
+      for (std::size_t i = 0; i < count; ++i) {
+        const std::uint32_t point = receivers[(first + i) / rays];
+        const std::size_t s = (first + i) % rays;
+        if (s == 0) {
+          RandomStream random(params.seed, RandomPurpose::bounce, 0, 0, point, 0);
+          // A rotated rank-1 lattice: stratified for any number of rays and decorrelated between neighbouring points.
+          shift_u = random.uniform();
+          shift_v = random.uniform();
+          origin = pulled_out(points.position[point], points.normal[point], params.relative_bias);
+        }
         const float u0 = (static_cast<float>(s) + 0.5F) / static_cast<float>(rays) + shift_u;
         const float v0 = static_cast<float>(s) * 0.61803399F + shift_v;
-        Ray ray;
-        ray.origin = origin;
-        ray.direction = sample_cosine(points.normal[point], u0 - std::floor(u0), v0 - std::floor(v0)).direction;
-        std::uint32_t& reached = hits[r * rays + s];
-        reached = kNoPoint;
-        Hit hit;
-        if (closest_hit(scene, ray, hit)) {
-          reached = point_of(hit);
-          // The back of a sheet is unknown; it hands on nothing.
-          if (dot(points.normal[reached], ray.direction) >= 0.0F) reached = kNoPoint;
-        } else {
-          sky_sum += sky_luminance(sky, ray.direction);
-        }
+        batch[i] = Ray{};
+        batch[i].origin = origin;
+        batch[i].direction = sample_cosine(points.normal[point], u0 - std::floor(u0), v0 - std::floor(v0)).direction;
       }
-      sky_irradiance[r] = sky_sum * (kPi / static_cast<float>(rays));
+      closest_hits(scene, Span<const Ray>(batch, count), Span<Hit>(met, count));
+      for (std::size_t i = 0; i < count; ++i) {
+        std::uint32_t& reached = hits[first + i];
+        reached = kNoPoint;
+        const std::size_t s = (first + i) % rays;
+        if (s == 0) sky_sum = Vec3f{};
+        if (met[i].face != kNoFace) {
+          reached = point_of(met[i]);
+          // The back of a sheet is unknown; it hands on nothing.
+          if (dot(points.normal[reached], batch[i].direction) >= 0.0F) reached = kNoPoint;
+        } else {
+          sky_sum += sky_luminance(sky, batch[i].direction);
+        }
+        if (s + 1 == rays) sky_irradiance[(first + i) / rays] = sky_sum * (kPi / static_cast<float>(rays));
+      }
     }
     observer.progress(end, receivers.size());
   });

@@ -7,6 +7,7 @@
 //   bool occluded(const S&, const Ray&, accept)               whether a face with accept(face) lies on the ray
 //   void occluded(const S&, Span<const Ray>, accept, Span<std::uint8_t> blocked)
 //                                                             the same of many rays: 1 where one does, else 0
+//   void closest_hits(const S&, Span<const Ray>, Span<Hit>)   the nearest face of many rays; kNoFace: none
 // They are here for SheetScene (layers over the pixel grid), Bvh (any mesh) and JoinedScene of two such types, in which
 // the faces of the second follow the first's face_count(). Code that takes a scene as a template parameter pays only for what
 // its type holds; in a JoinedScene an empty part costs one comparison a ray.
@@ -78,6 +79,28 @@ template <class Accept>
 void occluded(const Bvh& bvh, Span<const Ray> rays, Accept&& accept, Span<std::uint8_t> blocked) noexcept {
   std::uint32_t likely = kNoFace;
   for (std::size_t i = 0; i < rays.size(); ++i) blocked[i] = occluded(bvh, rays[i], accept, likely) ? 1 : 0;
+}
+
+inline void closest_hits(const Bvh& bvh, Span<const Ray> rays, Span<Hit> hits) noexcept {
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    hits[i] = Hit{};
+    static_cast<void>(closest_hit(bvh, rays[i], hits[i]));
+  }
+}
+
+template <class First, class Second>
+void closest_hits(const JoinedScene<First, Second>& scene, Span<const Ray> rays, Span<Hit> hits) noexcept {
+  closest_hits(scene.first, rays, hits);
+  if (is_empty(scene.second)) return;
+  const std::uint32_t first_face = face_count(scene.first);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    Ray rest = rays[i];
+    if (hits[i].face != kNoFace) rest.t_max = hits[i].t;
+    Hit nearer;
+    if (!closest_hit(scene.second, rest, nearer)) continue;
+    nearer.face += first_face;
+    hits[i] = nearer;
+  }
 }
 
 inline constexpr std::size_t kJoinedBatch = 128;
