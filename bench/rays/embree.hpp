@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The peer: Embree 3 in its single-ray mode on triangles, default or robust.
+// The peer: Embree 3 on triangles, default or robust: single rays; packets of 16 marked coherent; streams.
 #ifndef NPSIM_BENCH_RAYS_EMBREE_HPP
 #define NPSIM_BENCH_RAYS_EMBREE_HPP
 
@@ -8,7 +8,9 @@
 #include <sys/types.h>
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 
+#include "npsim/core/span.hpp"
 #include "npsim/core/triangle_mesh.hpp"
 #include "npsim/trace/ray.hpp"
 
@@ -69,7 +71,88 @@ class Embree {
     return r.tfar < 0;
   }
 
+  void closest_by_16(Span<const Ray> rays, Span<Hit> hits) const {
+    RTCIntersectContext context = coherent();
+    for (std::size_t first = 0; first < rays.size(); first += 16) {
+      RTCRayHit16 p;
+      alignas(64) int valid[16];
+      put(rays, first, valid, p.ray);
+      for (int i = 0; i < 16; ++i) p.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+      for (int i = 0; i < 16; ++i) p.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+      rtcIntersect16(valid, scene_, &context, &p);
+      for (std::size_t i = 0; i < 16 && first + i < rays.size(); ++i) {
+        const bool hit = p.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
+        hits[first + i] = hit ? Hit{p.ray.tfar[i], p.hit.primID[i], p.hit.u[i], p.hit.v[i]} : Hit{};
+      }
+    }
+  }
+  void occluded_by_16(Span<const Ray> rays, Span<std::uint8_t> blocked) const {
+    RTCIntersectContext context = coherent();
+    for (std::size_t first = 0; first < rays.size(); first += 16) {
+      RTCRay16 p;
+      alignas(64) int valid[16];
+      put(rays, first, valid, p);
+      rtcOccluded16(valid, scene_, &context, &p);
+      for (std::size_t i = 0; i < 16 && first + i < rays.size(); ++i) blocked[first + i] = p.tfar[i] < 0 ? 1 : 0;
+    }
+  }
+  void closest_stream(Span<const Ray> rays, Span<Hit> hits) const {
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    RTCRayHit some[kStream];
+    for (std::size_t first = 0; first < rays.size(); first += kStream) {
+      const std::size_t n = std::min(kStream, rays.size() - first);
+      for (std::size_t i = 0; i < n; ++i) {
+        some[i].ray = of(rays[first + i]);
+        some[i].hit.geomID = RTC_INVALID_GEOMETRY_ID;
+        some[i].hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+      }
+      rtcIntersect1M(scene_, &context, some, static_cast<unsigned>(n), sizeof(RTCRayHit));
+      for (std::size_t i = 0; i < n; ++i) {
+        const RTCHit& h = some[i].hit;
+        hits[first + i] = h.geomID != RTC_INVALID_GEOMETRY_ID ? Hit{some[i].ray.tfar, h.primID, h.u, h.v} : Hit{};
+      }
+    }
+  }
+  void occluded_stream(Span<const Ray> rays, Span<std::uint8_t> blocked) const {
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    RTCRay some[kStream];
+    for (std::size_t first = 0; first < rays.size(); first += kStream) {
+      const std::size_t n = std::min(kStream, rays.size() - first);
+      for (std::size_t i = 0; i < n; ++i) some[i] = of(rays[first + i]);
+      rtcOccluded1M(scene_, &context, some, static_cast<unsigned>(n), sizeof(RTCRay));
+      for (std::size_t i = 0; i < n; ++i) blocked[first + i] = some[i].tfar < 0 ? 1 : 0;
+    }
+  }
+
  private:
+  static constexpr std::size_t kStream = 256;
+
+  static RTCIntersectContext coherent() {
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+    return context;
+  }
+  static void put(Span<const Ray> rays, std::size_t first, int* valid, RTCRay16& out) {
+    for (std::size_t i = 0; i < 16; ++i) {
+      valid[i] = first + i < rays.size() ? -1 : 0;
+      const RTCRay r = of(rays[std::min(first + i, rays.size() - 1)]);
+      out.org_x[i] = r.org_x;
+      out.org_y[i] = r.org_y;
+      out.org_z[i] = r.org_z;
+      out.dir_x[i] = r.dir_x;
+      out.dir_y[i] = r.dir_y;
+      out.dir_z[i] = r.dir_z;
+      out.tnear[i] = r.tnear;
+      out.tfar[i] = r.tfar;
+      out.time[i] = r.time;
+      out.mask[i] = r.mask;
+      out.id[i] = r.id;
+      out.flags[i] = r.flags;
+    }
+  }
   static RTCRay of(const Ray& ray) {
     RTCRay r;
     r.org_x = ray.origin.x;

@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// npsim_bench_rays: the ray structure of the sheet beside Embree 3 and the general tree.
+// npsim_bench_rays: the ray structure of the sheet beside Embree 3.
 //
 // Arguments: sizes such as 960x540 (default) or files of layers; --save FILE writes the layers of the size that follows
-// and stops; --rays N a set (default 200000), --rounds N (default 5), --no-peer. One thread. Every round runs every
-// structure once on each set, one after the other; medians are printed, the rates in million rays a second.
+// and stops; --rays N a set (default 200000), --rounds N (default 5), --no-peer; --csv prints a line of ns a ray for
+// every size instead. npsim_bench_rays_8 and _4 are the same for AVX2 and for 4 lanes. One thread. Every round runs
+// every structure once on each set, one after the other; medians are printed, the rates in million rays a second.
 // Scenes: "sheet", one layer as photographed, uncertain faces deleted; "layers", background and foreground as one.
 // Sets: a  camera rays through a random point of each pixel, in scan order, closest hit;
 //       b  from points seen by the camera to 30 lamps, lamp by lamp, points in scan order, any hit;
+//       l  the same where all pixels of a row follow each other, as when one lamp's shadows are computed together;
 //       c  cosine-distributed bounces from those points in random order, closest hit;   c2  the same in pixel order.
+// What traces them: "sheet", one ray after the other; "stream", all of a set in one call (sheet_stream.hpp);
+// Embree's single rays, default ("embree") and robust; for information its coherent packets of 16 and its streams.
 // Agreement is against Embree's robust mode: rays whose hit, face or distance (1e-5 of max(t, depth)) differs, per
 // million; "ties" are those of them whose faces touch: the same distance to 1e-5.
 #include <algorithm>
@@ -29,9 +33,10 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/mesh/index.hpp"
-#include "npsim/trace/bvh.hpp"
 #include "npsim/trace/sheet_build.hpp"
+#include "npsim/trace/sheet_stream.hpp"
 #include "npsim/trace/sheet_traverse.hpp"
+#include "npsim/trace/spawn.hpp"
 #if defined(NPSIM_BENCH_EMBREE)
 #include "embree.hpp"
 #endif
@@ -108,7 +113,7 @@ struct Mesh {
 [[nodiscard]] std::vector<RaySet> make_rays(const SheetScene& scene, const Mesh& mesh, std::size_t count) {
   const SheetTrace& first = scene.layers[0];
   const Shape shape = first.vertices.shape();
-  std::vector<RaySet> sets = {{"a", false, {}}, {"b", true, {}}, {"c", false, {}}, {"c2", false, {}}};
+  std::vector<RaySet> sets = {{"a", false, {}}, {"b", true, {}}, {"l", true, {}}, {"c", false, {}}, {"c2", false, {}}};
   // Whole rows, so that neighbours follow each other, evenly spread over the picture.
   const auto width = static_cast<std::size_t>(shape.width);
   const std::size_t step = std::max<std::size_t>(1, shape.pixels() / std::max<std::size_t>(count, 1));
@@ -130,16 +135,23 @@ struct Mesh {
   if (seen.empty()) return sets;
   const std::size_t lamps = 30;
   const std::size_t stride = std::max<std::size_t>(1, seen.size() * lamps / count);
+  const std::size_t together = seen.size() / stride;  // rays of a lamp, about a part in 30 of the points seen
   for (std::uint32_t l = 0; l < lamps; ++l) {
     RandomStream r(2, RandomPurpose::test, 0, l, 0, 0);
     const float z = 4.0F + 3.0F * static_cast<float>(l);
     const Vec3f lamp{(l % 2 == 0 ? 1.0F : -1.0F) * r.uniform(3.0F, 7.0F), -r.uniform(3.5F, 5.0F), z};
-    for (std::size_t i = l % stride; i < seen.size(); i += stride) {
+    const auto add = [&](std::size_t i, std::size_t set) {
       const Vec3f from = off_surface(mesh, seen[i].hit, lamp, false);
       const Vec3f start = off_surface(mesh, seen[i].hit, lamp - from, false);
       Ray ray{start, lamp - start};
       ray.t_max = 1.0F;
-      sets[1].rays.push_back(ray);
+      sets[set].rays.push_back(ray);
+    };
+    for (std::size_t i = l % stride; i < seen.size(); i += stride) add(i, 1);
+    // A row's worth of points from each of several places.
+    for (std::size_t i = 0; i < together; ++i) {
+      const std::size_t row = i / width;
+      add((row * width * stride + l * width + i % width) % seen.size(), 2);
     }
   }
   for (std::size_t i = 0; i < seen.size(); ++i) {
@@ -155,12 +167,12 @@ struct Mesh {
       d = {x, y, r.uniform(-1.0F, 1.0F)};
     } while (dot(d, d) > 1.0F || dot(d, d) < 1e-3F);
     d = normalized(normalized(d) + n * 1.0001F);
-    sets[3].rays.push_back({off_surface(mesh, seen[i].hit, d, true), d});
+    sets[4].rays.push_back({off_surface(mesh, seen[i].hit, d, true), d});
   }
-  sets[2].rays = sets[3].rays;
-  for (std::size_t i = sets[2].rays.size(); i > 1; --i) {
+  sets[3].rays = sets[4].rays;
+  for (std::size_t i = sets[3].rays.size(); i > 1; --i) {
     RandomStream r(4, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(i), 0);
-    std::swap(sets[2].rays[i - 1], sets[2].rays[r.next_u32() % i]);
+    std::swap(sets[3].rays[i - 1], sets[3].rays[r.next_u32() % i]);
   }
   return sets;
 }
@@ -192,6 +204,31 @@ void run(const std::vector<RaySet>& sets, Contender& c, const Closest& closest, 
   }
 }
 
+// The same with all rays of a set in one call.
+template <class Closest, class Any>
+void run_many(const std::vector<RaySet>& sets, Contender& c, const Closest& closest, const Any& any) {
+  c.times.resize(sets.size());
+  c.hits.resize(sets.size());
+  for (std::size_t s = 0; s < sets.size(); ++s) {
+    const Span<const Ray> rays(sets[s].rays.data(), sets[s].rays.size());
+    std::vector<Hit>& hits = c.hits[s];
+    hits.assign(rays.size(), Hit{});
+    std::vector<std::uint8_t> blocked(sets[s].any ? rays.size() : 0);
+    c.times[s].push_back(seconds([&] {
+      if (sets[s].any) {
+        any(rays, Span<std::uint8_t>(blocked.data(), blocked.size()));
+      } else {
+        closest(rays, Span<Hit>(hits.data(), hits.size()));
+      }
+    }));
+    for (std::size_t i = 0; i < blocked.size(); ++i) hits[i].face = blocked[i] != 0 ? 0 : kNoFace;
+  }
+}
+
+[[nodiscard]] double ns_a_ray(const Contender& c, const std::vector<RaySet>& sets, std::size_t s) {
+  return 1e9 * median(c.times[s]) / static_cast<double>(std::max<std::size_t>(sets[s].rays.size(), 1));
+}
+
 void agreement(const RaySet& set, const std::vector<Hit>& ours, const std::vector<Hit>& peer, const Mesh& mesh,
                const char* scene) {
   std::size_t missed = 0;
@@ -220,11 +257,11 @@ void agreement(const RaySet& set, const std::vector<Hit>& ours, const std::vecto
 }
 
 void measure(const char* name, std::vector<SheetLayer> layers, const Intrinsics& intrinsics, std::size_t rays,
-             int rounds, bool with_peer) {
+             int rounds, bool with_peer, bool csv) {
   const Mesh mesh = mesh_of(layers);
   const Shape shape = layers[0].vertices.shape();
   const auto faces = static_cast<double>(mesh.faces.size());
-  std::printf("%-7s %d x %d, %zu triangles\n", name, shape.width, shape.height, mesh.faces.size());
+  if (!csv) std::printf("%-7s %d x %d, %zu triangles\n", name, shape.width, shape.height, mesh.faces.size());
   SerialExecutor serial;
   std::vector<std::unique_ptr<Arena>> memory;
   std::vector<SheetTrace> traces(layers.size());
@@ -232,6 +269,7 @@ void measure(const char* name, std::vector<SheetLayer> layers, const Intrinsics&
     memory.push_back(std::make_unique<Arena>(sheet_workspace_bytes(shape)));
   }
   Contender sheet{"sheet", {}, 0, {}, {}};
+  Contender stream{"stream", {}, 0, {}, {}};
   const auto build = [&] {
     for (std::size_t l = 0; l < layers.size(); ++l) {
       const WorkspaceScope scope(memory[l]->workspace());
@@ -244,13 +282,11 @@ void measure(const char* name, std::vector<SheetLayer> layers, const Intrinsics&
   sheet.bytes = static_cast<double>(sheet_workspace_bytes(shape)) * static_cast<double>(layers.size());
   const std::vector<RaySet> sets = make_rays(scene, mesh, rays);
 
-  Contender tree{"tree", {}, static_cast<double>(64 * mesh.faces.size() + 40 * mesh.faces.size()), {}, {}};
-  Arena tree_memory(bvh_workspace_bytes(mesh.faces.size()));
-  Bvh bvh;
-  tree.build.push_back(seconds([&] { must(build_bvh(mesh.view(), tree_memory.workspace(), bvh)); }));
 #if defined(NPSIM_BENCH_EMBREE)
   Contender plain{"embree", {}, 0, {}, {}};
   Contender robust{"robust", {}, 0, {}, {}};
+  Contender packets{"packets", {}, 0, {}, {}};
+  Contender streams{"streams", {}, 0, {}, {}};
   std::unique_ptr<bench::Embree> peers[2];
   for (int i = 0; with_peer && i < 2; ++i) {
     peers[i] = std::make_unique<bench::Embree>(mesh.view(), i == 1);
@@ -269,16 +305,12 @@ void measure(const char* name, std::vector<SheetLayer> layers, const Intrinsics&
           return h;
         },
         [&](const Ray& r) { return occluded(scene, r); });
-    if (round < 2) {
-      run(
-          sets, tree,
-          [&](const Ray& r) {
-            Hit h;
-            static_cast<void>(closest_hit(bvh, r, h));
-            return h;
-          },
-          [&](const Ray& r) { return occluded(bvh, r); });
-    }
+    run_many(
+        sets, stream, [&](Span<const Ray> r, Span<Hit> h) { closest_hits(scene, r, h); },
+        [&](Span<const Ray> r, Span<std::uint8_t> blocked) {
+          occluded(
+              scene, r, [](std::uint32_t) noexcept { return true; }, blocked);
+        });
 #if defined(NPSIM_BENCH_EMBREE)
     if (with_peer) {
       run(
@@ -288,32 +320,58 @@ void measure(const char* name, std::vector<SheetLayer> layers, const Intrinsics&
           sets, robust, [&](const Ray& r) { return peers[1]->closest(r); },
           [&](const Ray& r) { return peers[1]->occluded(r); });
     }
+    if (with_peer && round < 3) {
+      run_many(
+          sets, packets, [&](Span<const Ray> r, Span<Hit> h) { peers[0]->closest_by_16(r, h); },
+          [&](Span<const Ray> r, Span<std::uint8_t> blocked) { peers[0]->occluded_by_16(r, blocked); });
+      run_many(
+          sets, streams, [&](Span<const Ray> r, Span<Hit> h) { peers[0]->closest_stream(r, h); },
+          [&](Span<const Ray> r, Span<std::uint8_t> blocked) { peers[0]->occluded_stream(r, blocked); });
+    }
 #endif
   }
-  std::vector<const Contender*> all = {&sheet, &tree};
-#if defined(NPSIM_BENCH_EMBREE)
-  if (with_peer) {
-    all.push_back(&plain);
-    all.push_back(&robust);
+  for (std::size_t s = 0; s < sets.size(); ++s) {
+    const auto same = [](const Hit& p, const Hit& q) { return std::memcmp(&p, &q, sizeof p) == 0; };
+    if (!std::equal(sheet.hits[s].begin(), sheet.hits[s].end(), stream.hits[s].begin(), same)) {
+      std::fprintf(stderr, "npsim_bench_rays: the stream's answers differ on %s\n", sets[s].name);
+      std::exit(1);
+    }
   }
+  if (csv) {
+    std::printf("%s,%d,%d,%zu,%.5f", name, shape.width, shape.height, mesh.faces.size(), median(sheet.build));
+    for (std::size_t s = 0; s < sets.size(); ++s) std::printf(",%.1f", ns_a_ray(sheet, sets, s));
+    for (std::size_t s = 0; s < sets.size(); ++s) std::printf(",%.1f", ns_a_ray(stream, sets, s));
+    std::printf("\n");
+    std::fflush(stdout);
+    return;
+  }
+  std::vector<const Contender*> all = {&sheet, &stream};
+#if defined(NPSIM_BENCH_EMBREE)
+  if (with_peer) all.insert(all.end(), {&plain, &robust, &packets, &streams});
 #endif
   std::printf("%-7s %-7s %9s %9s", "scene", "what", "build s", "B/face");
   for (const RaySet& s : sets) std::printf(" %8s", s.name);
-  std::printf("\n");
+  std::printf("   million rays a second\n");
   for (const Contender* c : all) {
-    std::printf("%-7s %-7s %9.4f %9.2f", name, c->name.c_str(), median(c->build), c->bytes / faces);
-    for (std::size_t s = 0; s < sets.size(); ++s) {
-      std::printf(" %8.3f", 1e-6 * static_cast<double>(sets[s].rays.size()) / median(c->times[s]));
+    std::printf("%-7s %-7s", name, c->name.c_str());
+    if (c->build.empty()) {
+      std::printf(" %9s %9s", "", "");
+    } else {
+      std::printf(" %9.4f %9.2f", median(c->build), c->bytes / faces);
     }
+    for (std::size_t s = 0; s < sets.size(); ++s) std::printf(" %8.3f", 1e3 / ns_a_ray(*c, sets, s));
     std::printf("\n");
   }
 #if defined(NPSIM_BENCH_EMBREE)
   if (with_peer) {
-    std::printf("%-7s sheet / embree: build %.0fx", name, median(plain.build) / median(sheet.build));
-    for (std::size_t s = 0; s < sets.size(); ++s) {
-      std::printf(", %s %.2fx", sets[s].name, median(plain.times[s]) / median(sheet.times[s]));
+    std::printf("%-7s embree / sheet: build %.0fx\n", name, median(plain.build) / median(sheet.build));
+    for (const Contender* c : {&sheet, &stream}) {
+      std::printf("%-7s embree / %s:", name, c->name.c_str());
+      for (std::size_t s = 0; s < sets.size(); ++s) {
+        std::printf(" %s %.2fx", sets[s].name, ns_a_ray(plain, sets, s) / ns_a_ray(*c, sets, s));
+      }
+      std::printf("\n");
     }
-    std::printf("\n");
     for (std::size_t s = 0; s < sets.size(); ++s) agreement(sets[s], sheet.hits[s], robust.hits[s], mesh, name);
   }
 #else
@@ -329,6 +387,7 @@ int main(int argc, char** argv) {
   std::size_t rays = 200000;
   int rounds = 5;
   bool with_peer = true;
+  bool csv = false;
   const char* save = nullptr;
   std::vector<const char*> names;
   for (int i = 1; i < argc; ++i) {
@@ -340,11 +399,17 @@ int main(int argc, char** argv) {
       save = argv[++i];
     } else if (std::strcmp(argv[i], "--no-peer") == 0) {
       with_peer = false;
+    } else if (std::strcmp(argv[i], "--csv") == 0) {
+      csv = true;
+      with_peer = false;
     } else {
       names.push_back(argv[i]);
     }
   }
   if (names.empty()) names.push_back("960x540");
+  if (csv) {
+    std::printf("scene,width,height,triangles,build s,a,b,l,c,c2,stream a,stream b,stream l,stream c,stream c2\n");
+  }
   for (const char* name : names) {
     Layers layers;
     Shape shape;
@@ -355,8 +420,8 @@ int main(int argc, char** argv) {
       return 1;
     }
     if (save != nullptr) return bench::save_layers(layers, save) ? 0 : 1;
-    measure("sheet", {layers.all[0].view()}, layers.intrinsics, rays, rounds, with_peer);
-    measure("layers", {layers.all[1].view(), layers.all[2].view()}, layers.intrinsics, rays, rounds, with_peer);
+    measure("sheet", {layers.all[0].view()}, layers.intrinsics, rays, rounds, with_peer, csv);
+    measure("layers", {layers.all[1].view(), layers.all[2].view()}, layers.intrinsics, rays, rounds, with_peer, csv);
   }
   return 0;
 }
