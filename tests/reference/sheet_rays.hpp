@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -70,7 +71,8 @@ inline bool hit_by_all_faces(const TracedSheet& sheet, const Ray& ray, Hit& out)
     const Face face = sheet_face(sheet.trace, f);
     const std::array<Vec3f, 3> c{sheet.vertices[face.a], sheet.vertices[face.b], sheet.vertices[face.c]};
     const auto good = [](const Vec3f& v) {
-      return v.z >= kSheetMinDepth && v.z <= kTraceMaxCoordinate && is_finite(v);
+      return v.z >= kSheetMinDepth && v.z <= kTraceMaxCoordinate && std::fabs(v.x) <= kTraceMaxCoordinate &&
+             std::fabs(v.y) <= kTraceMaxCoordinate;
     };
     if (!good(c[0]) || !good(c[1]) || !good(c[2])) continue;
     const float vertex[3][3] = {{c[0].x, c[0].y, c[0].z}, {c[1].x, c[1].y, c[1].z}, {c[2].x, c[2].y, c[2].z}};
