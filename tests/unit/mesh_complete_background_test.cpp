@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "mesh_fixture.hpp"
 
@@ -442,6 +444,28 @@ TEST_CASE("the thesis removes only foreground segments next to uncertain pixels"
   CHECK(p.foreground.vertices(4, 4).z == 5.0F);
 }
 
+TEST_CASE("the thesis follows a segment through every turn of a spiral, and not into another") {
+  Picture p({33, 33});
+  std::vector<std::pair<int, int>> path;  // from the border inwards, one pixel wide, a pixel apart
+  int left = 0, top = 0, right = 32, bottom = 32;
+  while (left < right && top < bottom) {
+    for (int x = left; x <= right; ++x) path.emplace_back(x, top);
+    for (int y = top + 1; y <= bottom; ++y) path.emplace_back(right, y);
+    for (int x = right - 1; x >= left; --x) path.emplace_back(x, bottom);
+    for (int y = bottom - 1; y >= top + 2; --y) path.emplace_back(left, y);
+    for (int x = left + 1; x <= left + 2 && x < right; ++x) path.emplace_back(x, top + 2);
+    left += 2, top += 2, right -= 2, bottom -= 2;
+  }
+  for (const auto& [x, y] : path) p.labels(x, y) = label::car;
+  p.labels(path.back().first, path.back().second) = label::person;
+  p.uncertain(0, 0) = 1;
+  p.run(kThesis);
+  for (const auto& [x, y] : path) {
+    const bool other = p.labels(x, y) == label::person;
+    CHECK(p.state(x, y) == (other ? row_state::known : row_state::missing));
+  }
+}
+
 TEST_CASE("only uncertain pixels: nothing is kept, nothing is invented") {
   Picture p({8, 8});
   p.doubt(0, 0, 7, 7);
@@ -612,7 +636,7 @@ TEST_CASE("wrong arguments and a small workspace of the background completion ar
   };
   const std::size_t enough = complete_background_workspace_bytes(kThesis, p.shape);
   CHECK(run(kThesis, enough, p.labels.cview()) == StatusCode::ok);
-  CHECK(run(kThesis, 200, p.labels.cview()) == StatusCode::workspace_exhausted);
+  CHECK(run(kThesis, 0, p.labels.cview()) == StatusCode::ok);  // needs none
   CHECK(run(by_inverse_depth_anywhere(), 0, p.labels.cview()) == StatusCode::ok);
   CHECK(run({}, complete_background_workspace_bytes({}, p.shape), p.labels.cview()) == StatusCode::ok);
   CHECK(run({}, 0, p.labels.cview()) == StatusCode::workspace_exhausted);

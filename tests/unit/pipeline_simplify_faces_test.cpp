@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "npsim/core/observe.hpp"
+#include "npsim/depth/uncertainty.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/mesh/check.hpp"
 #include "npsim/pipeline/night.hpp"
@@ -111,6 +112,50 @@ TEST_CASE("simplified faces: whole, far fewer, every point on its face, and a ni
   CHECK(thin.worst_off < 1e-4);  // rounding of the ray tracer at grazing faces; the bound on depth is 50 times that
   CHECK(thin.elsewhere == 0);
   for (int c = 0; c < 3; ++c) CHECK(std::fabs(thin.mean[c] / full.mean[c] - 1) < 0.01);
+}
+
+TEST_CASE("simplified faces: a quarter of a pixel and half a percent leave a tenth of a street's faces at most") {
+  street::StreetParams street_params;
+  street_params.seed = 1;
+  street_params.shape = {960, 540};
+  street_params.samples = 1;
+  street_params.sky_rays = 1;
+  ThreadPool pool(2);
+  street::Street made;
+  REQUIRE(street::make_street(street_params, pool, made).ok());
+  SceneView scene = view_of(made);
+  scene.depth = made.depth.view();  // the true one
+  RefinedDepth refined;             // what the depth steps leave where there is nothing to mend
+  io::Image<std::uint8_t> surface(scene.shape());
+  io::Image<std::uint8_t> uncertain(scene.shape());
+  for (int y = 0; y < scene.shape().height; ++y) {
+    for (int x = 0; x < scene.shape().width; ++x) surface(x, y) = kNoSurfaceLabels.contains(made.labels(x, y)) ? 0 : 1;
+  }
+  ReconstructParams params;
+  std::vector<unsigned char> memory(uncertainty_workspace_bytes({}, scene.shape()) +
+                                    reconstruct_workspace_bytes(params, scene.shape()));
+  Workspace workspace(memory.data(), memory.size());
+  UncertaintyOutput marked;
+  marked.mask = uncertain.view();
+  REQUIRE(uncertainty({}, made.depth.view(), made.labels.view(), marked, workspace, pool).ok());
+  refined.depth = made.depth.view();
+  refined.labels = made.labels.view();
+  refined.surface = surface.view();
+  refined.uncertain = uncertain.view();
+  REQUIRE(params.simplify.max_relative_depth_error == 0.005F);
+  REQUIRE(params.simplify.max_pixel_error == 0.25F);
+  params.backs = false;
+  NullObserver observer;
+  std::size_t faces[2] = {};
+  for (const bool simplify : {false, true}) {
+    const WorkspaceScope scope(workspace);
+    params.simplify_faces = simplify;
+    SceneMesh mesh;
+    REQUIRE(reconstruct(params, scene, refined, workspace, pool, observer, mesh).ok());
+    faces[simplify ? 1 : 0] = mesh.mesh.faces.size();
+  }
+  CHECK(faces[0] > 1000000);
+  CHECK(faces[1] <= faces[0] / 10);
 }
 
 TEST_CASE("simplified faces: labels of another shape and vertices of another layer are refused") {
