@@ -257,7 +257,7 @@ void measure(const Subject& subject, std::size_t rays, int rounds, bool widths) 
     all.push_back(ours(subject, std::make_shared<Ours<4, 8>>(subject)));
     all.push_back(ours(subject, std::make_shared<Ours<8, 4>>(subject)));
     all.push_back(ours(subject, std::make_shared<Ours<16, 8>>(subject)));
-    all.push_back(ours(subject, std::make_shared<Ours<16, 16>>(subject)));
+    all.push_back(ours(subject, std::make_shared<Ours<8, 8>>(subject)));
   }
   const std::vector<RaySet> sets = make_rays(subject, production->tree, rays);
   for (Contender& c : all) {

@@ -4,13 +4,14 @@
 // Where the instruction set has registers of N floats one register, else two halves, down to single floats. The rules
 // of batch.hpp hold, so a program gives the same bits wherever fma() is fused. Comparisons return bits, lane i in bit
 // i.
-//   Fixed<N>(x) broadcast, load(p) and store(p), no alignment needed, lane(i); + - * / fma min max; negated flips
-//   signs; less(a, b), less_equal(a, b), equal(a, b) -> bits; keep(a, bits, b): lane i of a where bit i is set, else of
-//   b; store_truncated(p): towards 0, for what fits an int; halves_swapped(a): the upper half first; N >= 2.
+//   Fixed<N>(x) broadcast, load(p) and store(p), no alignment needed, lane(i); + - * / unary -, fma, min, max;
+//   less(a, b), less_equal(a, b), equal(a, b) -> bits; store_truncated(p): towards 0, of what fits an int;
+//   halves_swapped(a): the upper half first, N >= 2.
 #ifndef NPSIM_SIMD_FIXED_HPP
 #define NPSIM_SIMD_FIXED_HPP
 
 #include <cstdint>
+#include <limits>
 
 #include "npsim/simd/isa.hpp"
 #include "npsim/simd/scalar.hpp"
@@ -205,6 +206,40 @@ struct Fixed<8> {
 
   __m256 value;
 };
+
+#if defined(NPSIM_SIMD_AVX512)
+
+// The masked forms for the reason in native_ops.hpp.
+template <>
+struct Fixed<16> {
+  using Half = Fixed<8>;
+  static constexpr int lanes = 16;
+
+  Fixed() = default;
+  NPSIM_ALWAYS_INLINE explicit Fixed(float x) noexcept : value(_mm512_set1_ps(x)) {}
+  NPSIM_ALWAYS_INLINE explicit Fixed(__m512 v) noexcept : value(v) {}
+  [[nodiscard]] NPSIM_ALWAYS_INLINE static Fixed load(const float* p) noexcept { return Fixed(_mm512_loadu_ps(p)); }
+  NPSIM_ALWAYS_INLINE void store(float* p) const noexcept { _mm512_storeu_ps(p, value); }
+  NPSIM_ALWAYS_INLINE void store_truncated(std::int32_t* p) const noexcept { _mm512_storeu_si512(p, _mm512_maskz_cvttps_epi32(native::kAllLanes, value)); }
+  [[nodiscard]] float lane(int i) const noexcept { float all[16]; store(all); return all[i]; }
+
+  friend NPSIM_ALWAYS_INLINE Fixed operator+(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm512_add_ps(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator-(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm512_sub_ps(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator*(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm512_mul_ps(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator/(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm512_div_ps(a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed operator-(const Fixed& a) noexcept { return Fixed(_mm512_castsi512_ps(_mm512_xor_si512(_mm512_castps_si512(a.value), _mm512_set1_epi32(std::numeric_limits<std::int32_t>::min())))); }
+  friend NPSIM_ALWAYS_INLINE Fixed fma(const Fixed& a, const Fixed& b, const Fixed& c) noexcept { return Fixed(_mm512_fmadd_ps(a.value, b.value, c.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed min(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm512_maskz_min_ps(native::kAllLanes, a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE Fixed max(const Fixed& a, const Fixed& b) noexcept { return Fixed(_mm512_maskz_max_ps(native::kAllLanes, a.value, b.value)); }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t less(const Fixed& a, const Fixed& b) noexcept { return _mm512_cmp_ps_mask(a.value, b.value, _CMP_LT_OQ); }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t less_equal(const Fixed& a, const Fixed& b) noexcept { return _mm512_cmp_ps_mask(a.value, b.value, _CMP_LE_OQ); }
+  friend NPSIM_ALWAYS_INLINE std::uint32_t equal(const Fixed& a, const Fixed& b) noexcept { return _mm512_cmp_ps_mask(a.value, b.value, _CMP_EQ_OQ); }
+  friend NPSIM_ALWAYS_INLINE Fixed halves_swapped(const Fixed& a) noexcept { return Fixed(_mm512_maskz_shuffle_f32x4(native::kAllLanes, a.value, a.value, 0x4E)); }
+
+  __m512 value;
+};
+
+#endif
 
 #endif
 #endif

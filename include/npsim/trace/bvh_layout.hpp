@@ -8,7 +8,7 @@
 // numbers all children of a node when it enters it; so each is named once, and check_bvh() can tell. No leaf is deeper
 // than kBvhMaxDepth, hence a traversal needs a stack of kBvhStack entries and no more. Everything is an index, nothing
 // a pointer: the bytes from bvh_bytes() may be stored and mapped again (bvh_check.hpp). The layout does not depend on
-// the instruction set. Memory: at most bvh_workspace_bytes(); on ordinary meshes about 65 bytes a face and, while
+// the instruction set. Memory: at most bvh_workspace_bytes(); on ordinary meshes about 55 bytes a face and, while
 // building, 32 of scratch and what was set aside for a poor filling.
 #ifndef NPSIM_TRACE_BVH_LAYOUT_HPP
 #define NPSIM_TRACE_BVH_LAYOUT_HPP
@@ -43,9 +43,9 @@ struct WideBvh {
   float high[3] = {};
 };
 
-// Eight children and eight triangles: measured best on machines of 4, 8 and 16 lanes.
-inline constexpr unsigned kBvhWidth = 8;
-inline constexpr unsigned kBvhPack = 8;
+// Sixteen children and sixteen triangles are the fastest, or within 5 % of it, on 16, 8 and 4 lanes (docs/rays.md).
+inline constexpr unsigned kBvhWidth = 16;
+inline constexpr unsigned kBvhPack = 16;
 using Bvh = WideBvh<kBvhWidth, kBvhPack>;
 
 template <unsigned W>
