@@ -2,8 +2,9 @@
 // npsim_bench_leaks: the robustness of rays, counted; nothing is timed.
 //
 // Arguments: --part leaks|agree|spawn|hash (default all), --rays N a row (default 100000), --street WxH (default
-// 960x540), and files: closed meshes (.obj) or layers that npsim_bench_rays --save wrote.
-// leaks  Rays that must hit, by topology alone. Closed meshes: one end of the ray in a point round which the mesh winds
+// 960x540), --only NAME (sphere, cube, waves, street or the start of a file's name), and files: closed meshes (.obj) or
+// layers that npsim_bench_rays --save wrote. leaks  Rays that must hit, by topology alone. Closed meshes: one end of
+// the ray in a point round which the mesh winds
 //        (solid angles in double), the other outside of the mesh's box; it goes through a vertex, an edge or a point of
 //        a face. Sheets without holes: a point in front of the sheet and one behind it on the ray, both within the
 //        frustum and decided in double. Street: from the camera at vertices and edges with all faces round them.
@@ -43,9 +44,13 @@ struct Options {
   std::string part = "all";
   std::uint32_t rays = 100000;
   Shape street{960, 540};
+  std::string only;
   std::vector<std::string> files;
   [[nodiscard]] bool wants(const char* p) const { return part == "all" || part == p; }
+  [[nodiscard]] bool asks(const std::string& name) const { return only.empty() || name.rfind(only, 0) == 0; }
 };
+
+constexpr float kScales[] = {1e-4F, 1e-2F, 1.0F, 1e2F, 1e4F};
 
 enum Aim { kVertex, kEdge, kPoint, kAims };
 
@@ -443,7 +448,8 @@ void all_leaks(const Options& options, const std::vector<std::pair<std::string, 
   Leaks sum;
   char name[128];
   for (const auto& [file, mesh] : meshes) {
-    for (const float scale : {1e-4F, 1e-2F, 1.0F, 1e2F, 1e4F}) {
+    if (!options.asks(file)) continue;
+    for (const float scale : kScales) {
       for (const bool away : {false, true}) {
         const float shift = away ? 1e5F * std::min(1.0F, scale) : 0.0F;
         std::snprintf(name, sizeof name, "%s x %.0e%s", file.c_str(), static_cast<double>(scale), away ? " away" : "");
@@ -455,7 +461,8 @@ void all_leaks(const Options& options, const std::vector<std::pair<std::string, 
     }
   }
   const Shape shape{161, 121};
-  for (const float scale : {1e-4F, 1e-2F, 1.0F, 1e2F, 1e4F}) {
+  for (const float scale : kScales) {
+    if (!options.asks("waves")) break;
     for (const bool away : {false, true}) {
       const float depth = away ? 1e5F * std::min(1.0F, scale) : 8.0F * scale;
       const Intrinsics k = intrinsics_from_fov(shape, away ? 12.0F * scale / depth : 1.2F);
@@ -467,11 +474,13 @@ void all_leaks(const Options& options, const std::vector<std::pair<std::string, 
       sum.add(leaks);
     }
   }
-  Layers street = make_layers(options.street);
-  const Subject subject("street", {street.all[0].view()}, street.intrinsics);
-  const Leaks leaks = street_leaks(subject, 10 * options.rays);
-  leaks.print("street from the camera");
-  sum.add(leaks);
+  if (options.asks("street")) {
+    Layers street = make_layers(options.street);
+    const Subject subject("street", {street.all[0].view()}, street.intrinsics);
+    const Leaks leaks = street_leaks(subject, 10 * options.rays);
+    leaks.print("street from the camera");
+    sum.add(leaks);
+  }
   sum.print("sum");
 }
 
@@ -516,6 +525,8 @@ int main(int argc, char** argv) {
       options.rays = static_cast<std::uint32_t>(std::strtoul(argv[++i], nullptr, 10));
     } else if (std::strcmp(argv[i], "--part") == 0 && i + 1 < argc) {
       options.part = argv[++i];
+    } else if (std::strcmp(argv[i], "--only") == 0 && i + 1 < argc) {
+      options.only = argv[++i];
     } else if (std::strcmp(argv[i], "--street") == 0 && i + 1 < argc) {
       if (std::sscanf(argv[++i], "%dx%d", &options.street.width, &options.street.height) != 2) return 1;
     } else {
@@ -547,8 +558,9 @@ int main(int argc, char** argv) {
   if (options.wants("leaks")) all_leaks(options, meshes);
   if (options.wants("spawn")) all_spawns(options);
   if (options.wants("agree") || options.wants("hash")) {
-    files.insert(files.begin(), {"street", make_layers(options.street)});
+    if (options.asks("street")) files.insert(files.begin(), {"street", make_layers(options.street)});
     for (auto& [name, layers] : files) {
+      if (!options.asks(name)) continue;
       const Subject sheet(name + " sheet", {layers.all[0].view()}, layers.intrinsics);
       if (options.wants("agree")) agreement(sheet, options.rays);
       const Subject both(name + " layers", {layers.all[1].view(), layers.all[2].view()}, layers.intrinsics);
@@ -556,6 +568,7 @@ int main(int argc, char** argv) {
       if (options.wants("hash")) hashes(both, options.rays);
     }
     for (auto& [name, mesh] : meshes) {
+      if (!options.asks(name)) continue;
       const Subject subject(name, mesh);
       if (options.wants("agree")) agreement(subject, options.rays);
     }
