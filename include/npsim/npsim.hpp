@@ -39,6 +39,7 @@
 
 #include "npsim/depth/adam.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
+#include "npsim/depth/cross_bilateral_blocks.hpp"
 #include "npsim/depth/cross_bilateral_colour.hpp"
 #include "npsim/depth/cross_bilateral_label.hpp"
 #include "npsim/depth/cross_bilateral_pairs.hpp"

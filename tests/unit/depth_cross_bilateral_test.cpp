@@ -177,6 +177,21 @@ TEST_CASE("cross-bilateral keeps every bound it is given, and says which") {
   CHECK(s.run(p).code() == StatusCode::invalid_argument);
 }
 
+TEST_CASE("cross-bilateral: colours that hardly differ, far from 0, keep the bound, with holes and without") {
+  // Scaled, they lie 4000 from 0 and 5 from each other: to scale them before their middle is taken off would cost 1e-3.
+  for (const float holes : {0.0F, 0.3F}) {
+    Scene<std::uint8_t> s({70, 40});
+    s.randomise(41, holes);
+    for (Vec3f& c : s.lab) c = {95.0F + 2e-3F * c.x, 100.0F + 2e-3F * c.y, -100.0F + 2e-3F * c.z};
+    CrossBilateralParams p;
+    p.sigma_c = 0.02F;
+    p.radius_px = 12;
+    CHECK(cross_bilateral_detail::cross_bilateral_plan(p, s.shape).near > 1.0F);
+    REQUIRE(s.run(p).ok());
+    CHECK(s.worst(p) < 3e-6);
+  }
+}
+
 TEST_CASE("cross-bilateral: a 2 m to 80 m step followed by a flat stretch") {
   Scene<std::uint8_t> s({128, 32});
   for (int y = 0; y < 32; ++y) {

@@ -121,6 +121,7 @@ struct Negate { template <class F> F operator()(F a, F) const { return -a; } };
 struct Min { template <class F> F operator()(F a, F b) const { return min(a, b); } };
 struct Max { template <class F> F operator()(F a, F b) const { return max(a, b); } };
 struct Fma { template <class F> F operator()(F a, F b) const { return fma(a, b, a - 1.0F); } };
+struct Fnma { template <class F> F operator()(F a, F b) const { return fnma(a, b, a - 1.0F); } };
 struct Abs { template <class F> F operator()(F a, F) const { return abs(a); } };
 struct Sqrt { template <class F> F operator()(F a, F) const { return sqrt(a); } };
 struct Floor { template <class F> F operator()(F a, F) const { return floor(a); } };
@@ -179,9 +180,9 @@ TEST_CASE("every operation has the same bits in the native and the one-lane batc
   const std::vector<float> v = awkward_floats(1, 600);
   for (const std::size_t shift : {std::size_t{0}, std::size_t{1}, std::size_t{2}, std::size_t{7}, std::size_t{12},
                                   std::size_t{101}, std::size_t{333}}) {
-    check_all(v, shift, Add{}, Subtract{}, Multiply{}, Divide{}, Negate{}, Min{}, Max{}, Fma{}, Abs{}, Sqrt{}, Floor{},
-              Round{}, CopySign{}, ScaleByFloor{}, Truncate{}, FromInt{}, Equal{}, NotEqual{}, Less{}, Greater{},
-              LessEqual{}, GreaterEqual{}, Finite{}, ProductError{}, SumError{});
+    check_all(v, shift, Add{}, Subtract{}, Multiply{}, Divide{}, Negate{}, Min{}, Max{}, Fma{}, Fnma{}, Abs{}, Sqrt{},
+              Floor{}, Round{}, CopySign{}, ScaleByFloor{}, Truncate{}, FromInt{}, Equal{}, NotEqual{}, Less{},
+              Greater{}, LessEqual{}, GreaterEqual{}, Finite{}, ProductError{}, SumError{});
     check_all(v, shift, IntAdd{}, IntSubtract{}, IntMultiply{}, IntNegate{}, IntAnd{}, IntOr{}, IntXor{}, IntNot{},
               IntLeft{1}, IntLeft{31}, IntRight{1}, IntRight{31}, IntRightLogical{1}, IntRightLogical{23},
               IntRightLogical{31}, IntMin{}, IntMax{}, IntEqual{}, IntNotEqual{}, IntLess{}, IntGreater{},
@@ -249,6 +250,7 @@ TEST_CASE_TEMPLATE("fma rounds once where it says so", F, Native, One) {
   // (1 + 2^-12)^2 - (1 + 2^-11) is 2^-24 exactly; two roundings lose it.
   const F x(1.0F + 0x1p-12F);
   CHECK(fma(x, x, F(-1.0F - 0x1p-11F)).lane(0) == (simd::kFusedFma ? 0x1p-24F : 0.0F));
+  CHECK(fnma(x, x, F(1.0F + 0x1p-11F)).lane(0) == (simd::kFusedFma ? -0x1p-24F : 0.0F));
   CHECK(simd::two_product(x, x).lo.lane(0) == 0x1p-24F);
   CHECK(simd::two_product(x, x).hi.lane(0) == 1.0F + 0x1p-11F);
 }

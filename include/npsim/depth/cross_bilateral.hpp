@@ -14,7 +14,7 @@
 // The bound is relative and holds for every pixel with depth and colour, or whose weights sum to mu, where depths in
 // one window differ by a factor of 1000 at most; per further factor of 2 in either it grows by 3e-7. At R = 30 and the
 // default bound of 2e-5, measured against double: at most 1.4e-6. Label term alone: bound 6.2e-6, measured 3e-7.
-// Tightest bound that can be asked at R = 30: 1.2e-5, with labels alone 6.2e-6. It grows with R: where labels are
+// Tightest bound that can be asked at R = 30: 1.3e-5, with labels alone 6.2e-6. It grows with R: where labels are
 // used, the default can be kept up to R = 487 at 2048x1024. Depths outside 1e-25..1e25 are outside the promise.
 // Cost: see those headers; colour makes nearly all of it. Memory at R = 30: 54 bytes per pixel, 16 with
 // labels alone, 41 with colour alone.
@@ -34,6 +34,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/cross_bilateral_blocks.hpp"
 #include "npsim/depth/cross_bilateral_colour.hpp"
 #include "npsim/depth/cross_bilateral_label.hpp"
 #include "npsim/depth/cross_bilateral_params.hpp"
@@ -100,48 +101,6 @@ void load_row(const CrossBilateralParams& params, ImageView<const float> depth, 
     } else {
       no_colour(x);
     }
-  }
-}
-
-[[nodiscard]] inline float log2_of(float x) noexcept {
-  return simd::log2(simd::scalar::F32(x)).value;  // minus infinity at 0; the same bits everywhere
-}
-
-template <class LabelPixel>
-void measure_block_row(const CrossBilateralParams& params, const CrossBilateralState<LabelPixel>& s, int row) noexcept {
-  const ColourGrid& g = s.grid;
-  const int y_end = (row + 1) * kGroupRows < g.shape.height ? (row + 1) * kGroupRows : g.shape.height;
-  for (int column = 0; column < g.block_columns(); ++column) {
-    ColourBlock block;
-    float deepest = 0;
-    float sums = 0;
-    float weight = 0;
-    const int x_end = (column + 1) * kChunkPx < g.shape.width ? (column + 1) * kChunkPx : g.shape.width;
-    for (int y = row * kGroupRows; y < y_end; ++y) {
-      for (int x = column * kChunkPx; x < x_end; ++x) {
-        const float c[3] = {s.samples.l(x, y), s.samples.a(x, y), s.samples.b(x, y)};
-        if (c[1] > kMaxColour) continue;
-        const float z = s.samples.depth(x, y);
-        const float self = z > 0 ? params.mu : 0.0F;
-        const float own = self * z + (params.use_labels ? s.label.numerator(x, y) : 0.0F);
-        const float own_weight = self + (params.use_labels ? s.label.denominator(x, y) : 0.0F);
-        for (int i = 0; i < 3; ++i) {
-          block.low[i] = block.any && block.low[i] < c[i] ? block.low[i] : c[i];
-          block.high[i] = block.any && block.high[i] > c[i] ? block.high[i] : c[i];
-        }
-        sums = block.any && sums < own ? sums : own;
-        weight = block.any && weight < own_weight ? weight : own_weight;
-        block.any = true;
-        block.source = block.source || z > 0;
-        block.holes = block.holes || !(z > 0);
-        deepest = z > deepest ? z : deepest;
-      }
-    }
-    block.log_depth = log2_of(deepest);
-    block.log_sums = log2_of(sums);
-    block.log_weight = log2_of(weight);
-    s.colour.blocks[static_cast<std::size_t>(row) * static_cast<std::size_t>(g.block_columns()) +
-                    static_cast<std::size_t>(column)] = block;
   }
 }
 
@@ -219,14 +178,19 @@ template <class LabelPixel>
 }
 
 template <class LabelPixel>
-[[nodiscard]] Status allocate_colour_term(const CrossBilateralParams& params, double prune_error,
+[[nodiscard]] Status allocate_colour_term(const CrossBilateralParams& params, const CrossBilateralPlan& plan,
                                           CrossBilateralState<LabelPixel>& s, Workspace& workspace) noexcept {
   const ColourGrid& g = s.grid;
   ColourTerm& t = s.colour;
   NPSIM_RETURN_IF_ERROR(allocate_padded(g, workspace, s.samples.l));
   NPSIM_RETURN_IF_ERROR(allocate_padded(g, workspace, s.samples.a));
   NPSIM_RETURN_IF_ERROR(allocate_padded(g, workspace, s.samples.b));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(colour_block_count(g), t.blocks));
+  Span<float> blocks;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(block_elements(g), blocks));
+  t.blocks.data = blocks.data();
+  t.blocks.stride = block_stride(g);
+  t.blocks.plane_stride = t.blocks.stride * g.block_rows();
+  t.blocks.padding = g.padding / kChunkPx;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(spatial_elements(g), t.spatial));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(colour_sums_elements(g), t.sums));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(colour_scratch_elements(g), t.scratch));
@@ -245,12 +209,17 @@ template <class LabelPixel>
   }
   t.spatial[at] = -1e30F;
   t.scale = static_cast<float>(0.5 * kLog2E / (sigma_c * sigma_c));
-  t.spatial_scale = static_cast<float>(0.5 * kLog2E / (sigma_s * sigma_s));
-  t.prune = prune_error > 0;
+  t.root_scale = static_cast<float>(root_scale(params));
+  t.near = simd::kFusedFma ? plan.near : -1.0F;
   // Rounded up, by more than what the logarithms of the blocks and the exponents of the pairs can be off.
   const double taps = static_cast<double>(2 * g.rx + 1) * static_cast<double>(2 * g.ry + 1);
-  t.log_threshold =
-      t.prune ? log2_of(static_cast<float>(static_cast<double>(params.mu) * taps / prune_error)) + 0.01F : 0.0F;
+  t.prune.on = plan.prune_error > 0;
+  t.prune.scale = t.scale;
+  t.prune.spatial_scale = static_cast<float>(0.5 * kLog2E / (sigma_s * sigma_s));
+  if (t.prune.on) {
+    t.prune.log_threshold =
+        log2_of(static_cast<float>(static_cast<double>(params.mu) * taps / plan.prune_error)) + 0.01F;
+  }
   return {};
 }
 
@@ -269,7 +238,7 @@ template <class F, class LabelPixel, class Executor>
   s.grid = colour_grid(shape, radius);
   NPSIM_RETURN_IF_ERROR(allocate_padded(s.grid, workspace, s.samples.depth));
   if (params.use_labels) NPSIM_RETURN_IF_ERROR(allocate_label_term(params, radius, labels, s, workspace));
-  if (colour) NPSIM_RETURN_IF_ERROR(allocate_colour_term(params, plan.prune_error, s, workspace));
+  if (colour) NPSIM_RETURN_IF_ERROR(allocate_colour_term(params, plan, s, workspace));
 
   const auto rows = static_cast<std::size_t>(shape.height);
   const auto for_each = [&](std::size_t count, std::size_t chunk, auto&& f) {
@@ -282,7 +251,10 @@ template <class F, class LabelPixel, class Executor>
     for_each(static_cast<std::size_t>(s.label.grid.strips()), 1, [&](int i) { filter_label_strip<F>(s.label, i); });
   }
   if (colour) {
-    for_each(static_cast<std::size_t>(s.grid.block_rows()), 8, [&](int row) { measure_block_row(params, s, row); });
+    for_each(static_cast<std::size_t>(s.grid.block_rows()), 8, [&](int row) {
+      measure_block_row<F>(s.grid, s.samples, params.mu, params.use_labels ? s.label.numerator : ImageView<float>(),
+                           params.use_labels ? s.label.denominator : ImageView<float>(), row, s.colour.blocks);
+    });
     for_each(static_cast<std::size_t>(s.grid.strips), 1, [&](int i) {
       if (plan.degree == 2) weigh_strip<F, 2>(s.colour, i);
       if (plan.degree == 3) weigh_strip<F, 3>(s.colour, i);

@@ -35,7 +35,7 @@ struct CrossBilateralParams {
   bool use_colour = true;
   bool keep_invalid = false;  // leave pixels without depth (the sky) without depth
   // What the result may differ from equation (3.2) evaluated without rounding, relative to the result, for the pixels
-  // and depths that cross_bilateral.hpp names. At R = 30 no less than 1.2e-5 can be asked, with labels alone 6.2e-6.
+  // and depths that cross_bilateral.hpp names. At R = 30 no less than 1.3e-5 can be asked, with labels alone 6.2e-6.
   float max_relative_error = 2e-5F;
 };
 
@@ -88,6 +88,7 @@ struct CrossBilateralPlan {
   bool possible = false;
   int degree = 0;          // of the polynomial for 2^x; 0 without colour
   double prune_error = 0;  // of either sum, relative; 0: nothing is left out
+  float near = -1;         // how far from 0 scaled colours of p may be; -1: none
   CrossBilateralResult result;
 };
 
@@ -99,10 +100,50 @@ struct CrossBilateralPlan {
   return (x > 2 ? x - 1 / kLn2 : 1.0) + 0.1;
 }
 
+// What errors of weights can do to a mean of depths z: each weight w = 2^-x counts in the shares p of the denominator
+// and r of the numerator, its error e with r - p, so that the mean is off by at most sum |r - p| e. Where r < p let A
+// be the sum of w, elsewhere B that of w z, in units of the least z; z <= ratio. With a weight of 1 at the centre the
+// denominator is at least 1 + A and the numerator 1 + A + B, and by concavity
+//   sum |r - p| x <= A log2(n / A) / (1 + A) + B log2(ratio n / B) / (1 + A + B),
+// and with square roots of x and of the logarithms alike. Without the centre, but weights of sum 1 or more, A >= 1 and
+// nothing is added to it. Largest over A and B; the grid misses less than the 1 % that is added.
+struct MeanExponents {
+  double mean = 0, mean_root = 0, mean_without_centre = 0;
+};
+
+[[nodiscard]] inline MeanExponents mean_exponents(double n, double ratio) noexcept {
+  constexpr double kStep = 1.4142135623730951;
+  MeanExponents out;
+  const auto raise = [](double& most, double x) { most = x > most ? x : most; };
+  for (double b = 0x1p-6; b <= ratio * n; b *= kStep) {
+    const double log_b = std::log2(ratio * n / b);
+    const double root_b = std::sqrt(log_b);
+    for (double a = 0x1p-6; a <= n; a *= kStep) {
+      const double log_a = std::log2(n / a);
+      raise(out.mean, a * log_a / (1 + a) + b * log_b / (1 + a + b));
+      raise(out.mean_root, a * std::sqrt(log_a) / (1 + a) + b * root_b / (1 + a + b));
+      if (a >= 1) raise(out.mean_without_centre, log_a + b * log_b / (a + b));
+    }
+  }
+  out.mean *= 1.01;
+  out.mean_root *= 1.01;
+  out.mean_without_centre *= 1.01;
+  return out;
+}
+
+// Of a colour, so that squared distances are powers of two.
+[[nodiscard]] inline double root_scale(const CrossBilateralParams& params) noexcept {
+  return std::sqrt(0.5 * 1.4426950408889634) / static_cast<double>(params.sigma_c);
+}
+
 [[nodiscard]] inline CrossBilateralPlan cross_bilateral_plan(const CrossBilateralParams& params, Shape shape) noexcept {
   constexpr double kRounding = 0x1p-24;
-  constexpr double kExponentError = 7 * kRounding * 0.6931471805599453;  // of a weight, by its exponent
-  constexpr double kDepthRatio = 1000;                                   // of the depths in a window
+  constexpr double kExponentRounding = kRounding * 0.6931471805599453;
+  constexpr double kDepthRatio = 1000;  // of the depths in a window
+  // The most that the shares of numerator and denominator differ with that ratio: errors between -e and e make 2 e of
+  // it.
+  constexpr double kSpread = 2 * 0.93870;
+  constexpr double kMostNear = 64;  // far beyond all colours that there are
   const int radius = cross_bilateral_radius(params, shape);
   const ColourGrid g = colour_grid(shape, radius);
   const double allowed = static_cast<double>(params.max_relative_error);
@@ -116,11 +157,32 @@ struct CrossBilateralPlan {
     return plan;
   }
   const double taps = static_cast<double>(2 * g.rx + 1) * static_cast<double>(2 * g.ry + 1);
-  const double exponents = mean_exponent(taps) + mean_exponent(taps * kDepthRatio);
+  const MeanExponents exponents = mean_exponents(taps, kDepthRatio);
+  const double of_scale = root_scale(params);
+  const double scale_error = std::fabs(static_cast<double>(static_cast<float>(of_scale)) / of_scale - 1) * 2;
   for (int degree = kMinDegree; degree <= kMaxDegree; ++degree) {
-    const double colour = 2 * kExp2Error[degree] + kExponentError * exponents + 2 * colour_chain(g) * kRounding;
-    bound = (colour > label ? colour : label) * (1 + 4 * kExp2Error[degree]) + last;
+    const double of_weights = kSpread * kExp2Error[degree] + 2 * colour_chain(g) * kRounding;
+    const double with_centre = of_weights + 7 * kExponentRounding * exponents.mean;
+    const double without = of_weights + 7 * kExponentRounding * exponents.mean_without_centre;
+    // Labels in one of the sums, colours in the other.
+    const double mixed = 0.5 * label + kExp2Error[degree] + colour_chain(g) * kRounding +
+                         7 * kExponentRounding * mean_exponent(taps * kDepthRatio);
+    double worst = without > with_centre ? without : with_centre;
+    if (label > worst) worst = label;
+    if (params.use_labels && mixed > worst) worst = mixed;
+    const double grown = 1 + 4 * kExp2Error[degree];
+    bound = worst * grown + last;
     if (bound > (degree < kMaxDegree ? 0.95 : 1.0) * allowed) continue;
+    // Three quarters of what is left may go to the scaled form, the rest to what is left out.
+    const double spare = (worst - with_centre) + 0.75 * (allowed - bound) / grown;
+    const double by_scale = scale_error * 0.6931471805599453 * exponents.mean;
+    double near = (spare - by_scale) / (4 * kExponentRounding * exponents.mean_root);
+    if (near > kMostNear) near = kMostNear;
+    if (near > 0.5) {
+      plan.near = static_cast<float>(0.999 * near);
+      const double scaled = with_centre + by_scale + 4 * kExponentRounding * exponents.mean_root * near;
+      if (scaled > worst) bound = scaled * grown + last;
+    }
     const double left = (allowed - bound) / (1 + allowed);
     plan.possible = true;
     plan.degree = degree;
@@ -139,9 +201,6 @@ struct CrossBilateralPlan {
 }
 [[nodiscard]] inline std::size_t label_scratch_elements(const LabelGrid& g) noexcept {
   return static_cast<std::size_t>(g.strips()) * g.scratch_elements();
-}
-[[nodiscard]] inline std::size_t colour_block_count(const ColourGrid& g) noexcept {
-  return static_cast<std::size_t>(g.block_columns()) * static_cast<std::size_t>(g.block_rows());
 }
 [[nodiscard]] inline std::size_t spatial_elements(const ColourGrid& g) noexcept {
   return static_cast<std::size_t>(2 * g.rx + 1) * static_cast<std::size_t>(g.ry + 1) + 1;  // one is read beyond
@@ -169,7 +228,7 @@ struct CrossBilateralPlan {
              allocation_bytes<float>(side + 2 * kKernelPadding + 1) + allocation_bytes<double>(side + 2);
   }
   if (uses_colour(params)) {
-    bytes += 3 * allocation_bytes<float>(g.samples()) + allocation_bytes<ColourBlock>(colour_block_count(g)) +
+    bytes += 3 * allocation_bytes<float>(g.samples()) + allocation_bytes<float>(block_elements(g)) +
              allocation_bytes<float>(spatial_elements(g)) + allocation_bytes<float>(colour_sums_elements(g)) +
              allocation_bytes<float>(colour_scratch_elements(g));
   }

@@ -22,7 +22,8 @@
 // Interface of the float batch F, with its I = F::Int and M = F::MaskType:
 //   F(x) broadcast, F::load(p), F::load(p, n), F::gather(base, index), F::gather(base, index, mask, otherwise),
 //   F::iota() (0, 1, 2, ...), f.store(p), f.store(p, n), f.lane(i); + - * / unary -, == != < > <= >=; fma, min, max,
-//   select(mask, a, b), abs, sqrt, floor, round_even, trunc_to_int, bitcast_int; to_float(I) and bitcast_float(I);
+//   fnma(a, b, c) = fma(-a, b, c), select(mask, a, b), abs, sqrt, floor, round_even, trunc_to_int, bitcast_int;
+//   to_float(I) and bitcast_float(I);
 //   slide_up(previous, current): each lane's left neighbour, lane i - 1 of current and for lane 0 the last of previous.
 //   even_lanes(a, b), odd_lanes(a, b) of a followed by b; interleave_low(a, b), interleave_high(a, b): the first and
 //   the second half of a0 b0 a1 b1 ...

@@ -226,6 +226,7 @@ struct F32 {
   friend Mask operator<=(F32 a, F32 b) noexcept { return Mask(a.value <= b.value); }
   friend Mask operator>=(F32 a, F32 b) noexcept { return b <= a; }
   friend F32 fma(F32 a, F32 b, F32 c) noexcept;
+  friend F32 fnma(F32 a, F32 b, F32 c) noexcept;
   [[nodiscard]] friend F32 select(Mask m, F32 a, F32 b) noexcept { return F32(xsimd::select(m.value, a.value, b.value)); }
   friend F32 min(F32 a, F32 b) noexcept;
   friend F32 max(F32 a, F32 b) noexcept;

@@ -41,6 +41,7 @@ inline I32 shift_right_logical(I32 a, int n) noexcept {
 }
 inline F32 operator/(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm512_div_ps(a.value, b.value))); }
 inline F32 fma(F32 a, F32 b, F32 c) noexcept { return F32(FloatBatch(_mm512_fmadd_ps(a.value, b.value, c.value))); }
+inline F32 fnma(F32 a, F32 b, F32 c) noexcept { return F32(FloatBatch(_mm512_fnmadd_ps(a.value, b.value, c.value))); }
 inline F32 min(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm512_maskz_min_ps(kAllLanes, a.value, b.value))); }
 inline F32 max(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm512_maskz_max_ps(kAllLanes, a.value, b.value))); }
 inline F32 sqrt(F32 a) noexcept { return F32(FloatBatch(_mm512_maskz_sqrt_ps(kAllLanes, a.value))); }
@@ -95,6 +96,7 @@ inline I32 I32::load_u16(const std::uint16_t* p) noexcept {
 inline I32 operator*(I32 a, I32 b) noexcept { return I32(IntBatch(_mm256_mullo_epi32(a.value, b.value))); }
 inline F32 operator/(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm256_div_ps(a.value, b.value))); }
 inline F32 fma(F32 a, F32 b, F32 c) noexcept { return F32(FloatBatch(_mm256_fmadd_ps(a.value, b.value, c.value))); }
+inline F32 fnma(F32 a, F32 b, F32 c) noexcept { return F32(FloatBatch(_mm256_fnmadd_ps(a.value, b.value, c.value))); }
 inline F32 min(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm256_min_ps(a.value, b.value))); }
 inline F32 max(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm256_max_ps(a.value, b.value))); }
 inline F32 sqrt(F32 a) noexcept { return F32(FloatBatch(_mm256_sqrt_ps(a.value))); }
@@ -167,6 +169,7 @@ inline I32 operator*(I32 a, I32 b) noexcept {
 }
 inline F32 operator/(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm_div_ps(a.value, b.value))); }
 inline F32 fma(F32 a, F32 b, F32 c) noexcept { return a * b + c; }
+inline F32 fnma(F32 a, F32 b, F32 c) noexcept { return c - a * b; }
 inline F32 min(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm_min_ps(a.value, b.value))); }
 inline F32 max(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm_max_ps(a.value, b.value))); }
 inline F32 sqrt(F32 a) noexcept { return F32(FloatBatch(_mm_sqrt_ps(a.value))); }
@@ -206,6 +209,7 @@ inline I32 I32::load_u16(const std::uint16_t* p) noexcept {
 inline I32 operator*(I32 a, I32 b) noexcept { return I32(IntBatch(vmulq_s32(a.value, b.value))); }
 inline F32 operator/(F32 a, F32 b) noexcept { return F32(FloatBatch(vdivq_f32(a.value, b.value))); }
 inline F32 fma(F32 a, F32 b, F32 c) noexcept { return F32(FloatBatch(vfmaq_f32(c.value, a.value, b.value))); }
+inline F32 fnma(F32 a, F32 b, F32 c) noexcept { return F32(FloatBatch(vfmsq_f32(c.value, a.value, b.value))); }
 inline F32 min(F32 a, F32 b) noexcept { return select(a < b, a, b); }
 inline F32 max(F32 a, F32 b) noexcept { return select(b < a, a, b); }
 inline F32 sqrt(F32 a) noexcept { return F32(FloatBatch(vsqrtq_f32(a.value))); }

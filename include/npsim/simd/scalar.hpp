@@ -138,6 +138,7 @@ struct F32 {
   [[nodiscard]] friend F32 fma(F32 a, F32 b, F32 c) noexcept {
     if constexpr (kFusedFma) { return std::fma(a.value, b.value, c.value); } else { return a * b + c; }
   }
+  [[nodiscard]] friend F32 fnma(F32 a, F32 b, F32 c) noexcept { return fma(-a, b, c); }
   [[nodiscard]] friend F32 min(F32 a, F32 b) noexcept { return a.value < b.value ? a : b; }
   [[nodiscard]] friend F32 max(F32 a, F32 b) noexcept { return a.value > b.value ? a : b; }
   [[nodiscard]] friend F32 select(Mask m, F32 a, F32 b) noexcept { return m.value ? a : b; }
