@@ -140,7 +140,8 @@ TEST_CASE("a pole in front of a car does not hide what is above the car") {
   params.floor.kerb_height_m = 0.0F;
   p.run(params);
   for (int y = 30; y < 42; ++y) {
-    for (int x = 117; x <= 121; ++x) CHECK(p.background.vertices(x, y).z == doctest::Approx(truth.depth(x, y)));
+    for (int x = 117; x <= 121; ++x)
+      CHECK(p.background.vertices(x, y).z == doctest::Approx(static_cast<double>(truth.depth(x, y))));
   }
 }
 
@@ -169,7 +170,8 @@ TEST_CASE("between two ends of one floor there is floor") {
   BackgroundParams params;
   params.floor.kerb_height_m = 0.0F;
   p.run(params);
-  for (int y = 61; y <= 70; ++y) CHECK(p.background.vertices(115, y).z == doctest::Approx(truth.depth(115, y)));
+  for (int y = 61; y <= 70; ++y)
+    CHECK(p.background.vertices(115, y).z == doctest::Approx(static_cast<double>(truth.depth(115, y))));
 }
 
 TEST_CASE("the kerbs and the vanishing point of a street are found to a pixel") {
