@@ -391,7 +391,7 @@ TEST_CASE("tool: view refuses what it cannot draw in one line") {
     std::ofstream(fixture().out(name)) << "x";
     check_refused(view(fixture().out(name), ""), "or an .obj", none);
     check_refused(run_tool("inspect '" + fixture().out(name) + "'"), "is no scene, expected a folder");
-    check_refused(run_tool("evaluate '" + fixture().out(name) + "'"), "is no scene, expected a folder");
+    check_refused(run_tool("evaluate --quiet '" + fixture().out(name) + "'"), "is no scene, expected a folder");
   }
 }
 
