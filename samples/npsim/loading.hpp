@@ -46,7 +46,7 @@ namespace npsim::tool {
   }
   if (!std::filesystem::is_regular_file(file, ignored)) return io::Done{};  // what is missing is called missing
   return io::Error{path, "",
-                   std::string("is no scene, expected a folder with a scene.json, the scene.json itself") + or_else};
+                   std::string("is no scene, expected a folder with a scene.json or the scene.json itself") + or_else};
 }
 
 // Reads the scene and, where `size` is not empty, resamples it.
