@@ -192,6 +192,23 @@ TEST_CASE("cross-bilateral: colours that hardly differ, far from 0, keep the bou
   }
 }
 
+TEST_CASE("cross-bilateral scales colours only where the plan leaves error for it, and only near ones") {
+  using namespace depth_detail;
+  float data[kBlockPlanes] = {};
+  data[kBlockAny] = 1;
+  data[kBlockLow] = 40;
+  data[kBlockHigh] = 60;
+  ColourTerm term;
+  term.blocks = {data, 1, 1, 0};
+  term.root_scale = 0.25F;
+  for (const float near : {-1.0F, -100.0F, 2.4F}) {
+    term.near = near;
+    CHECK(!scaled_colours(term, 0, 0, 1).near[0]);
+  }
+  term.near = 2.6F;
+  CHECK(scaled_colours(term, 0, 0, 1).near[0]);
+}
+
 TEST_CASE("cross-bilateral: a 2 m to 80 m step followed by a flat stretch") {
   Scene<std::uint8_t> s({128, 32});
   for (int y = 0; y < 32; ++y) {

@@ -118,7 +118,9 @@ struct ScaledColours {
       squared[group] = squared[group] + farthest * farthest;
     }
   }
-  for (int group = 0; group < groups; ++group) out.near[group] = squared[group] <= term.near * term.near;
+  for (int group = 0; group < groups; ++group) {
+    out.near[group] = term.near > 0 && squared[group] <= term.near * term.near;
+  }
   return out;
 }
 
