@@ -43,7 +43,7 @@ struct WideBvh {
   float high[3] = {};
 };
 
-// Sixteen children and sixteen triangles are the fastest, or within 5 % of it, on 16, 8 and 4 lanes (docs/rays.md).
+// Sixteen children and sixteen triangles are the fastest, or within 10 % of it, on 16, 8 and 4 lanes (docs/rays.md).
 inline constexpr unsigned kBvhWidth = 16;
 inline constexpr unsigned kBvhPack = 16;
 using Bvh = WideBvh<kBvhWidth, kBvhPack>;
