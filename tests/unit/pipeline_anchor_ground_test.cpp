@@ -53,7 +53,7 @@ struct Scene {
     std::vector<unsigned char> memory(anchor_ground_workspace_bytes({}, kShape));
     Workspace workspace(memory.data(), memory.size());
     const Status status = anchor_ground(params, {}, height_m, k, static_cast<const io::Image<Label>&>(labels).view(),
-                                        depth.view(), ground, workspace, executor);
+                                        normals, depth.view(), ground, workspace, executor);
     CHECK(workspace.used() == 0);
     return status;
   }
@@ -66,6 +66,7 @@ struct Scene {
     return worst;
   }
   GroundPlane ground;
+  ImageView<const Vec3f> normals;  // none
 };
 
 SerialExecutor serial;
@@ -119,6 +120,45 @@ TEST_CASE("anchoring flattens noise on the road and keeps the kerb") {
   CHECK(before > 0.018F);
   CHECK(s.worst(label::road) < 0.004F);
   CHECK(s.worst(label::sidewalk) < 0.02F);  // 9 % nearer than the road it is not drawn to
+}
+
+TEST_CASE("the upright face of a kerb, by the given normals, is not drawn to the pavement's height: its foot stays on the road") {
+  // Right of x = 120 the pavement; between, a face of 12 cm: one point of the road's edge and all points above it.
+  Scene s;
+  constexpr float kEdge = 1.0F;  // m to the right of the camera
+  io::Image<Vec3f> given(kShape, Vec3f{0, -1, 0});
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      const float down = (static_cast<float>(y) + 0.5F - s.k.cy) / s.k.fy;
+      const float right = (static_cast<float>(x) + 0.5F - s.k.cx) / s.k.fx;
+      s.labels(x, y) = label::building;
+      s.truth(x, y) = 20.0F;
+      if (!(down > 0.0F) || kHeight / down >= 20.0F) continue;
+      const float at_face = right > 0.0F ? kEdge / right : 1e9F;
+      const bool road = kHeight / down < at_face;
+      const bool face = !road && (kHeight - 0.12F) / down < at_face;
+      s.labels(x, y) = road ? label::road : label::sidewalk;
+      s.truth(x, y) = road ? kHeight / down : (face ? at_face : (kHeight - 0.12F) / down);
+      if (face) given(x, y) = {-1, 0, 0};
+    }
+  }
+  s.depth = s.truth;
+  const auto worst_face = [&] {
+    float worst = 0.0F;
+    for (std::size_t i = 0; i < kShape.pixels(); ++i) {
+      if (given.data()[i].x < 0) worst = std::fmax(worst, std::fabs(s.depth.data()[i] / s.truth.data()[i] - 1.0F));
+    }
+    return worst;
+  };
+  REQUIRE(s.run({}, kHeight, serial).ok());
+  CHECK(worst_face() > 0.02F);  // without normals nothing tells it from pavement
+  s.depth = s.truth;
+  s.normals = static_cast<const io::Image<Vec3f>&>(given).view();
+  REQUIRE(s.run({}, kHeight, serial).ok());
+  CHECK(worst_face() < 0.005F);
+  const io::Image<Vec3f> small({8, 8});
+  s.normals = small.view();
+  CHECK(s.run({}, kHeight, serial).code() == StatusCode::shape_mismatch);
 }
 
 TEST_CASE("a ramp on the road is shape, and stays") {

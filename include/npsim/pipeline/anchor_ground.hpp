@@ -11,7 +11,8 @@
 //     tolerance, which is shape, they stay so; between one and two tolerances it goes over. Surroundings: mean over a
 //     square within the label, twice; a pixel's own deviation is noise. The tolerance is `spread` times the median
 //     deviation of the label, within min_tolerance to max_tolerance: what most of a label has is error, what little of
-//     it has is not. Other ground (pavements lie higher, and not all alike) keeps the deviation of its surroundings.
+//     it has is not. Other ground (pavements lie higher, and not all alike) keeps the deviation of its surroundings;
+//     its steep pixels by the given normals, the faces of kerbs, have none in common with it and go with the drift.
 //   drift: what stands on the ground has the error of the ground beneath it. The correction of the ground goes on
 //     smoothly to all other surfaces (depth/extend_field.hpp), so that cars stay on the road and houses on the
 //     pavement.
@@ -46,7 +47,8 @@ struct AnchorGroundParams {
   float max_scale_error = 0.2F;   // three times what loads, tyres and a road's crown do to a mounted camera's height
   LabelSet flat = LabelSet::of(label::road, label::parking);
   LabelSet smooth = LabelSet::of(label::sidewalk, label::ground);
-  float spread = 2.0F;  // median deviations
+  float steep_rad = 0.9F;  // of a normal from the plane's
+  float spread = 2.0F;     // median deviations
   float min_tolerance = 0.01F;
   float max_tolerance = 0.04F;  // times the camera's height: 5 cm of a passenger car's 1.3 m, half a kerb
   int surroundings_px = 8;      // half the square's side
@@ -151,23 +153,27 @@ void average_surroundings(ImageView<const std::uint8_t> classes, int radius, Ima
   const bool good = p.max_scale_error >= 0.0F && p.max_scale_error < 1.0F && p.height_trust >= 0.0F &&
                     p.height_trust <= 1.0F && p.spread >= 0.0F && p.min_tolerance >= 1e-4F &&
                     p.max_tolerance >= p.min_tolerance && p.max_tolerance < 1.0F && p.max_depth_m > 0.0F &&
-                    p.surroundings_px >= 0 && p.surroundings_px <= 4096;  // false for NaN
+                    p.surroundings_px >= 0 && p.surroundings_px <= 4096 && p.steep_rad > 0.0F;  // false for NaN
   return good ? Status() : Status(StatusCode::invalid_argument, "anchor_ground: a parameter lies outside its range");
 }
 
-// depth: in place, 0 where there is no surface. camera_height_m: of the camera above the road, 0 if not known.
+// depth: in place, 0 where there is no surface. camera_height_m: of the camera above the road, 0 if not known. normals:
+// given ones, towards the camera; may be empty.
 // ground: the plane of the result; inlier_share 0 if there is none.
 template <class Executor>
 [[nodiscard]] Status anchor_ground(const AnchorGroundParams& params, const GroundParams& ground_params,
                                    float camera_height_m, const Intrinsics& k, ImageView<const Label> labels,
-                                   ImageView<float> depth, GroundPlane& ground, Workspace& workspace,
-                                   Executor& executor) noexcept {
+                                   ImageView<const Vec3f> normals, ImageView<float> depth, GroundPlane& ground,
+                                   Workspace& workspace, Executor& executor) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(params));
   if (!(camera_height_m >= 0.0F) || !std::isfinite(camera_height_m)) {
     return {StatusCode::invalid_argument, "anchor_ground: the camera's height must be finite and not negative"};
   }
   NPSIM_RETURN_IF_ERROR(estimate_ground(ground_params, ImageView<const float>(depth), labels, k, workspace, ground));
   if (!params.enabled || labels.empty() || !(ground.inlier_share > 0.0F)) return {};
+  if (!normals.empty() && normals.shape() != depth.shape()) {
+    return {StatusCode::shape_mismatch, "anchor_ground: normals and depth must have one shape"};
+  }
 
   const Shape shape = depth.shape();
   const WorkspaceScope scope(workspace);
@@ -193,6 +199,7 @@ template <class Executor>
     tolerance[l] = refine_detail::flat_tolerance(params, plane, id, ImageView<const float>(depth), labels, k, samples);
   }
   const auto rows = static_cast<std::size_t>(shape.height);
+  const float steep = std::cos(params.steep_rad);
   executor.for_chunks(rows, 16, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
       for (int x = 0; x < shape.width; ++x) {
@@ -201,7 +208,10 @@ template <class Executor>
         known(x, y) = 0;
         const Label l = labels(x, y);
         if (l >= tolerance.size() || !is_valid_depth(depth(x, y))) continue;
-        if (!(tolerance[l] > 0.0F) && !params.smooth.contains(l)) continue;
+        if (!(tolerance[l] > 0.0F)) {
+          if (!params.smooth.contains(l)) continue;
+          if (!normals.empty() && dot(normals(x, y), ground.up) < steep * length(normals(x, y))) continue;
+        }
         const float there = plane.plane_m(k, x, y);
         if (!(there > 0.0F)) continue;
         const float off = std::log(depth(x, y) / there);

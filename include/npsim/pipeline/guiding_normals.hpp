@@ -32,6 +32,7 @@ inline namespace v1 {
 struct GroundNormalsParams {
   bool enabled = true;
   LabelSet labels = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground);
+  LabelSet kerbs = LabelSet::of(label::sidewalk, label::ground);
   SmoothNormalsParams smoothing{5};
   float min_rad = 0.02F;
   float max_rad = 0.90F;
@@ -56,6 +57,7 @@ namespace refine_detail {
 
 inline void straighten_ground(const GroundNormalsParams& params, const GroundPlane& ground,
                               ImageView<const Label> labels, ImageView<const Vec3f> smooth, ImageView<Vec3f> normals) {
+  const float steep = std::cos(params.max_rad);
   const bool known = ground.inlier_share > 0.0F;  // a guess is no evidence against what was predicted
   for (int y = 0; y < normals.height(); ++y) {
     for (int x = 0; x < normals.width(); ++x) {
@@ -63,6 +65,7 @@ inline void straighten_ground(const GroundNormalsParams& params, const GroundPla
       const float cosine = dot(smooth(x, y), ground.up);
       const float off = std::sqrt(std::max(0.0F, 2.0F - 2.0F * cosine));  // the chord; nearly the angle
       if (off > params.max_rad) continue;
+      if (params.kerbs.contains(labels(x, y)) && dot(normals(x, y), ground.up) < steep) continue;
       const float towards = known ? std::clamp(off / params.min_rad, 0.0F, 1.0F) : 0.0F;
       normals(x, y) = normalized(smooth(x, y) * (1.0F - towards) + ground.up * towards);
     }

@@ -154,7 +154,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
   observer.begin(Stage::ground);
   GroundPlane ground;
   NPSIM_RETURN_IF_ERROR(anchor_ground(refine_detail::scaled_anchor(params, shape), params.ground, scene.camera_height_m,
-                                      scene.camera, out.labels, out.depth, ground, workspace, executor));
+                                      scene.camera, out.labels, scene.normals, out.depth, ground, workspace, executor));
   observer.end(Stage::ground);
   if (params.anchor.enabled) observer.depth(Stage::ground, out.depth);
   NPSIM_RETURN_IF_ERROR(cancelled());
