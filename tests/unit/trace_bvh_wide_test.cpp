@@ -2,10 +2,10 @@
 // Trees of every width and pack against every face in turn, bit for bit, and the meshes that break builders.
 #include <doctest/doctest.h>
 
-#include <chrono>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <ctime>
 #include <limits>
 #include <vector>
 
@@ -179,7 +179,7 @@ TEST_CASE("trace wide: a million identical and a million coplanar triangles buil
   ScanMesh identical;
   identical.vertices = {{-1, -1, 2}, {1, -1, 2}, {0, 1, 2}};
   identical.faces.assign(n, npsim::Face{0, 1, 2});
-  const auto begin = std::chrono::steady_clock::now();
+  const std::clock_t begin = std::clock();  // of the processor: other programs do not count
   const Tree<8, 8> same_place(identical);
   ScanMesh coplanar;
   coplanar.faces.reserve(n);
@@ -191,8 +191,8 @@ TEST_CASE("trace wide: a million identical and a million coplanar triangles buil
     coplanar.add({x, y, 2}, {x + 0.02F, y, 2}, {x, y + 0.01F, 2});
   }
   const Tree<8, 8> one_plane(coplanar);
-  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
-  CHECK(took.count() < 60.0);  // a builder that finds no split and does not give up takes hours
+  const double took_s = static_cast<double>(std::clock() - begin) / static_cast<double>(CLOCKS_PER_SEC);
+  CHECK(took_s < 60.0);  // a builder that finds no split and does not give up takes hours
   CHECK(same_place.bvh.packs.size() == n / 8);
   Hit hit;
   REQUIRE(npsim::closest_hit(same_place.bvh, Ray{{0, 0, 0}, {0, 0, 1}}, hit));
