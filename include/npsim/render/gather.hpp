@@ -42,7 +42,8 @@ struct GatherParams {
 
 inline namespace NPSIM_ISA_NAMESPACE {
 
-// Traces the rays of `receivers` (indices into points) through `scene` (trace/scene.hpp). point_of(hit) is the point that stands for a hit.
+// Traces the rays of `receivers` (indices into points) through `scene` (trace/scene.hpp). point_of(hit) is the point
+// that stands for a hit.
 // hits[r * rays + s] becomes the point that ray s of receiver r reaches, or kNoPoint; sky_irradiance[r] (lx, linear
 // RGB) what the escaping rays bring.
 template <class Scene, class PointOf, class Executor, class Observer>

@@ -210,7 +210,9 @@ Status compute_visibility(const VisibilityParams& params, const Scene& scene, co
         trace();
         remaining = penumbra;
       }
-      for (std::size_t i = 0; i < end - begin; ++i) row[i] = plan.like[i] == kDark ? std::uint8_t{0} : row[plan.like[i]];
+      for (std::size_t i = 0; i < end - begin; ++i) {
+        row[i] = plan.like[i] == kDark ? std::uint8_t{0} : row[plan.like[i]];
+      }
     }
     observer.progress(end, points.size());
   });

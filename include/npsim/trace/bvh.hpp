@@ -4,8 +4,8 @@
 //   std::size_t bvh_workspace_bytes(face_count)                          layout   (bvh_layout.hpp)
 //   Status build_bvh(TriangleMeshView, Workspace&, Bvh& out)             build    (bvh_build.hpp)
 //   Status refit_bvh(TriangleMeshView, Bvh&)                             refit    (bvh_refit.hpp), double bvh_cost(Bvh)
-//   Status store_bvh(Bvh, bytes), map_bvh(bytes, face_count, Bvh& out)   check    (bvh_check.hpp), Status
-//   check_bvh(...) Status make_instance(const Bvh&, AffineTransform, Instance& out)     instance (bvh_instance.hpp)
+//   Status store_bvh(Bvh, bytes), map_bvh(bytes, face_count, Bvh& out)   check    (bvh_check.hpp), check_bvh()
+//   Status make_instance(const Bvh&, AffineTransform, Instance& out)     instance (bvh_instance.hpp)
 //   bool closest_hit(const Bvh&, const Ray&, Hit& out)                   traverse (bvh_traverse.hpp)
 //   bool occluded(const Bvh&, const Ray&)
 //   bool occluded(const Bvh&, const Ray&, accept)                        accept(face) == false: does not block

@@ -9,9 +9,10 @@
 //                                                             the same of many rays: 1 where one does, else 0
 //   void closest_hits(const S&, Span<const Ray>, Span<Hit>)   the nearest face of many rays; kNoFace: none
 // They are here for SheetScene (layers over the pixel grid), Bvh (any mesh) and JoinedScene of two such types, in which
-// the faces of the second follow the first's face_count(). Code that takes a scene as a template parameter pays only for what
-// its type holds; in a JoinedScene an empty part costs one comparison a ray.
-// Invariant: answers are those of all faces in one structure, to the bit, ties included.
+// the faces of the second follow the first's face_count(). Code that takes a scene as a template parameter pays only
+// for what its type holds; in a JoinedScene an empty part costs one comparison a ray.
+// Invariant: answers are the nearest, or any, of those of the parts, ties at the lowest face included; each part's are
+// its own, to the bit, also when many rays are handed over together.
 // Memory: none; rays of a joined scene are handed on in portions of kJoinedBatch, on the stack.
 #ifndef NPSIM_TRACE_SCENE_HPP
 #define NPSIM_TRACE_SCENE_HPP

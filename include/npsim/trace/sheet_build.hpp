@@ -77,7 +77,8 @@ template <class F, class Executor>
       rows[static_cast<std::size_t>(g)] = bounds;
     }
   });
-  NPSIM_RETURN_IF_ERROR(put_bounds_of(rows, sheet));
+  // After an error the rest is made all the same: what a later refit does not touch has to be right.
+  const Status bounded = put_bounds_of(rows, sheet);
   executor.for_chunks(static_cast<std::size_t>(range.y1 - range.y0), 1, [&](std::size_t begin, std::size_t end) {
     for (int y = range.y0 + static_cast<int>(begin); y < range.y0 + static_cast<int>(end); ++y) {
       for (int x = range.x0; x < range.x1; ++x) {
@@ -104,7 +105,7 @@ template <class F, class Executor>
     }
   }
   if (sheet.bounds.max_inverse_depth > 0.0F) sheet.levels = levels.count;  // else there is no vertex
-  return {};
+  return bounded;
 }
 
 }  // namespace sheet_detail
@@ -119,9 +120,7 @@ template <class F = simd::F32, class Executor>
   const Shape shape = layer.vertices.shape();
   const sheet_layout::Levels levels = sheet_layout::levels_of(shape);
   if (levels.count == 0) return {};
-  if (shape.pixels() >= (std::size_t{1} << 30U)) {
-    return Status(StatusCode::capacity_exceeded, "a ray tracer takes fewer than 2^31 faces");
-  }
+  NPSIM_RETURN_IF_ERROR(sheet_layout::check_size(shape, levels));
   const sheet_layout::Block block = sheet_layout::block_of(shape, levels);
   Span<unsigned char> bytes;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(block.bytes, bytes));

@@ -103,6 +103,8 @@ struct PixelRows {
 // range of depth.
 [[nodiscard]] inline SheetBounds bounds_of(const RowBounds& b, Shape shape, const Intrinsics& k) noexcept {
   SheetBounds out;
+  out.camera = k;
+  out.image = shape;
   const auto width = static_cast<float>(shape.width);
   const auto height = static_cast<float>(shape.height);
   const float reach_x = std::max(std::fabs(k.cx), std::fabs(width - k.cx));

@@ -27,6 +27,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/sheet_layer.hpp"
 #include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
 
@@ -65,6 +66,8 @@ struct SheetBounds {
   float max_inverse_depth = 0;
   float pad_px = 0;       // how far from its place in the grid a vertex may be found, rounding included
   float focal_reach = 0;  // pixels that a point moves at most when it moves by its depth
+  Intrinsics camera;      // and image that all this is about
+  Shape image;
 };
 
 // What a stored structure starts with. A number is in the byte order of the machine that wrote it.
@@ -106,7 +109,7 @@ struct SheetRegion {
   Shape shape;
 };
 
-// Layers of one camera that are traced as one (join_layers() in sheet_build.hpp). The faces of layer i follow those of
+// Layers of one camera that are traced as one (join_layers() in sheet_join.hpp). The faces of layer i follow those of
 // layer i - 1.
 struct SheetScene {
   Span<const SheetTrace> layers;
@@ -166,6 +169,17 @@ struct Levels {
     down = (down + 3) / 4;
   }
   return out;
+}
+
+// What cannot be numbered or has no node above all others is refused.
+[[nodiscard]] inline Status check_size(Shape pixels, const Levels& levels) noexcept {
+  if (pixels.pixels() >= (std::size_t{1} << 30U)) {
+    return {StatusCode::capacity_exceeded, "a ray tracer takes fewer than 2^31 faces"};
+  }
+  if (levels.across[levels.count - 1] > 1 || levels.down[levels.count - 1] > 1) {
+    return {StatusCode::capacity_exceeded, "a traced layer has at most 4^9 quads a side"};
+  }
+  return {};
 }
 
 // What a row of groups learns about its vertices.

@@ -149,9 +149,7 @@ template <class F = simd::F32>
   if (levels.count == 0) {
     return stored.empty() ? Status() : Status(StatusCode::shape_mismatch, "a layer without quads has no structure");
   }
-  if (shape.pixels() >= (std::size_t{1} << 30U)) {
-    return {StatusCode::capacity_exceeded, "a ray tracer takes fewer than 2^31 faces"};
-  }
+  NPSIM_RETURN_IF_ERROR(check_size(shape, levels));
   if (stored.size() < sizeof(SheetHeader)) {
     return {StatusCode::shape_mismatch, "the stored structure ends within its header"};
   }

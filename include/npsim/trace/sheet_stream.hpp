@@ -127,7 +127,7 @@ class Stream {
 
   void start(Slot& s, std::size_t index) noexcept {
     const Ray& ray = input_[index];
-    if (!make_sheet_ray(bounds_, layers_[0].intrinsics, layers_[0].vertices.shape(), ray, s.ray)) {
+    if (!make_sheet_ray(bounds_, ray, s.ray)) {
       query_.miss(index);
       return;
     }

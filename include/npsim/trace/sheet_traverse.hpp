@@ -54,7 +54,7 @@ template <class F, class Query>
                                                  const Ray& ray, const Query& query,
                                                  typename Query::Answer& answer) noexcept {
   SheetRay r;
-  if (layers.empty() || !make_sheet_ray(bounds, layers[0].intrinsics, layers[0].vertices.shape(), ray, r)) return false;
+  if (layers.empty() || !make_sheet_ray(bounds, ray, r)) return false;
   query.begin(answer, r);
   std::uint32_t first_face = 0;
   for (const SheetTrace& sheet : layers) {

@@ -27,7 +27,8 @@
 // Error: |t - t of the plane| <= 2^-21 reach / (cosine |d|) + 2^-23 t, and no more than the triangle is long
 // (checked by tests/unit/trace_bvh_test.cpp and bench/rays/leaks.cpp).
 //
-// Limits: coordinates up to 2^60, largest component of a direction between 2^-96 and 2^96; otherwise a miss.
+// Limits: coordinates up to 2^60, largest component of a direction between 2^-96 and 2^96; otherwise a miss. What lies
+// within 2^-100 of the origin of a ray, as far as all of the scene does, may be missed.
 #ifndef NPSIM_TRACE_TRIANGLE_HPP
 #define NPSIM_TRACE_TRIANGLE_HPP
 
@@ -106,7 +107,7 @@ inline namespace NPSIM_ISA_NAMESPACE {
   out.axis[2] = z;
   out.shear[0] = direction[x] / direction[z];
   out.shear[1] = direction[y] / direction[z];
-  out.pad = 0x1p-21F * reach;
+  out.pad = 0x1p-21F * reach + 0x1p-126F;  // which only a scene of such a size can feel
   for (std::uint32_t k = 0; k < 3; ++k) out.direction[k] = static_cast<double>(direction[k]);
   out.scale = 1.0 / out.direction[z];
   out.t_slack = kTraceSlackPads * static_cast<double>(out.pad) * std::fabs(out.scale);
