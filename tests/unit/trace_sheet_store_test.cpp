@@ -61,6 +61,7 @@ bool same_bounds(const npsim::SheetBounds& a, const npsim::SheetBounds& b) {
 // Bytes at an address of whole 64.
 struct Stored {
   explicit Stored(Bytes from, std::size_t shift = 0) : memory(from.size() + 128), size(from.size()) {
+    REQUIRE(size < (std::size_t{1} << 30U));  // else g++ 12 warns of a copy of 2^64 - 128 bytes
     const auto address = reinterpret_cast<std::uintptr_t>(memory.data());
     data = memory.data() + (64 - address % 64) % 64 + shift;
     std::copy(from.begin(), from.end(), data);
