@@ -7,7 +7,6 @@
 // is a street generated at 960x540 and resampled; the uncertain pixels are found at each size.
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
@@ -17,6 +16,7 @@
 #include <vector>
 
 #include "../host.hpp"
+#include "../timing.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
@@ -32,7 +32,9 @@ namespace {
 using namespace npsim;
 
 using bench::Arena;
+using bench::median;
 using bench::must;
+using bench::seconds;
 
 template <class T>
 [[nodiscard]] io::Image<T> nearest(const io::Image<T>& from, Shape shape) {
@@ -84,19 +86,6 @@ struct Planes {
 
 enum Step { kSheet, kPrune, kBackground, kForeground, kIndex, kStepCount };
 constexpr const char* kStepName[kStepCount] = {"sheet", "prune", "complete_background", "complete_foreground", "index"};
-
-template <class F>
-[[nodiscard]] double seconds(F&& f) {
-  const auto begin = std::chrono::steady_clock::now();
-  f();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-}
-
-[[nodiscard]] double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 void measure(const street::Street& street, Shape shape, unsigned threads, int rounds) {
   ThreadPool pool(threads);

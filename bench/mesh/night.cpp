@@ -10,7 +10,6 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <cmath>
 #include <cstddef>
 #include <cstdio>
 #include <cstdlib>
@@ -22,12 +21,13 @@
 #include "../host.hpp"
 #include "named_scene.hpp"
 #include "npsim/exec/thread_pool.hpp"
-#include "npsim/io/image.hpp"
+#include "npsim/kept_night.hpp"
 #include "npsim/pipeline/night.hpp"
 
 namespace {
 
 using namespace npsim;
+using tool::KeptNight;
 
 // Wall time of each stage, all calls together.
 struct Clock {
@@ -44,48 +44,11 @@ struct Clock {
   [[nodiscard]] double of(Stage stage) const { return seconds[static_cast<std::size_t>(stage)]; }
 };
 
-struct Sink {
-  std::size_t faces = 0;
-  std::array<double, 3> mean{};
-  io::Image<Rgb8> picture;
-
-  Status reconstructed(const RefinedDepth&, const SceneMesh& mesh, const Relighting&) {
-    faces = mesh.mesh.faces.size();
-    return {};
-  }
-  Status night(const Night& night) {
-    picture = io::Image<Rgb8>(night.picture.shape());
-    copy_pixels(night.picture, picture.view());
-    for (int y = 0; y < night.luminance.height(); ++y) {
-      for (int x = 0; x < night.luminance.width(); ++x) {
-        const Vec3f c = night.luminance(x, y);
-        mean[0] += static_cast<double>(c.x);
-        mean[1] += static_cast<double>(c.y);
-        mean[2] += static_cast<double>(c.z);
-      }
-    }
-    return {};
-  }
-};
-
-void run(const NightParams& params, const SceneView& scene, ThreadPool& pool, Clock& clock, Sink& sink) {
+void run(const NightParams& params, const SceneView& scene, ThreadPool& pool, Clock& clock, KeptNight& night) {
   const std::size_t bytes = night_workspace_bytes(params, scene);
   const std::unique_ptr<unsigned char[]> memory(new unsigned char[bytes]);  // most of it is never touched
   Workspace workspace(memory.get(), bytes);
-  bench::must(make_nights(params, scene, workspace, pool, clock, sink));
-}
-
-double rms_change(const io::Image<Rgb8>& a, const io::Image<Rgb8>& b) {
-  double sum = 0;
-  for (int y = 0; y < a.height(); ++y) {
-    for (int x = 0; x < a.width(); ++x) {
-      const double r = a(x, y).r - b(x, y).r;
-      const double g = a(x, y).g - b(x, y).g;
-      const double l = a(x, y).b - b(x, y).b;
-      sum += r * r + g * g + l * l;
-    }
-  }
-  return std::sqrt(sum / (3.0 * static_cast<double>(a.shape().pixels())));
+  bench::must(make_nights(params, scene, workspace, pool, clock, night));
 }
 
 }  // namespace
@@ -104,7 +67,7 @@ int main(int argc, char** argv) {
   bench::NamedScene scene;
   if (!scene.load(name, pool)) return 1;
   std::printf("scene,traced,bound,faces,share,complete_s,build_s,transport_s,mean_change,rms_change\n");
-  Sink full;
+  KeptNight full;
   for (const float bound : {-1.0F, 0.0F, 0.001F, 0.002F, 0.005F, 0.01F, 0.02F, 0.05F, 0.1F}) {
     NightParams params = default_night_params();
     params.mesh.traced = bound < 0.0F ? TracedFaces::layers : TracedFaces::mesh;
@@ -112,15 +75,14 @@ int main(int argc, char** argv) {
     params.mesh.simplify.max_relative_depth_error = bound;
     if (bound > 0.02F) params.mesh.simplify.max_texture_shift = 0.0F;
     Clock clock;
-    Sink sink;
-    run(params, scene.view(), pool, clock, sink);
-    if (full.picture.empty()) full = sink;
-    double change = 0;
-    for (std::size_t c = 0; c < 3; ++c) change = std::max(change, std::fabs(sink.mean[c] / full.mean[c] - 1.0));
+    KeptNight night;
+    run(params, scene.view(), pool, clock, night);
+    if (full.picture.empty()) full = night;
     std::printf("%s,%s,%g,%zu,%.4f,%.2f,%.2f,%.1f,%.5f,%.2f\n", name.c_str(), bound < 0.0F ? "layers" : "mesh",
-                static_cast<double>(std::max(bound, 0.0F)), sink.faces,
-                static_cast<double>(sink.faces) / static_cast<double>(full.faces), clock.of(Stage::complete),
-                clock.of(Stage::build_trace), clock.of(Stage::render), change, rms_change(sink.picture, full.picture));
+                static_cast<double>(std::max(bound, 0.0F)), night.faces,
+                static_cast<double>(night.faces) / static_cast<double>(full.faces), clock.of(Stage::complete),
+                clock.of(Stage::build_trace), clock.of(Stage::render), mean_colour_change(full, night),
+                rms_change_codes(full, night));
     std::fflush(stdout);
   }
   return 0;

@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "../host.hpp"
+#include "../timing.hpp"
 #include "named_scene.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
@@ -44,6 +45,7 @@ namespace {
 using namespace npsim;
 
 using bench::Arena;
+using bench::median;
 using bench::must;
 
 struct Layer {
@@ -206,11 +208,6 @@ class Case {
 
 [[nodiscard]] std::size_t face_count(const std::vector<Mesh>& meshes) {
   return meshes[0].faces.size() + meshes[1].faces.size();
-}
-
-[[nodiscard]] double median(std::vector<double> v) {
-  std::sort(v.begin(), v.end());
-  return v.empty() ? 0.0 : v[v.size() / 2];
 }
 
 #if defined(NPSIM_BENCH_MESHOPTIMIZER)

@@ -6,13 +6,16 @@
 #include <utility>
 
 #include "../host.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/mesh/complete_background.hpp"
 #include "npsim/mesh/complete_foreground.hpp"
+#include "npsim/mesh/index.hpp"
 #include "npsim/mesh/prune.hpp"
 #include "npsim/mesh/sheet.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
+#include "npsim/trace/ray.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
 
@@ -57,6 +60,32 @@ Layers make_layers(Shape shape) {
   must(complete_foreground(params.foreground, params.sheet, refined.depth, refined.surface, refined.labels,
                            scene.instances, refined.uncertain, state.view(), scene.camera, out.all[2].view(),
                            object.view(), workspace, pool));
+  return out;
+}
+
+IndexedLayers index_layers(const std::vector<SheetLayer>& layers) {
+  IndexedLayers out;
+  for (const SheetLayer& layer : layers) {
+    const MeshSize size = mesh_size(layer);
+    const std::size_t v = out.vertices.size();
+    const std::size_t f = out.faces.size();
+    out.vertices.resize(v + size.vertices);
+    out.faces.resize(f + size.faces);
+    Arena arena(index_layer_workspace_bytes(layer.vertices.shape()));
+    SerialExecutor serial;
+    MeshSize written;
+    must(index_layer(layer, static_cast<std::uint32_t>(v),
+                     {{out.vertices.data() + v, size.vertices}, {out.faces.data() + f, size.faces}, {}}, written,
+                     arena.workspace(), serial));
+    auto next = static_cast<std::uint32_t>(f);
+    for (int y = 0; y < layer.quads.height(); ++y) {
+      for (int x = 0; x < layer.quads.width(); ++x) {
+        for (const unsigned bit : {kQuadUpperFace, kQuadLowerFace}) {
+          out.index_of.push_back((layer.quads(x, y) & bit) != 0 ? next++ : kNoFace);
+        }
+      }
+    }
+  }
   return out;
 }
 

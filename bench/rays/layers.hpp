@@ -25,6 +25,18 @@ struct Layers {
   std::vector<Layer> all;  // the sheet alone; the background; the foreground
 };
 
+// Layers as one indexed mesh.
+struct IndexedLayers {
+  std::vector<Vec3f> vertices;
+  std::vector<Face> faces;
+  std::vector<std::uint32_t> index_of;  // of every face of the layers' own numbers; kNoFace where there is none
+  [[nodiscard]] TriangleMeshView view() const {
+    return {{vertices.data(), vertices.size()}, {faces.data(), faces.size()}};
+  }
+};
+
+[[nodiscard]] IndexedLayers index_layers(const std::vector<SheetLayer>& layers);
+
 [[nodiscard]] Layers make_layers(Shape shape);
 [[nodiscard]] bool save_layers(const Layers& layers, const char* path);
 [[nodiscard]] bool load_layers(const char* path, Layers& layers);

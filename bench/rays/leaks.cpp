@@ -179,7 +179,7 @@ struct Leaks {
   const double fv = v - y;
   const bool upper = anti ? fu + fv < 1 : fv < fu;
   const auto number = static_cast<std::uint32_t>(2 * (y * sheet.quads.width() + x) + (upper ? 0 : 1));
-  const Face f = sheet_face(sheet, number);
+  const Face f = sheet_face(sheet.quads, number);
   const Vec3d a = vec_cast<double>(sheet.vertices.data()[f.a]);
   const Vec3d n =
       cross(vec_cast<double>(sheet.vertices.data()[f.b]) - a, vec_cast<double>(sheet.vertices.data()[f.c]) - a);
@@ -197,7 +197,7 @@ struct Leaks {
     const auto y = static_cast<int>(6 + r.next_u32() % static_cast<std::uint32_t>(sheet.quads.height() - 12));
     const int aim = static_cast<int>(i % kAims);
     const std::uint32_t number = 2U * static_cast<std::uint32_t>(y * width + x) + r.next_u32() % 2U;
-    const Vec3f to = target(mesh, sheet_face(sheet, number), aim, r);
+    const Vec3f to = target(mesh, sheet_face(sheet.quads, number), aim, r);
     Ray ray{{0, 0, 0}, to};
     const std::uint32_t kind = r.next_u32() % 3U;
     if (kind == 1)

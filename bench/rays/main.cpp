@@ -15,7 +15,6 @@
 // Agreement is against Embree's robust mode: rays whose hit, face or distance (1e-5 of max(t, depth)) differs, per
 // million; "ties" are those of them whose faces touch: the same distance to 1e-5.
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -23,20 +22,19 @@
 #include <cstdlib>
 #include <cstring>
 #include <memory>
-#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "../host.hpp"
+#include "../timing.hpp"
 #include "layers.hpp"
 #include "npsim/core/executor.hpp"
-#include "npsim/core/random.hpp"
-#include "npsim/mesh/index.hpp"
 #include "npsim/trace/sheet_build.hpp"
 #include "npsim/trace/sheet_stream.hpp"
 #include "npsim/trace/sheet_traverse.hpp"
 #include "npsim/trace/spawn.hpp"
+#include "ray_sets.hpp"
 #if defined(NPSIM_BENCH_EMBREE)
 #include "embree.hpp"
 #endif
@@ -48,59 +46,10 @@ using bench::Arena;
 using bench::Layer;
 using bench::Layers;
 using bench::must;
-
-[[nodiscard]] double median(std::vector<double> v) {
-  std::sort(v.begin(), v.end());
-  return v.empty() ? 0.0 : v[v.size() / 2];
-}
-
-template <class F>
-[[nodiscard]] double seconds(F&& f) {
-  const auto begin = std::chrono::steady_clock::now();
-  f();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-}
-
-struct RaySet {
-  const char* name;
-  bool any;
-  std::vector<Ray> rays;
-};
-
-struct Mesh {
-  std::vector<Vec3f> vertices;
-  std::vector<Face> faces;
-  std::vector<std::uint32_t> index_of;  // of every face of the layers' own numbers
-  [[nodiscard]] TriangleMeshView view() const {
-    return {{vertices.data(), vertices.size()}, {faces.data(), faces.size()}};
-  }
-};
-
-[[nodiscard]] Mesh mesh_of(std::vector<SheetLayer> layers) {
-  Mesh out;
-  for (const SheetLayer& layer : layers) {
-    const MeshSize size = mesh_size(layer);
-    const std::size_t v = out.vertices.size();
-    const std::size_t f = out.faces.size();
-    out.vertices.resize(v + size.vertices);
-    out.faces.resize(f + size.faces);
-    Arena arena(index_layer_workspace_bytes(layer.vertices.shape()));
-    SerialExecutor serial;
-    MeshSize written;
-    must(index_layer(layer, static_cast<std::uint32_t>(v),
-                     {{out.vertices.data() + v, size.vertices}, {out.faces.data() + f, size.faces}, {}}, written,
-                     arena.workspace(), serial));
-    auto next = static_cast<std::uint32_t>(f);
-    for (int y = 0; y < layer.quads.height(); ++y) {
-      for (int x = 0; x < layer.quads.width(); ++x) {
-        for (const unsigned bit : {kQuadUpperFace, kQuadLowerFace}) {
-          out.index_of.push_back((layer.quads(x, y) & bit) != 0 ? next++ : kNoFace);
-        }
-      }
-    }
-  }
-  return out;
-}
+using bench::RaySet;
+using Mesh = bench::IndexedLayers;
+using bench::median;
+using bench::seconds;
 
 [[nodiscard]] Vec3f off_surface(const Mesh& mesh, Hit hit, const Vec3f& direction, bool keep_side) {
   hit.face = mesh.index_of[hit.face];
@@ -114,32 +63,22 @@ struct Mesh {
   const SheetTrace& first = scene.layers[0];
   const Shape shape = first.vertices.shape();
   std::vector<RaySet> sets = {{"a", false, {}}, {"b", true, {}}, {"l", true, {}}, {"c", false, {}}, {"c2", false, {}}};
-  // Whole rows, so that neighbours follow each other, evenly spread over the picture.
   const auto width = static_cast<std::size_t>(shape.width);
-  const std::size_t step = std::max<std::size_t>(1, shape.pixels() / std::max<std::size_t>(count, 1));
+  sets[0].rays = bench::camera_rays(first.intrinsics, shape, {}, count);
   struct Seen {
     Hit hit;
     Vec3f direction;
   };
   std::vector<Seen> seen;
-  for (std::size_t i = 0; i / width * step < static_cast<std::size_t>(shape.height); ++i) {
-    const auto pixel = static_cast<std::uint32_t>(i / width * step * width + i % width);
-    RandomStream r(1, RandomPurpose::test, 0, 0, pixel, 0);
-    const float u = static_cast<float>(pixel % static_cast<std::uint32_t>(shape.width)) + r.uniform();
-    const float v = static_cast<float>(pixel / static_cast<std::uint32_t>(shape.width)) + r.uniform();
-    Ray ray{{0, 0, 0}, normalized(unproject(first.intrinsics, u, v, 1.0F))};
-    sets[0].rays.push_back(ray);
+  for (const Ray& ray : sets[0].rays) {
     Hit hit;
     if (closest_hit(scene, ray, hit)) seen.push_back({hit, ray.direction});
   }
   if (seen.empty()) return sets;
-  const std::size_t lamps = 30;
-  const std::size_t stride = std::max<std::size_t>(1, seen.size() * lamps / count);
+  const std::size_t stride = std::max<std::size_t>(1, seen.size() * bench::kLampCount / count);
   const std::size_t together = seen.size() / stride;  // rays of a lamp, about a part in 30 of the points seen
-  for (std::uint32_t l = 0; l < lamps; ++l) {
-    RandomStream r(2, RandomPurpose::test, 0, l, 0, 0);
-    const float z = 4.0F + 3.0F * static_cast<float>(l);
-    const Vec3f lamp{(l % 2 == 0 ? 1.0F : -1.0F) * r.uniform(3.0F, 7.0F), -r.uniform(3.5F, 5.0F), z};
+  for (std::uint32_t l = 0; l < bench::kLampCount; ++l) {
+    const Vec3f lamp = bench::street_lamp(l);
     const auto add = [&](std::size_t i, std::size_t set) {
       const Vec3f from = off_surface(mesh, seen[i].hit, lamp, false);
       const Vec3f start = off_surface(mesh, seen[i].hit, lamp - from, false);
@@ -155,25 +94,14 @@ struct Mesh {
     }
   }
   for (std::size_t i = 0; i < seen.size(); ++i) {
-    RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(i), 0);
     Hit h = seen[i].hit;
     h.face = mesh.index_of[h.face];
     Vec3f n = surface_point(mesh.view(), h).normal;
     if (dot(n, seen[i].direction) > 0) n = -n;
-    Vec3f d;
-    do {
-      const float x = r.uniform(-1.0F, 1.0F);
-      const float y = r.uniform(-1.0F, 1.0F);
-      d = {x, y, r.uniform(-1.0F, 1.0F)};
-    } while (dot(d, d) > 1.0F || dot(d, d) < 1e-3F);
-    d = normalized(normalized(d) + n * 1.0001F);
+    const Vec3f d = bench::bounce_direction(i, n);
     sets[4].rays.push_back({off_surface(mesh, seen[i].hit, d, true), d});
   }
-  sets[3].rays = sets[4].rays;
-  for (std::size_t i = sets[3].rays.size(); i > 1; --i) {
-    RandomStream r(4, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(i), 0);
-    std::swap(sets[3].rays[i - 1], sets[3].rays[r.next_u32() % i]);
-  }
+  sets[3].rays = bench::shuffled(sets[4].rays);
   return sets;
 }
 
@@ -258,7 +186,7 @@ void agreement(const RaySet& set, const std::vector<Hit>& ours, const std::vecto
 
 void measure(const char* name, std::vector<SheetLayer> layers, const Intrinsics& intrinsics, std::size_t rays,
              int rounds, bool with_peer, bool csv) {
-  const Mesh mesh = mesh_of(layers);
+  const Mesh mesh = bench::index_layers(layers);
   const Shape shape = layers[0].vertices.shape();
   const auto faces = static_cast<double>(mesh.faces.size());
   if (!csv) std::printf("%-7s %d x %d, %zu triangles\n", name, shape.width, shape.height, mesh.faces.size());

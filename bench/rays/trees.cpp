@@ -10,7 +10,6 @@
 //       b  from points seen to 30 lamps, lamp by lamp, points in scan order, any hit;
 //       c  cosine-distributed bounces from those points in random order, closest hit;   c2  the same in pixel order.
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -24,12 +23,12 @@
 #include <vector>
 
 #include "../host.hpp"
+#include "../timing.hpp"
 #include "layers.hpp"
-#include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/io/obj.hpp"
-#include "npsim/mesh/index.hpp"
 #include "npsim/trace/bvh.hpp"
+#include "ray_sets.hpp"
 #if defined(NPSIM_BENCH_EMBREE)
 #include "embree.hpp"
 #endif
@@ -38,25 +37,10 @@ namespace {
 
 using namespace npsim;
 using bench::Arena;
+using bench::median;
 using bench::must;
-
-[[nodiscard]] double median(std::vector<double> v) {
-  std::sort(v.begin(), v.end());
-  return v.empty() ? 0.0 : v[v.size() / 2];
-}
-
-template <class F>
-[[nodiscard]] double seconds(F&& f) {
-  const auto begin = std::chrono::steady_clock::now();
-  f();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-}
-
-struct RaySet {
-  const char* name;
-  bool any;
-  std::vector<Ray> rays;
-};
+using bench::RaySet;
+using bench::seconds;
 
 struct Subject {
   std::string name;
@@ -75,21 +59,12 @@ struct Subject {
   Subject out;
   out.name = name;
   const SheetLayer layer = layers.all[0].view();
-  const MeshSize size = mesh_size(layer);
-  out.vertices.resize(size.vertices);
-  out.faces.resize(size.faces);
-  Arena arena(index_layer_workspace_bytes(layer.vertices.shape()));
-  SerialExecutor serial;
-  MeshSize written;
-  must(index_layer(layer, 0, {{out.vertices.data(), size.vertices}, {out.faces.data(), size.faces}, {}}, written,
-                   arena.workspace(), serial));
+  bench::IndexedLayers mesh = bench::index_layers({layer});
+  out.vertices = std::move(mesh.vertices);
+  out.faces = std::move(mesh.faces);
   out.intrinsics = layers.intrinsics;
   out.picture = layer.vertices.shape();
-  for (std::uint32_t l = 0; l < 30; ++l) {
-    RandomStream r(2, RandomPurpose::test, 0, l, 0, 0);
-    const float z = 4.0F + 3.0F * static_cast<float>(l);
-    out.lamps.push_back({(l % 2 == 0 ? 1.0F : -1.0F) * r.uniform(3.0F, 7.0F), -r.uniform(3.5F, 5.0F), z});
-  }
+  for (std::uint32_t l = 0; l < bench::kLampCount; ++l) out.lamps.push_back(bench::street_lamp(l));
   return out;
 }
 
@@ -112,7 +87,7 @@ struct Subject {
   out.picture = {960, 540};
   out.intrinsics = {600.0F, 600.0F, 480.0F, 270.0F};
   out.eye = centre - Vec3f{0, 0, 2.5F * radius};
-  for (std::uint32_t l = 0; l < 30; ++l) {
+  for (std::uint32_t l = 0; l < bench::kLampCount; ++l) {
     RandomStream r(2, RandomPurpose::test, 0, l, 0, 0);
     const float x = r.uniform(-1.0F, 1.0F);
     const float y = r.uniform(-1.0F, 1.0F);
@@ -128,52 +103,29 @@ struct Subject {
 
 [[nodiscard]] std::vector<RaySet> make_rays(const Subject& subject, const Bvh& bvh, std::size_t count) {
   std::vector<RaySet> sets = {{"a", false, {}}, {"b", true, {}}, {"c", false, {}}, {"c2", false, {}}};
-  // Whole rows, so that neighbours follow each other, evenly spread over the picture.
-  const auto width = static_cast<std::size_t>(subject.picture.width);
-  const std::size_t step = std::max<std::size_t>(1, subject.picture.pixels() / std::max<std::size_t>(count, 1));
-  struct Seen {
-    SurfacePoint point;  // with its normal towards the eye
-  };
-  std::vector<Seen> seen;
-  for (std::size_t i = 0; i / width * step < static_cast<std::size_t>(subject.picture.height); ++i) {
-    const auto pixel = static_cast<std::uint32_t>(i / width * step * width + i % width);
-    RandomStream r(1, RandomPurpose::test, 0, 0, pixel, 0);
-    const float u = static_cast<float>(pixel % static_cast<std::uint32_t>(width)) + r.uniform();
-    const float v = static_cast<float>(pixel / static_cast<std::uint32_t>(width)) + r.uniform();
-    const Ray ray{subject.eye, normalized(unproject(subject.intrinsics, u, v, 1.0F))};
-    sets[0].rays.push_back(ray);
+  sets[0].rays = bench::camera_rays(subject.intrinsics, subject.picture, subject.eye, count);
+  std::vector<SurfacePoint> seen;  // with their normals towards the eye
+  for (const Ray& ray : sets[0].rays) {
     Hit hit;
     if (!closest_hit(bvh, ray, hit)) continue;
-    SurfacePoint point = surface_point(subject.view(), hit);
-    if (dot(point.normal, ray.direction) > 0) point.normal = -point.normal;
-    seen.push_back({point});
+    seen.push_back(surface_point(subject.view(), hit));
+    if (dot(seen.back().normal, ray.direction) > 0) seen.back().normal = -seen.back().normal;
   }
   if (seen.empty()) return sets;
   const std::size_t stride = std::max<std::size_t>(1, seen.size() * subject.lamps.size() / count);
   for (std::size_t l = 0; l < subject.lamps.size(); ++l) {
     for (std::size_t i = l % stride; i < seen.size(); i += stride) {
-      const Vec3f start = off_surface(seen[i].point, subject.lamps[l] - seen[i].point.position);
+      const Vec3f start = off_surface(seen[i], subject.lamps[l] - seen[i].position);
       Ray ray{start, subject.lamps[l] - start};
       ray.t_max = 1.0F;
       sets[1].rays.push_back(ray);
     }
   }
   for (std::size_t i = 0; i < seen.size(); ++i) {
-    RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(i), 0);
-    Vec3f d;
-    do {
-      const float x = r.uniform(-1.0F, 1.0F);
-      const float y = r.uniform(-1.0F, 1.0F);
-      d = {x, y, r.uniform(-1.0F, 1.0F)};
-    } while (dot(d, d) > 1.0F || dot(d, d) < 1e-3F);
-    d = normalized(normalized(d) + seen[i].point.normal * 1.0001F);
-    sets[3].rays.push_back({off_surface(seen[i].point, d), d});
+    const Vec3f d = bench::bounce_direction(i, seen[i].normal);
+    sets[3].rays.push_back({off_surface(seen[i], d), d});
   }
-  sets[2].rays = sets[3].rays;
-  for (std::size_t i = sets[2].rays.size(); i > 1; --i) {
-    RandomStream r(4, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(i), 0);
-    std::swap(sets[2].rays[i - 1], sets[2].rays[r.next_u32() % i]);
-  }
+  sets[2].rays = bench::shuffled(sets[3].rays);
   return sets;
 }
 

@@ -155,12 +155,7 @@ inline Status measure_mesh_steps(const ReconstructParams& params, const SceneVie
   });
   NPSIM_RETURN_IF_ERROR(indexed);
   io::Image<std::uint32_t> ids(shape);
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      const std::uint32_t light = scene.light_index.empty() ? 0U : scene.light_index(x, y);
-      ids(x, y) = (light << 8U) | (refined.labels.empty() ? 0U : refined.labels(x, y));
-    }
-  }
+  label_and_lamp(refined.labels, scene.light_index, ids.view());
   const auto simplify = [&](const SheetLayer& layer, ThinLayer& thin) {
     return [&](Workspace& workspace) {
       return simplify_layer(params.simplify, layer, ids.view(), scene.camera, 0, thin.buffers(), thin.result, workspace,

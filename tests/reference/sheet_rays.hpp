@@ -68,7 +68,7 @@ inline bool hit_by_all_faces(const TracedSheet& sheet, const Ray& ray, Hit& out)
   bool found = false;
   for (std::uint32_t f = 0; f < sheet_face_count(sheet.shape); ++f) {
     if ((sheet.quads[f / 2] & (f % 2 == 0 ? kQuadUpperFace : kQuadLowerFace)) == 0) continue;
-    const Face face = sheet_face(sheet.trace, f);
+    const Face face = sheet_face(sheet.trace.quads, f);
     const std::array<Vec3f, 3> c{sheet.vertices[face.a], sheet.vertices[face.b], sheet.vertices[face.c]};
     const auto good = [](const Vec3f& v) {
       return v.z >= kSheetMinDepth && v.z <= kTraceMaxCoordinate && std::fabs(v.x) <= kTraceMaxCoordinate &&

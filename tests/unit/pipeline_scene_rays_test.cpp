@@ -2,14 +2,15 @@
 // The same night whether rays meet the layers as they are or the indexed mesh of the same faces.
 #include <doctest/doctest.h>
 
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <vector>
 
-#include "npsim/core/observe.hpp"
+#include "night_of_street.hpp"
 #include "npsim/exec/thread_pool.hpp"
+#include "npsim/kept_night.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
@@ -22,7 +23,7 @@ struct Sink {
   std::vector<std::uint8_t> visibility;  // from every emitter to every point that a pixel shows
   std::vector<std::uint32_t> hits;
   std::vector<std::uint32_t> pixels;  // of the vertices
-  double mean[3] = {0, 0, 0};
+  std::array<double, 3> mean{};
 
   Status reconstructed(const RefinedDepth&, const SceneMesh& mesh, const Relighting& light) {
     for (std::size_t e = 0; e < light.emitters.size(); ++e) {
@@ -35,29 +36,10 @@ struct Sink {
     return {};
   }
   Status night(const Night& night) {
-    for (int y = 0; y < night.luminance.height(); ++y) {
-      for (int x = 0; x < night.luminance.width(); ++x) {
-        const Vec3f c = night.luminance(x, y);
-        mean[0] += static_cast<double>(c.x);
-        mean[1] += static_cast<double>(c.y);
-        mean[2] += static_cast<double>(c.z);
-      }
-    }
+    mean = tool::colour_sums(night.luminance);
     return {};
   }
 };
-
-Sink night_of(const street::Street& street, const NightParams& params) {
-  const SceneView view = view_of(street);
-  const std::size_t bytes = night_workspace_bytes(params, view);
-  const std::unique_ptr<unsigned char[]> memory(new unsigned char[bytes]);
-  Workspace workspace(memory.get(), bytes);
-  NullObserver observer;
-  ThreadPool pool(2);
-  Sink sink;
-  REQUIRE(make_nights(params, view, workspace, pool, observer, sink).ok());
-  return sink;
-}
 
 }  // namespace
 
@@ -74,9 +56,9 @@ TEST_CASE("rays through the layers: shadows to the bit those of the full mesh, b
     params.mesh.simplify_faces = false;
     params.relight.visibility.cutoff_lx = 0;  // no point takes its neighbour's value, which one depends on the bounces
     REQUIRE(params.mesh.traced == TracedFaces::layers);
-    const Sink layers = night_of(street, params);
+    const Sink layers = npsim::testing::night_of<Sink>(street, params);
     params.mesh.traced = TracedFaces::mesh;
-    const Sink mesh = night_of(street, params);
+    const Sink mesh = npsim::testing::night_of<Sink>(street, params);
     REQUIRE(layers.visibility.size() == mesh.visibility.size());
     std::size_t differ = 0;
     std::size_t lit = 0;
@@ -104,6 +86,6 @@ TEST_CASE("rays through the layers: shadows to the bit those of the full mesh, b
       CHECK(apart(p / 112, q / 112) <= 1);
     }
     CHECK(elsewhere < mesh.hits.size() / 200);
-    for (int c = 0; c < 3; ++c) CHECK(std::fabs(layers.mean[c] / mesh.mean[c] - 1) < 3e-3);  // pixels are wide here
+    for (std::size_t c = 0; c < 3; ++c) CHECK(std::fabs(layers.mean[c] / mesh.mean[c] - 1) < 3e-3);  // pixels are wide here
   }
 }

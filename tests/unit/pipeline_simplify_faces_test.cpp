@@ -2,14 +2,15 @@
 // The scene mesh with few faces: whole, its points on its faces, and the same night.
 #include <doctest/doctest.h>
 
+#include <array>
 #include <cmath>
 #include <cstdint>
-#include <memory>
 #include <vector>
 
-#include "npsim/core/observe.hpp"
+#include "night_of_street.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/exec/thread_pool.hpp"
+#include "npsim/kept_night.hpp"
 #include "npsim/mesh/check.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "npsim/pipeline/point_of_hit.hpp"
@@ -34,7 +35,7 @@ const street::Street& street_of_test() {
 }
 
 struct Sink {
-  double mean[3] = {0, 0, 0};
+  std::array<double, 3> mean{};
   std::size_t faces = 0;
   MeshReport report;
   // Of the points that pixels of the layers have: the largest distance in depth from the faces there, relatively.
@@ -71,29 +72,10 @@ struct Sink {
     return {};
   }
   Status night(const Night& night) {
-    for (int y = 0; y < night.luminance.height(); ++y) {
-      for (int x = 0; x < night.luminance.width(); ++x) {
-        const Vec3f c = night.luminance(x, y);
-        mean[0] += static_cast<double>(c.x);
-        mean[1] += static_cast<double>(c.y);
-        mean[2] += static_cast<double>(c.z);
-      }
-    }
+    mean = tool::colour_sums(night.luminance);
     return {};
   }
 };
-
-Sink night_of(const NightParams& params) {
-  const SceneView view = view_of(street_of_test());
-  const std::size_t bytes = night_workspace_bytes(params, view);
-  const std::unique_ptr<unsigned char[]> memory(new unsigned char[bytes]);
-  Workspace workspace(memory.get(), bytes);
-  NullObserver observer;
-  ThreadPool pool(2);
-  Sink sink;
-  REQUIRE(make_nights(params, view, workspace, pool, observer, sink).ok());
-  return sink;
-}
 
 }  // namespace
 
@@ -101,9 +83,9 @@ TEST_CASE("simplified faces: whole, far fewer, every point on its face, and a ni
   NightParams params = default_night_params();
   REQUIRE(params.mesh.simplify_faces);
   params.mesh.traced = TracedFaces::mesh;
-  const Sink thin = night_of(params);
+  const Sink thin = npsim::testing::night_of<Sink>(street_of_test(), params);
   params.mesh.simplify_faces = false;
-  const Sink full = night_of(params);
+  const Sink full = npsim::testing::night_of<Sink>(street_of_test(), params);
   CHECK(thin.report.oriented_manifold());
   CHECK(thin.report.components == full.report.components);
   CHECK(thin.report.boundary_loops == full.report.boundary_loops);
@@ -111,7 +93,7 @@ TEST_CASE("simplified faces: whole, far fewer, every point on its face, and a ni
   REQUIRE(thin.points > 10000);
   CHECK(thin.worst_off < 1e-4);  // rounding of the ray tracer at grazing faces; the bound on depth is 50 times that
   CHECK(thin.elsewhere == 0);
-  for (int c = 0; c < 3; ++c) CHECK(std::fabs(thin.mean[c] / full.mean[c] - 1) < 0.01);
+  for (std::size_t c = 0; c < 3; ++c) CHECK(std::fabs(thin.mean[c] / full.mean[c] - 1) < 0.01);
 }
 
 TEST_CASE("simplified faces: a quarter of a pixel and half a percent leave a tenth of a street's faces at most") {

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <limits>
 
+#include "npsim/core/bits.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/simd/fixed.hpp"
 
@@ -92,9 +93,9 @@ TEST_CASE("simd fixed: min and max keep their second operand with a NaN") {
   CHECK(std::signbit(max(F(0.0F), F(-0.0F)).lane(0)));
 }
 
-TEST_CASE("simd fixed: the lowest bit") {
-  for (unsigned i = 0; i < 32; ++i) {
-    CHECK(simd::lowest_bit(1U << i) == i);
-    CHECK(simd::lowest_bit(~0U << i) == i);
+TEST_CASE("simd fixed: the lowest bit of a comparison") {
+  for (int i = 0; i < 32; ++i) {
+    CHECK(npsim::lowest_set_bit(1U << static_cast<unsigned>(i)) == i);
+    CHECK(npsim::lowest_set_bit(~0U << static_cast<unsigned>(i)) == i);
   }
 }

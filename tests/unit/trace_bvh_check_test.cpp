@@ -11,6 +11,7 @@
 
 #include "npsim/trace/bvh.hpp"
 #include "reference/triangle_scan.hpp"
+#include "trace_tree.hpp"
 
 namespace {
 
@@ -23,27 +24,8 @@ using npsim::reference::same;
 using npsim::reference::ScanMesh;
 using npsim::reference::soup;
 using npsim::reference::stream;
-
-struct Tree {
-  std::vector<unsigned char> bytes;
-  Bvh bvh;
-
-  explicit Tree(const ScanMesh& mesh) : bytes(npsim::bvh_workspace_bytes(mesh.faces.size())) {
-    npsim::Workspace workspace(bytes.data(), bytes.size());
-    REQUIRE(npsim::build_bvh(mesh.view(), workspace, bvh).ok());
-  }
-};
-
-// Bytes from a multiple of 64.
-struct Block {
-  std::vector<unsigned char> memory;
-  npsim::Span<unsigned char> bytes;
-
-  explicit Block(std::size_t size) : memory(size + 64) {
-    const auto address = reinterpret_cast<std::uintptr_t>(memory.data());
-    bytes = {memory.data() + (64 - address % 64) % 64, size};
-  }
-};
+using npsim::testing::Block;
+using npsim::testing::Tree;
 
 }  // namespace
 
@@ -51,7 +33,7 @@ TEST_CASE("trace check: a stored tree answers the same at another place") {
   for (const std::uint32_t faces : {0U, 1U, 16U, 17U, 700U}) {
     CAPTURE(faces);
     const ScanMesh mesh = soup(faces, 0.2F, 1.0F, 5);
-    Tree tree(mesh);
+    Tree<> tree(mesh);
     Block block(npsim::bvh_storage_bytes(tree.bvh));
     REQUIRE(npsim::store_bvh(tree.bvh, block.bytes).ok());
     Block moved(block.bytes.size());
@@ -71,7 +53,7 @@ TEST_CASE("trace check: a stored tree answers the same at another place") {
 }
 
 TEST_CASE("trace check: another kind, length, place or number of faces is refused") {
-  Tree tree(soup(100, 0.2F, 1.0F, 6));
+  Tree<> tree(soup(100, 0.2F, 1.0F, 6));
   Block block(npsim::bvh_storage_bytes(tree.bvh) + 64);
   const npsim::Span<unsigned char> bytes = block.bytes.sub(0, block.bytes.size() - 64);
   CHECK_FALSE(npsim::store_bvh(tree.bvh, block.bytes).ok());
@@ -92,14 +74,14 @@ TEST_CASE("trace check: another kind, length, place or number of faces is refuse
 
 TEST_CASE("trace check: every index, count, depth, box and face out of range is found") {
   const ScanMesh mesh = soup(2500, 0.2F, 1.0F, 7);
-  const Tree good(mesh);
+  const Tree<> good(mesh);
   REQUIRE(npsim::check_bvh(good.bvh, 2500).ok());
   const auto nodes = static_cast<std::uint32_t>(good.bvh.nodes.size());
   const auto packs = static_cast<std::uint32_t>(good.bvh.packs.size());
   REQUIRE(nodes > 6);
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const auto refused = [&](auto&& damage) {
-    Tree tree(mesh);
+    Tree<> tree(mesh);
     damage(tree.bvh);
     return !npsim::check_bvh(tree.bvh, 2500).ok();
   };
@@ -151,7 +133,7 @@ TEST_CASE("trace check: a chain of nodes deeper than the bound is found") {
 
 TEST_CASE("trace check: what passes with random bytes changed can be traced") {
   const ScanMesh mesh = soup(120, 0.2F, 1.0F, 8);
-  Tree tree(mesh);
+  Tree<> tree(mesh);
   Block block(npsim::bvh_storage_bytes(tree.bvh));
   REQUIRE(npsim::store_bvh(tree.bvh, block.bytes).ok());
   std::size_t passed = 0;

@@ -11,6 +11,7 @@
 
 #include "npsim/trace/bvh.hpp"
 #include "reference/triangle_scan.hpp"
+#include "trace_tree.hpp"
 
 namespace {
 
@@ -26,16 +27,7 @@ using npsim::reference::in_cube;
 using npsim::reference::ScanMesh;
 using npsim::reference::soup;
 using npsim::reference::stream;
-
-struct Tree {
-  std::vector<unsigned char> bytes;
-  Bvh bvh;
-
-  explicit Tree(const ScanMesh& mesh) : bytes(npsim::bvh_workspace_bytes(mesh.faces.size())) {
-    npsim::Workspace workspace(bytes.data(), bytes.size());
-    REQUIRE(npsim::build_bvh(mesh.view(), workspace, bvh).ok());
-  }
-};
+using npsim::testing::Tree;
 
 AffineTransform random_transform(std::uint32_t number, float scale, float distance) {
   RandomStream random = stream(7000 + number);
@@ -74,7 +66,7 @@ ScanMesh box() {
 
 TEST_CASE("trace instance: the identity changes nothing, and a translation by whole numbers moves hits exactly") {
   const ScanMesh mesh = box();
-  const Tree tree(mesh);
+  const Tree<> tree(mesh);
   Instance<Bvh> same;
   REQUIRE(npsim::make_instance(tree.bvh, AffineTransform{}, same).ok());
   Instance<Bvh> moved;
@@ -102,7 +94,7 @@ TEST_CASE("trace instance: the identity changes nothing, and a translation by wh
 
 TEST_CASE("trace instance: hits agree with the mesh moved into the world, and points lie within their error") {
   const ScanMesh mesh = soup(200, 0.3F, 1.0F, 17);
-  const Tree tree(mesh);
+  const Tree<> tree(mesh);
   std::size_t hits = 0;
   double worst = 0;
   for (std::uint32_t i = 0; i < 60; ++i) {
@@ -150,7 +142,7 @@ TEST_CASE("trace instance: hits agree with the mesh moved into the world, and po
 
 TEST_CASE("trace instance: no leak at vertices and edges, and a spawned ray never meets the face it left") {
   const ScanMesh mesh = box();
-  const Tree tree(mesh);
+  const Tree<> tree(mesh);
   std::size_t leaks = 0;
   std::size_t own = 0;
   std::size_t spawned = 0;
@@ -186,7 +178,7 @@ TEST_CASE("trace instance: no leak at vertices and edges, and a spawned ray neve
 }
 
 TEST_CASE("trace instance: transforms without a good inverse are a status, and the instance stays") {
-  const Tree tree(box());
+  const Tree<> tree(box());
   Instance<Bvh> out;
   const float nan = std::numeric_limits<float>::quiet_NaN();
   AffineTransform flat;

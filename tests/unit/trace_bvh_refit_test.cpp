@@ -10,6 +10,7 @@
 
 #include "npsim/trace/bvh.hpp"
 #include "reference/triangle_scan.hpp"
+#include "trace_tree.hpp"
 
 namespace {
 
@@ -24,17 +25,7 @@ using npsim::reference::scan;
 using npsim::reference::ScanMesh;
 using npsim::reference::soup;
 using npsim::reference::stream;
-
-template <unsigned W, unsigned P>
-struct Tree {
-  std::vector<unsigned char> bytes;
-  npsim::WideBvh<W, P> bvh;
-
-  explicit Tree(const ScanMesh& mesh) : bytes(npsim::wide_bvh_workspace_bytes<W, P>(mesh.faces.size())) {
-    npsim::Workspace workspace(bytes.data(), bytes.size());
-    REQUIRE(npsim::build_bvh(mesh.view(), workspace, bvh).ok());
-  }
-};
+using npsim::testing::Tree;
 
 template <unsigned W, unsigned P>
 void compare(const npsim::WideBvh<W, P>& bvh, const ScanMesh& mesh, const ScanMesh& aim) {

@@ -11,6 +11,7 @@
 
 #include "npsim/trace/bvh.hpp"
 #include "reference/triangle_scan.hpp"
+#include "trace_tree.hpp"
 
 namespace {
 
@@ -25,21 +26,10 @@ using npsim::reference::scan;
 using npsim::reference::ScanMesh;
 using npsim::reference::soup;
 using npsim::reference::stream;
+using npsim::testing::Tree;
 
 constexpr float kInf = std::numeric_limits<float>::infinity();
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-
-template <unsigned W, unsigned P>
-struct Tree {
-  std::vector<unsigned char> bytes;
-  npsim::WideBvh<W, P> bvh;
-
-  explicit Tree(const ScanMesh& mesh) : bytes(npsim::wide_bvh_workspace_bytes<W, P>(mesh.faces.size())) {
-    npsim::Workspace workspace(bytes.data(), bytes.size());
-    REQUIRE(npsim::build_bvh(mesh.view(), workspace, bvh).ok());
-    REQUIRE(npsim::check_bvh(bvh, mesh.faces.size()).ok());
-  }
-};
 
 // Closest hit and occlusion, also of every third face alone; returns the number of hits.
 template <unsigned W, unsigned P>

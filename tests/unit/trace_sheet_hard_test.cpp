@@ -16,6 +16,7 @@
 #include "npsim/trace/sheet_stream.hpp"
 #include "npsim/trace/sheet_traverse.hpp"
 #include "reference/sheet_rays.hpp"
+#include "reference/triangle_scan.hpp"
 
 namespace {
 
@@ -26,6 +27,7 @@ using npsim::RandomStream;
 using npsim::Ray;
 using npsim::Shape;
 using npsim::Vec3f;
+using npsim::reference::in_cube;
 using npsim::reference::TracedSheet;
 using Scalar = npsim::simd::scalar::F32;
 
@@ -34,12 +36,6 @@ constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr float kDenormal = 1e-40F;
 
 RandomStream stream(std::uint32_t i) { return {15, RandomPurpose::test, 0, 0, i, 0}; }
-
-Vec3f in_cube(RandomStream& random, float scale) {
-  const float x = random.uniform(-scale, scale);
-  const float y = random.uniform(-scale, scale);
-  return {x, y, random.uniform(-scale, scale)};
-}
 
 bool same_bits(const Hit& a, const Hit& b) { return std::memcmp(&a, &b, sizeof a) == 0; }
 
@@ -101,7 +97,7 @@ TEST_CASE("trace sheet: rays in the plane of a face, along its edges and through
     std::vector<Ray> rays;
     for (std::uint32_t i = 0; i < 500; ++i) {
       RandomStream r = stream(i);
-      const npsim::Face f = npsim::sheet_face(sheet.trace, r.next_u32() % npsim::sheet_face_count(sheet.shape));
+      const npsim::Face f = npsim::sheet_face(sheet.trace.quads, r.next_u32() % npsim::sheet_face_count(sheet.shape));
       const Vec3f a = sheet.vertices[f.a];
       const Vec3f b = sheet.vertices[f.b];
       const Vec3f c = sheet.vertices[f.c];
@@ -356,7 +352,7 @@ TEST_CASE("trace sheet: a lamp on a vertex, on an edge, on a face, behind the ca
   std::vector<Ray> rays;
   for (std::uint32_t i = 0; i < 1200; ++i) {
     RandomStream r = stream(50000 + i);
-    const npsim::Face f = npsim::sheet_face(sheet.trace, r.next_u32() % npsim::sheet_face_count(sheet.shape));
+    const npsim::Face f = npsim::sheet_face(sheet.trace.quads, r.next_u32() % npsim::sheet_face_count(sheet.shape));
     const Vec3f a = sheet.vertices[f.a];
     const Vec3f b = sheet.vertices[f.b];
     const Vec3f c = sheet.vertices[f.c];

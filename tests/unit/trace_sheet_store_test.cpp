@@ -17,6 +17,7 @@
 #include "npsim/trace/sheet_store.hpp"
 #include "npsim/trace/sheet_traverse.hpp"
 #include "reference/sheet_rays.hpp"
+#include "trace_tree.hpp"
 
 namespace {
 
@@ -58,16 +59,14 @@ bool same_bounds(const npsim::SheetBounds& a, const npsim::SheetBounds& b) {
          a.max_inverse_depth == b.max_inverse_depth && a.pad_px == b.pad_px && a.focal_reach == b.focal_reach;
 }
 
-// Bytes at an address of whole 64.
+// A copy of a structure's bytes at an address of whole 64, or `shift` bytes past one.
 struct Stored {
-  explicit Stored(Bytes from, std::size_t shift = 0) : memory(from.size() + 128), size(from.size()) {
-    REQUIRE(size < (std::size_t{1} << 30U));  // else g++ 12 warns of a copy of 2^64 - 128 bytes
-    const auto address = reinterpret_cast<std::uintptr_t>(memory.data());
-    data = memory.data() + (64 - address % 64) % 64 + shift;
+  explicit Stored(Bytes from, std::size_t shift = 0) : block(from.size(), shift), size(from.size()) {
+    data = block.bytes.data();
     std::copy(from.begin(), from.end(), data);
   }
   [[nodiscard]] Bytes bytes() const { return {data, size}; }
-  std::vector<unsigned char> memory;
+  npsim::testing::Block block;
   std::size_t size;
   unsigned char* data = nullptr;
 };

@@ -79,7 +79,7 @@ struct Sheet {
     return (quads[face / 2] & (face % 2 == 0 ? npsim::kQuadUpperFace : npsim::kQuadLowerFace)) != 0;
   }
   [[nodiscard]] std::array<Vec3f, 3> corners(std::uint32_t face) const {
-    const Face f = npsim::sheet_face(trace, face);
+    const Face f = npsim::sheet_face(trace.quads, face);
     return {vertices[f.a], vertices[f.b], vertices[f.c]};
   }
   [[nodiscard]] std::uint32_t faces() const { return npsim::sheet_face_count(shape); }
@@ -327,7 +327,7 @@ TEST_CASE("trace sheet: the general tree over the exported faces finds the same"
   std::vector<std::uint32_t> number;
   for (std::uint32_t f = 0; f < sheet.faces(); ++f) {
     if (!sheet.has(f)) continue;
-    faces.push_back(npsim::sheet_face(sheet.trace, f));
+    faces.push_back(npsim::sheet_face(sheet.trace.quads, f));
     number.push_back(f);
   }
   std::vector<unsigned char> bytes(npsim::bvh_workspace_bytes(faces.size()));

@@ -43,6 +43,21 @@ inline constexpr std::uint8_t kQuadLowerFace = 4;     // the triangle with edge 
   return anti ? Face{b, c, d} : Face{a, c, d};
 }
 
+// Implicit faces: 2 (y quads.width() + x) is the upper, one more the lower triangle of quad (x, y). Their corners as
+// pixels, y * width + x.
+[[nodiscard]] constexpr std::uint32_t sheet_face_count(Shape pixels) noexcept {
+  return quad_shape(pixels).empty() ? 0U : 2U * static_cast<std::uint32_t>(quad_shape(pixels).pixels());
+}
+template <class Quad>  // std::uint8_t, const or not
+[[nodiscard]] Face sheet_face(const ImageView<Quad>& quads, std::uint32_t face) noexcept {
+  const auto width = static_cast<std::uint32_t>(quads.width());
+  const std::uint32_t x = face / 2 % width;
+  const std::uint32_t y = face / 2 / width;
+  const bool anti = (quads(static_cast<int>(x), static_cast<int>(y)) & kQuadAntiDiagonal) != 0;
+  const std::uint32_t a = y * (width + 1) + x;
+  return quad_face(anti, face % 2 == 0, a, a + 1, a + width + 1, a + width + 2);
+}
+
 [[nodiscard]] inline Status validate(const SheetLayer& layer) noexcept {
   if (layer.vertices.empty()) return {StatusCode::invalid_argument, "a sheet needs at least one pixel"};
   const Shape quads = quad_shape(layer.vertices.shape());

@@ -8,6 +8,7 @@
 
 #include <cstdint>
 
+#include "npsim/core/bits.hpp"
 #include "npsim/simd/bytes.hpp"
 
 namespace npsim {
@@ -15,31 +16,15 @@ inline namespace v1 {
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
-// Of words that are not 0.
-[[nodiscard]] inline int lowest_bit(std::uint64_t bits) noexcept {
-#if defined(__GNUC__) || defined(__clang__)
-  return __builtin_ctzll(bits);
-#else
-  int i = 0;
-  while ((bits >> static_cast<unsigned>(i) & 1U) == 0) ++i;
-  return i;
-#endif
+// Of 128 bits that are not all 0.
+[[nodiscard]] inline int lowest_set_bit(const std::uint64_t (&bits)[2]) noexcept {
+  return bits[0] != 0 ? npsim::lowest_set_bit(bits[0]) : 64 + npsim::lowest_set_bit(bits[1]);
 }
-[[nodiscard]] inline int highest_bit(std::uint64_t bits) noexcept {
-#if defined(__GNUC__) || defined(__clang__)
-  return 63 - __builtin_clzll(bits);
-#else
-  int i = 63;
-  while ((bits >> static_cast<unsigned>(i) & 1U) == 0) --i;
-  return i;
-#endif
+[[nodiscard]] inline int highest_set_bit(const std::uint64_t (&bits)[2]) noexcept {
+  return bits[1] != 0 ? 64 + npsim::highest_set_bit(bits[1]) : npsim::highest_set_bit(bits[0]);
 }
-[[nodiscard]] inline int lowest_bit(const std::uint64_t (&bits)[2]) noexcept {
-  return bits[0] != 0 ? lowest_bit(bits[0]) : 64 + lowest_bit(bits[1]);
-}
-[[nodiscard]] inline int highest_bit(const std::uint64_t (&bits)[2]) noexcept {
-  return bits[1] != 0 ? 64 + highest_bit(bits[1]) : highest_bit(bits[0]);
-}
+using npsim::highest_set_bit;
+using npsim::lowest_set_bit;
 
 // A row of bits as bytes 0 and 1.
 template <class F>

@@ -80,7 +80,7 @@ struct WindowSearch {
       }
     }
     if (last < 0) return;
-    const WindowBlock trimmed{block.x, block.y + first, highest_bit(any) + 1, last - first + 1};
+    const WindowBlock trimmed{block.x, block.y + first, highest_set_bit(any) + 1, last - first + 1};
     if (block_without_holes(trimmed, any, &edges[0][first], &edges[1][first])) return;
     for (int w = 0; w < kTileWords; ++w) {
       if (any[w] == 0) continue;
@@ -103,7 +103,7 @@ struct WindowSearch {
       const std::uint64_t row[kTileWords] = {left[y], right[y]};
       if ((row[0] | row[1]) == 0) continue;
       VarianceBits bits;
-      moments.decide(y, lowest_bit(row), highest_bit(row), bits);
+      moments.decide(y, lowest_set_bit(row), highest_set_bit(row), bits);
       for (int w = 0; w < kTileWords; ++w) {
         const std::uint64_t edge = row[w];
         if (edge == 0) continue;
@@ -119,7 +119,7 @@ struct WindowSearch {
   template <class Codes>
   bool word_with_holes(const WindowBlock& block, std::uint64_t any, const Codes& codes_of) const noexcept {
     CountedMoments<F> moments;
-    if (!moments.read(depth, block, lowest_bit(any), highest_bit(any))) return false;
+    if (!moments.read(depth, block, lowest_set_bit(any), highest_set_bit(any))) return false;
     if (moments.all_below(threshold)) return true;
     alignas(64) std::uint8_t least[StripCodes::kRows][2 * 64];
     alignas(64) std::uint8_t greatest[StripCodes::kRows][2 * 64];
@@ -136,7 +136,7 @@ struct WindowSearch {
       if (edge == 0) continue;
       std::uint64_t above = 0;
       std::uint64_t doubtful = 0;
-      moments.decide(y, lowest_bit(edge), highest_bit(edge), above, doubtful);
+      moments.decide(y, lowest_set_bit(edge), highest_set_bit(edge), above, doubtful);
       fires(block.x / 64, block.y + y) = (edge & above) | decide_exactly(block.x, block.y + y, edge & doubtful);
     }
     return true;
@@ -146,7 +146,7 @@ struct WindowSearch {
   [[nodiscard]] std::uint64_t decide_exactly(int x, int y, std::uint64_t doubtful) const noexcept {
     std::uint64_t above = 0;
     for (; doubtful != 0; doubtful &= doubtful - 1) {
-      const double exact = window_variance(depth.sub(x + lowest_bit(doubtful), y, {l, l}));
+      const double exact = window_variance(depth.sub(x + lowest_set_bit(doubtful), y, {l, l}));
       if (exact > threshold) above |= doubtful & (~doubtful + 1);
     }
     return above;

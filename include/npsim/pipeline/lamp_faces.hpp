@@ -170,7 +170,7 @@ inline void mark_layer(const FaceMarker& marker, const SheetLayer& layer, bool o
   const WorkspaceScope scope(workspace);
   lamp_detail::FaceMarker marker;
   NPSIM_RETURN_IF_ERROR(lamp_detail::FaceMarker::make(scene, mesh, emitters, workspace, marker));
-  const std::size_t layer = 2 * quad_shape(scene.shape()).pixels();
+  const std::size_t layer = sheet_face_count(scene.shape());
   lamp_detail::mark_layer(marker, mesh.background, false, face_mark.sub(0, layer));
   lamp_detail::mark_layer(marker, mesh.foreground, true, face_mark.sub(layer, layer));
   lamp_detail::mark_indexed(marker, mesh, mesh.sheet_faces, face_mark.sub(2 * layer, face_mark.size() - 2 * layer));

@@ -58,16 +58,10 @@ struct PointOfLayerHit {
     const ImageView<const std::uint32_t> planes[2] = {mesh->background_vertex, mesh->foreground_vertex};
     const SheetLayer* layers[2] = {&mesh->background, &mesh->foreground};
     const auto width = static_cast<std::uint32_t>(planes[0].width());
-    const auto faces = static_cast<std::uint32_t>(2 * quad_shape(planes[0].shape()).pixels());
+    const std::uint32_t faces = sheet_face_count(planes[0].shape());
     if (hit.face >= 2 * faces) return nearest_corner(mesh->mesh.faces[mesh->sheet_faces + (hit.face - 2 * faces)], hit);
     const std::uint32_t layer = hit.face < faces ? 0 : 1;
-    const std::uint32_t face = hit.face - layer * faces;
-    const std::uint32_t x = face / 2 % (width - 1);
-    const std::uint32_t y = face / 2 / (width - 1);
-    const std::uint32_t a = y * width + x;
-    const bool anti = (layers[layer]->quads(static_cast<int>(x), static_cast<int>(y)) & kQuadAntiDiagonal) != 0;
-    const std::uint32_t pixel =
-        nearest_corner(quad_face(anti, face % 2 == 0, a, a + 1, a + width, a + width + 1), hit);
+    const std::uint32_t pixel = nearest_corner(sheet_face(layers[layer]->quads, hit.face - layer * faces), hit);
     return planes[layer](static_cast<int>(pixel % width), static_cast<int>(pixel / width));
   }
 };

@@ -34,7 +34,7 @@ inline constexpr std::uint32_t kNoVertex = 0xFFFFFFFFU;
 
 // What rays meet. Points of light are one per pixel either way.
 enum class TracedFaces {
-  layers,  // every face of both layers, and the objects' backs
+  layers,  // every face of both layers, and the objects' backs; slow where vertices lie off their pixels' rays
   mesh     // the faces of the indexed mesh, however few
 };
 
@@ -64,6 +64,7 @@ struct ReconstructParams {
     params.backs = false;
     params.simplify_faces = false;
     params.simplify.max_pixel_error = kSafePixelError;  // vertices completed in position are off their rays
+    params.traced = TracedFaces::mesh;                  // by hundreds of pixels: layers would be searched whole
     return params;
   }
 };

@@ -41,9 +41,6 @@ struct LayerRays {
     NPSIM_RETURN_IF_ERROR(workspace.allocate(2, layers));
     NPSIM_RETURN_IF_ERROR(build_sheet_trace(mesh.background, view.camera, workspace, layers[0], executor));
     NPSIM_RETURN_IF_ERROR(build_sheet_trace(mesh.foreground, view.camera, workspace, layers[1], executor));
-    // A layer without a vertex still has its numbers.
-    layers[0].vertices = mesh.background.vertices;
-    layers[1].vertices = mesh.foreground.vertices;
     NPSIM_RETURN_IF_ERROR(join_layers(layers, out.scene.first));
     out.mesh = &mesh;
     const std::size_t backs = mesh.mesh.faces.size() - mesh.sheet_faces;
@@ -53,7 +50,7 @@ struct LayerRays {
   }
 
   [[nodiscard]] std::size_t face_count() const noexcept {
-    return 4 * quad_shape(mesh->visible_vertex.shape()).pixels() + mesh->mesh.faces.size() - mesh->sheet_faces;
+    return npsim::face_count(scene.first) + mesh->mesh.faces.size() - mesh->sheet_faces;
   }
   [[nodiscard]] Status mark(const SceneView& view, Span<const Emitter> emitters, Span<std::uint16_t> face_mark,
                             Workspace& workspace) const {

@@ -34,9 +34,20 @@ inline namespace v1 {
          simplify_layer_workspace_bytes(params, shape) + kWorkspaceAlignment;
 }
 
+// What a border of faces must keep apart: the label and the lamp of each pixel. labels, and light_index (position of a
+// lamp's mark + 1 at each pixel, 0 for none): may be empty.
+inline void label_and_lamp(ImageView<const Label> labels, ImageView<const std::uint16_t> light_index,
+                           ImageView<std::uint32_t> ids) noexcept {
+  for (int y = 0; y < ids.height(); ++y) {
+    for (int x = 0; x < ids.width(); ++x) {
+      const std::uint32_t light = light_index.empty() ? 0U : light_index(x, y);
+      ids(x, y) = (light << 8U) | (labels.empty() ? 0U : labels(x, y));
+    }
+  }
+}
+
 // part: what index_layer() wrote for the layer, with indices that start at first_vertex; its first face_count faces are
-// replaced, fewer are left. labels, and light_index (position of a lamp's mark + 1 at each pixel, 0 for none): may be
-// empty.
+// replaced, fewer are left. labels and light_index: see label_and_lamp().
 template <class Executor>
 [[nodiscard]] Status simplify_faces(const SimplifyParams& params, bool move_vertices, const SheetLayer& layer,
                                     ImageView<const Label> labels, ImageView<const std::uint16_t> light_index,
@@ -51,12 +62,7 @@ template <class Executor>
   const WorkspaceScope scope(workspace);
   ImageView<std::uint32_t> ids;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, ids));
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      const std::uint32_t light = light_index.empty() ? 0U : light_index(x, y);
-      ids(x, y) = (light << 8U) | (labels.empty() ? 0U : labels(x, y));
-    }
-  }
+  label_and_lamp(labels, light_index, ids);
   MeshBuffers thin;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(part.vertices.size(), thin.vertices));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(part.vertices.size(), thin.pixels));

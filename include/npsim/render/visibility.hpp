@@ -112,6 +112,12 @@ inline void plan_chunk(const VisibilityParams& params, const SurfacePoints& poin
   }
 }
 
+// A point of a chunk whose rays, side x side of them, wait in a batch.
+struct Waiting {
+  std::uint16_t point;
+  std::uint16_t side;
+};
+
 // Rays of one emitter's chunk that wait to be traced together.
 struct Batch {
   Ray rays[kRaysPerBatch];
@@ -154,7 +160,7 @@ Status compute_visibility(const VisibilityParams& params, const Scene& scene, co
   executor.for_chunks(points.size(), kPointsPerChunk, [&](std::size_t begin, std::size_t end) {
     ChunkPlan plan;
     Batch batch;
-    std::uint16_t waiting[kRaysPerBatch];  // the points whose rays wait
+    Waiting waiting[kRaysPerBatch];
     for (std::size_t e = 0; e < emitters.size() && !observer.cancelled(); ++e) {
       const Emitter& emitter = emitters[e];
       std::uint8_t* row = visibility.data() + e * points.size() + begin;
@@ -173,31 +179,26 @@ Status compute_visibility(const VisibilityParams& params, const Scene& scene, co
       for (const bool more : {false, true}) {
         std::size_t penumbra = 0;
         std::size_t waiting_count = 0;
-        const auto side_of = [&](const Vec3f& origin) {
-          if (more) return params.samples_per_side;
-          return extent < params.small_angle * length(emitter.centre_m - origin) ? 1 : 2;
-        };
-        const auto origin_of = [&](std::size_t i) {
-          return pulled_out(points.position[begin + i], points.normal[begin + i], params.relative_bias);
-        };
         const auto trace = [&] {
           occluded(scene, Span<const Ray>(batch.rays, batch.count), passes,
                    Span<std::uint8_t>(batch.blocked, batch.count));
           std::size_t ray = 0;
           for (std::size_t w = 0; w < waiting_count; ++w) {
-            const int k = side_of(origin_of(waiting[w]));
+            const int strata = waiting[w].side * waiting[w].side;
             int seen = 0;
-            for (int s = 0; s < k * k; ++s) seen += batch.blocked[ray++] == 0 ? 1 : 0;
-            row[waiting[w]] = static_cast<std::uint8_t>((255 * seen + k * k / 2) / (k * k));
-            if (!more && seen != 0 && seen != k * k) plan.traced[penumbra++] = waiting[w];
+            for (int s = 0; s < strata; ++s) seen += batch.blocked[ray++] == 0 ? 1 : 0;
+            row[waiting[w].point] = static_cast<std::uint8_t>((255 * seen + strata / 2) / strata);
+            if (!more && seen != 0 && seen != strata) plan.traced[penumbra++] = waiting[w].point;
           }
           batch.count = 0;
           waiting_count = 0;
         };
         for (std::size_t t = 0; t < remaining; ++t) {
           const std::uint16_t i = plan.traced[t];
-          const Vec3f origin = origin_of(i);
-          const int k = side_of(origin);
+          const Vec3f origin =
+              pulled_out(points.position[begin + i], points.normal[begin + i], params.relative_bias);
+          const bool small = extent < params.small_angle * length(emitter.centre_m - origin);
+          const int k = more ? params.samples_per_side : (small ? 1 : 2);
           if (batch.count + static_cast<std::size_t>(k * k) > kRaysPerBatch) trace();
           RandomStream random(params.seed, RandomPurpose::direct, 0, static_cast<std::uint32_t>(e),
                               static_cast<std::uint32_t>(begin + i), 0);
@@ -205,7 +206,7 @@ Status compute_visibility(const VisibilityParams& params, const Scene& scene, co
             for (int drawn = 0; drawn < 8; ++drawn) static_cast<void>(random.uniform());  // by the first four rays
           }
           add_rays(emitter, origin, k, random, batch);
-          waiting[waiting_count++] = i;
+          waiting[waiting_count++] = {i, static_cast<std::uint16_t>(k)};
         }
         trace();
         remaining = penumbra;

@@ -33,17 +33,6 @@ NPSIM_ALWAYS_INLINE void prefetch(const void* p) noexcept {
 #endif
 }
 
-// The lowest bit that is set; bits != 0.
-[[nodiscard]] NPSIM_ALWAYS_INLINE unsigned lowest_bit(std::uint32_t bits) noexcept {
-#if defined(__GNUC__) || defined(__clang__)
-  return static_cast<unsigned>(__builtin_ctz(bits));
-#else
-  unsigned i = 0;
-  while (((bits >> i) & 1U) == 0) ++i;
-  return i;
-#endif
-}
-
 // clang-format off
 template <unsigned N>
 struct Fixed {

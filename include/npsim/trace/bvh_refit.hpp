@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/bits.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/triangle_mesh.hpp"
 #include "npsim/simd/isa.hpp"
@@ -42,7 +43,7 @@ template <unsigned P>
     place = corners[0];
   }
   for (; unusable != 0; unusable &= unusable - 1) {
-    const unsigned lane = simd::lowest_bit(unusable);
+    const auto lane = static_cast<unsigned>(lowest_set_bit(unusable));
     write_lane({place, place, place}, pack.face[lane], lane, pack);
   }
   return box;

@@ -18,6 +18,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "npsim/core/bits.hpp"
 #include "npsim/simd/fixed.hpp"
 #include "npsim/simd/isa.hpp"
 #include "npsim/trace/bvh_layout.hpp"
@@ -110,7 +111,7 @@ inline void traverse(const WideBvh<W, P>& bvh, const RayFrame& ray, Leaf&& leaf)
       alignas(64) float enter[W];
       std::uint32_t met = children_met(node_ray_, node, ray.t_min, limit, enter);
       if (met == 0) break;
-      const unsigned first = simd::lowest_bit(met);
+      const int first = lowest_set_bit(met);
       met &= met - 1;
       if (met == 0) {
         at = node.child[first];
@@ -120,7 +121,7 @@ inline void traverse(const WideBvh<W, P>& bvh, const RayFrame& ray, Leaf&& leaf)
         at = node.child[first];
         do {
           *top++ = at;
-          at = node.child[simd::lowest_bit(met)];
+          at = node.child[lowest_set_bit(met)];
           met &= met - 1;
         } while (met != 0);
         continue;
@@ -128,7 +129,7 @@ inline void traverse(const WideBvh<W, P>& bvh, const RayFrame& ray, Leaf&& leaf)
       std::uint64_t nearest = stack_entry(enter[first], node.child[first]);
       std::uint64_t* const bottom = top;
       do {
-        const unsigned slot = simd::lowest_bit(met);
+        const int slot = lowest_set_bit(met);
         met &= met - 1;
         const std::uint64_t entry = stack_entry(enter[slot], node.child[slot]);
         // The nearest stays in a register, the others are sorted in, the nearest of them on top.
@@ -163,7 +164,7 @@ template <unsigned W, unsigned P>
     const TrianglePack<P>& pack = bvh.packs[index];
     alignas(64) PackHit<P> hit;
     for (std::uint32_t lanes = intersect_pack(frame, pack, best.t, hit); lanes != 0; lanes &= lanes - 1) {
-      const unsigned i = simd::lowest_bit(lanes);
+      const int i = lowest_set_bit(lanes);
       // At t == t_max there is no hit yet, and best.face is still kNoFace: the interval is open.
       const bool tie = hit.t[i] == best.t && best.face != kNoFace && pack.face[i] < best.face;
       if (hit.t[i] < best.t || tie) best = Hit{hit.t[i], pack.face[i], hit.u[i], hit.v[i]};

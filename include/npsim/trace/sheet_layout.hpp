@@ -116,22 +116,6 @@ struct SheetScene {
   SheetBounds bounds;
 };
 
-// Face numbers that a layer takes.
-[[nodiscard]] constexpr std::uint32_t sheet_face_count(Shape pixels) noexcept {
-  return quad_shape(pixels).empty() ? 0U : 2U * static_cast<std::uint32_t>(quad_shape(pixels).pixels());
-}
-
-// The corners of a face as pixels, y * width + x, in the order of the exported mesh.
-[[nodiscard]] inline Face sheet_face(const SheetTrace& sheet, std::uint32_t face) noexcept {
-  const auto width = static_cast<std::uint32_t>(sheet.vertices.width());
-  const std::uint32_t quad = face / 2;
-  const std::uint32_t y = quad / (width - 1);
-  const std::uint32_t x = quad % (width - 1);
-  const bool anti = (sheet.quads(static_cast<int>(x), static_cast<int>(y)) & kQuadAntiDiagonal) != 0;
-  const std::uint32_t a = y * width + x;
-  return quad_face(anti, face % 2 == 0, a, a + 1, a + width, a + width + 1);
-}
-
 namespace sheet_layout {
 
 [[nodiscard]] constexpr int groups_of(int quads) noexcept { return (quads + kSheetGroupQuads - 1) / kSheetGroupQuads; }

@@ -11,6 +11,7 @@
 
 #include <cstdint>
 
+#include "npsim/core/bits.hpp"
 #include "npsim/simd/fixed.hpp"
 #include "npsim/simd/isa.hpp"
 #include "npsim/trace/triangle.hpp"
@@ -97,7 +98,7 @@ template <unsigned P>
                                                                float limit, PackHit<P>& out) noexcept {
   std::uint32_t hits = 0;
   for (std::uint32_t rest = lanes_met(ray, pack, limit).open; rest != 0; rest &= rest - 1) {
-    const unsigned lane = simd::lowest_bit(rest);
+    const auto lane = static_cast<unsigned>(lowest_set_bit(rest));
     float vertex[3][3];
     triangle_of_lane(pack, lane, vertex);
     TriangleHit hit;
@@ -116,10 +117,10 @@ template <unsigned P, class Accept>
                                                    Accept&& accept) noexcept {
   const PackLanes lanes = lanes_met(ray, pack, ray.t_max);
   for (std::uint32_t rest = lanes.sure; rest != 0; rest &= rest - 1) {
-    if (accept(pack.face[simd::lowest_bit(rest)])) return true;
+    if (accept(pack.face[lowest_set_bit(rest)])) return true;
   }
   for (std::uint32_t rest = lanes.open & ~lanes.sure; rest != 0; rest &= rest - 1) {
-    const unsigned lane = simd::lowest_bit(rest);
+    const auto lane = static_cast<unsigned>(lowest_set_bit(rest));
     float vertex[3][3];
     triangle_of_lane(pack, lane, vertex);
     TriangleHit hit;

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a sink keeps of the nights of a generated street.
+#ifndef NPSIM_TESTS_UNIT_NIGHT_OF_STREET_HPP
+#define NPSIM_TESTS_UNIT_NIGHT_OF_STREET_HPP
+
+#include <doctest/doctest.h>
+
+#include <cstddef>
+#include <memory>
+
+#include "npsim/core/observe.hpp"
+#include "npsim/exec/thread_pool.hpp"
+#include "npsim/pipeline/night.hpp"
+#include "street/scene_view.hpp"
+#include "street/street.hpp"
+
+namespace npsim::testing {
+
+template <class Sink>
+Sink night_of(const street::Street& street, const NightParams& params) {
+  const SceneView view = view_of(street);
+  const std::size_t bytes = night_workspace_bytes(params, view);
+  const std::unique_ptr<unsigned char[]> memory(new unsigned char[bytes]);
+  Workspace workspace(memory.get(), bytes);
+  NullObserver observer;
+  ThreadPool pool(2);
+  Sink sink;
+  REQUIRE(make_nights(params, view, workspace, pool, observer, sink).ok());
+  return sink;
+}
+
+}  // namespace npsim::testing
+
+#endif  // NPSIM_TESTS_UNIT_NIGHT_OF_STREET_HPP
