@@ -32,6 +32,7 @@
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/obj.hpp"
 #include "npsim/simd/scalar.hpp"
+#include "npsim/trace/sheet_packet.hpp"
 #include "npsim/trace/sheet_stream.hpp"
 #include "subjects.hpp"
 

@@ -31,6 +31,7 @@
 #include "layers.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/trace/sheet_build.hpp"
+#include "npsim/trace/sheet_packet.hpp"
 #include "npsim/trace/sheet_stream.hpp"
 #include "npsim/trace/sheet_traverse.hpp"
 #include "npsim/trace/spawn.hpp"

@@ -40,10 +40,13 @@ template <class Accept>
 [[nodiscard]] bool occluded(const Counted& c, const Ray& ray, Accept&& accept) {
   return npsim::occluded(c.bvh, ray, accept);
 }
-void closest_hits(const Counted& c, Span<const Ray> rays, Span<Hit> hits) { npsim::closest_hits(c.bvh, rays, hits); }
+void closest_hits(const Counted& c, Span<const Ray> rays, Span<Hit> hits, Span<const std::uint8_t> active = {}) {
+  npsim::closest_hits(c.bvh, rays, hits, active);
+}
 template <class Accept>
-void occluded(const Counted& c, Span<const Ray> rays, Accept&& accept, Span<std::uint8_t> blocked) {
-  npsim::occluded(c.bvh, rays, accept, blocked);
+void occluded(const Counted& c, Span<const Ray> rays, Accept&& accept, Span<std::uint8_t> blocked,
+              Span<const std::uint8_t> active = {}) {
+  npsim::occluded(c.bvh, rays, accept, blocked, active);
 }
 
 struct Soup {

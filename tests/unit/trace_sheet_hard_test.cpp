@@ -13,6 +13,7 @@
 #include "npsim/core/random.hpp"
 #include "npsim/simd/scalar.hpp"
 #include "npsim/trace/sheet_build.hpp"
+#include "npsim/trace/sheet_packet.hpp"
 #include "npsim/trace/sheet_stream.hpp"
 #include "npsim/trace/sheet_traverse.hpp"
 #include "reference/sheet_rays.hpp"

@@ -10,6 +10,7 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/trace/sheet_build.hpp"
+#include "npsim/trace/sheet_packet.hpp"
 #include "npsim/trace/sheet_stream.hpp"
 #include "npsim/trace/sheet_traverse.hpp"
 

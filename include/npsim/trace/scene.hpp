@@ -8,6 +8,8 @@
 //   void occluded(const S&, Span<const Ray>, accept, Span<std::uint8_t> blocked)
 //                                                             the same of many rays: 1 where one does, else 0
 //   void closest_hits(const S&, Span<const Ray>, Span<Hit>)   the nearest face of many rays; kNoFace: none
+// The last two take Span<const std::uint8_t> active besides: rays where it is 0 are left out, their answers stay as
+// they are; empty: all are traced.
 // They are here for SheetScene (layers over the pixel grid), Bvh (any mesh) and JoinedScene of two such types, in which
 // the faces of the second follow the first's face_count(). Code that takes a scene as a template parameter pays only
 // for what its type holds; in a JoinedScene an empty part costs one comparison a ray.
@@ -26,7 +28,7 @@
 #include "npsim/trace/bvh.hpp"
 #include "npsim/trace/ray.hpp"
 #include "npsim/trace/sheet_layout.hpp"
-#include "npsim/trace/sheet_stream.hpp"
+#include "npsim/trace/sheet_packet.hpp"
 #include "npsim/trace/sheet_traverse.hpp"
 
 namespace npsim {
@@ -77,24 +79,32 @@ template <class First, class Second, class Accept>
 
 // One after the other; what shadowed the last ray is tried first.
 template <class Accept>
-void occluded(const Bvh& bvh, Span<const Ray> rays, Accept&& accept, Span<std::uint8_t> blocked) noexcept {
+void occluded(const Bvh& bvh, Span<const Ray> rays, Accept&& accept, Span<std::uint8_t> blocked,
+              Span<const std::uint8_t> active = {}) noexcept {
   std::uint32_t likely = kNoFace;
-  for (std::size_t i = 0; i < rays.size(); ++i) blocked[i] = occluded(bvh, rays[i], accept, likely) ? 1 : 0;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    if (!active.empty() && active[i] == 0) continue;
+    blocked[i] = occluded(bvh, rays[i], accept, likely) ? 1 : 0;
+  }
 }
 
-inline void closest_hits(const Bvh& bvh, Span<const Ray> rays, Span<Hit> hits) noexcept {
+inline void closest_hits(const Bvh& bvh, Span<const Ray> rays, Span<Hit> hits,
+                         Span<const std::uint8_t> active = {}) noexcept {
   for (std::size_t i = 0; i < rays.size(); ++i) {
+    if (!active.empty() && active[i] == 0) continue;
     hits[i] = Hit{};
     static_cast<void>(closest_hit(bvh, rays[i], hits[i]));
   }
 }
 
 template <class First, class Second>
-void closest_hits(const JoinedScene<First, Second>& scene, Span<const Ray> rays, Span<Hit> hits) noexcept {
-  closest_hits(scene.first, rays, hits);
+void closest_hits(const JoinedScene<First, Second>& scene, Span<const Ray> rays, Span<Hit> hits,
+                  Span<const std::uint8_t> active = {}) noexcept {
+  closest_hits(scene.first, rays, hits, active);
   if (is_empty(scene.second)) return;
   const std::uint32_t first_face = face_count(scene.first);
   for (std::size_t i = 0; i < rays.size(); ++i) {
+    if (!active.empty() && active[i] == 0) continue;
     Ray rest = rays[i];
     if (hits[i].face != kNoFace) rest.t_max = hits[i].t;
     Hit nearer;
@@ -108,8 +118,8 @@ inline constexpr std::size_t kJoinedBatch = 128;
 
 template <class First, class Second, class Accept>
 void occluded(const JoinedScene<First, Second>& scene, Span<const Ray> rays, Accept&& accept,
-              Span<std::uint8_t> blocked) noexcept {
-  occluded(scene.first, rays, accept, blocked);
+              Span<std::uint8_t> blocked, Span<const std::uint8_t> active = {}) noexcept {
+  occluded(scene.first, rays, accept, blocked, active);
   if (is_empty(scene.second)) return;
   const std::uint32_t first_face = face_count(scene.first);
   const auto accept_second = [&](std::uint32_t face) noexcept { return accept(first_face + face); };
@@ -118,7 +128,7 @@ void occluded(const JoinedScene<First, Second>& scene, Span<const Ray> rays, Acc
   std::size_t whose[kJoinedBatch];
   std::size_t count = 0;
   for (std::size_t i = 0; i < rays.size(); ++i) {
-    if (blocked[i] == 0) {
+    if (blocked[i] == 0 && (active.empty() || active[i] != 0)) {
       rest[count] = rays[i];
       whose[count++] = i;
     }

@@ -13,7 +13,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <type_traits>
 
 #include "npsim/core/bits.hpp"
 #include "npsim/core/span.hpp"
@@ -72,8 +71,9 @@ struct StreamList {
 template <class F, class Query>
 class Stream {
  public:
-  Stream(Span<const SheetTrace> layers, const SheetBounds& bounds, Span<const Ray> rays, const Query& query) noexcept
-      : layers_(layers), bounds_(bounds), input_(rays), query_(query) {}
+  Stream(Span<const SheetTrace> layers, const SheetBounds& bounds, Span<const Ray> rays, const Query& query,
+         Span<const std::uint8_t> active) noexcept
+      : layers_(layers), bounds_(bounds), input_(rays), active_(active), query_(query) {}
 
   void run() noexcept {
     for (int i = 0; i < kStreamRays; ++i) {
@@ -120,6 +120,7 @@ class Stream {
       }
       if (s.index < input_.size()) query_.end(s.answer, s.index);
       s.index = input_.size();
+      while (!active_.empty() && next_ < input_.size() && active_[next_] == 0) ++next_;
       if (next_ == input_.size()) return Step::none;
       start(s, next_++);
     }
@@ -228,6 +229,7 @@ class Stream {
   Span<const SheetTrace> layers_;
   const SheetBounds& bounds_;
   Span<const Ray> input_;
+  Span<const std::uint8_t> active_;
   const Query& query_;
   std::size_t next_ = 0;
   StreamList lists_[4];
@@ -235,30 +237,27 @@ class Stream {
   Slot slots_[kStreamRays];
 };
 
+// `active`: 0 where a ray is left out and its answer stays as it is; empty: all are traced.
 template <class F, class Query>
-void trace_stream(Span<const SheetTrace> layers, const SheetBounds& bounds, Span<const Ray> rays,
-                  const Query& query) noexcept {
+void trace_stream(Span<const SheetTrace> layers, const SheetBounds& bounds, Span<const Ray> rays, const Query& query,
+                  Span<const std::uint8_t> active) noexcept {
   if (layers.empty()) {
-    for (std::size_t i = 0; i < rays.size(); ++i) query.miss(i);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      if (active.empty() || active[i] != 0) query.miss(i);
+    }
     return;
   }
-  Stream<F, Query>(layers, bounds, rays, query).run();
+  Stream<F, Query>(layers, bounds, rays, query, active).run();
 }
 
 }  // namespace sheet_detail
 
-// blocked[i]: 1 where some face with accept(face) lies on ray i, else 0; one for every ray. `accept` may be asked about
-// the faces of the rays in any order.
-template <class F = simd::F32, class Accept>
-void occluded(const SheetScene& scene, Span<const Ray> rays, Accept&& accept, Span<std::uint8_t> blocked) noexcept {
-  using Query = sheet_detail::AnyQuery<std::remove_reference_t<Accept>>;
-  sheet_detail::trace_stream<F>(scene.layers, scene.bounds, rays, Query{accept, blocked});
-}
-
-// hits[i]: the nearest face that ray i meets, a Hit without a face where there is none; one for every ray.
+// hits[i]: the nearest face that ray i meets, a Hit without a face where there is none; one for every ray. `active`:
+// where it is 0 the ray is left out and hits[i] stays as it is; empty: all are traced.
 template <class F = simd::F32>
-void closest_hits(const SheetScene& scene, Span<const Ray> rays, Span<Hit> hits) noexcept {
-  sheet_detail::trace_stream<F>(scene.layers, scene.bounds, rays, sheet_detail::ClosestQuery{hits});
+void closest_hits(const SheetScene& scene, Span<const Ray> rays, Span<Hit> hits,
+                  Span<const std::uint8_t> active = {}) noexcept {
+  sheet_detail::trace_stream<F>(scene.layers, scene.bounds, rays, sheet_detail::ClosestQuery{hits}, active);
 }
 
 }  // namespace NPSIM_ISA_NAMESPACE

@@ -52,7 +52,8 @@ template <class F>
 struct Crossing {
   F enter, leave;
 
-  NPSIM_ALWAYS_INLINE Crossing(const SheetRay& ray, float x, float y, float size, int part) noexcept {
+  template <class R>
+  NPSIM_ALWAYS_INLINE Crossing(const R& ray, float x, float y, float size, int part) noexcept {
     const F columns = fma(simd::block_columns<F>(part), F(size), F(x));
     const F rows = fma(simd::block_rows<F>(part), F(size), F(y));
     // Times a power of two: exact.
@@ -66,8 +67,8 @@ struct Crossing {
 };
 
 // Lanes whose crossing comes within `half` (and the pads) of the plane w = base + gx (u - x) + gy (v - y).
-template <class F>
-[[nodiscard]] NPSIM_ALWAYS_INLINE typename F::MaskType meets_slab(const SheetRay& ray, const Crossing<F>& c, F from_x,
+template <class F, class R>
+[[nodiscard]] NPSIM_ALWAYS_INLINE typename F::MaskType meets_slab(const R& ray, const Crossing<F>& c, F from_x,
                                                                   F from_y, F base, F gx, F gy, F half) noexcept {
   // The difference at s = 0, and its change to s = 1.
   const F at = fma(-gx, from_x, fma(-gy, from_y, F(ray.w) - base));
