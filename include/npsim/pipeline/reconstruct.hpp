@@ -64,7 +64,7 @@ struct ReconstructParams {
     params.backs = false;
     params.simplify_faces = false;
     params.simplify.max_pixel_error = kSafePixelError;  // vertices completed in position are off their rays
-    params.traced = TracedFaces::mesh;                  // by hundreds of pixels: layers would be searched whole
+    params.traced = TracedFaces::mesh;                  // by tens of pixels: most of a layer would be searched
     return params;
   }
 };
