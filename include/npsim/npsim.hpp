@@ -117,6 +117,7 @@
 #include "npsim/trace/sheet_beam.hpp"
 #include "npsim/trace/sheet_build.hpp"
 #include "npsim/trace/sheet_face_lanes.hpp"
+#include "npsim/trace/sheet_faces.hpp"
 #include "npsim/trace/sheet_inverse_depth.hpp"
 #include "npsim/trace/sheet_join.hpp"
 #include "npsim/trace/sheet_layout.hpp"

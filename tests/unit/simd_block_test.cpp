@@ -11,13 +11,14 @@ namespace {
 
 template <class F>
 void check_blocks() {
-  float image[7 * 9];
-  for (std::size_t i = 0; i < 63; ++i) image[i] = static_cast<float>(i * i);
+  float image[5 * 23];
+  for (std::size_t i = 0; i < 115; ++i) image[i] = static_cast<float>(i * i);
   for (int part = 0; part < npsim::simd::kBlockElements / F::lanes; ++part) {
-    const F block = npsim::simd::load_block<F>(image + 11, 9, part);
+    F columns[4];
+    npsim::simd::load_columns<F>(image + 7, 23, part, columns);
     for (int lane = 0; lane < F::lanes; ++lane) {
       const int k = part * F::lanes + lane;
-      CHECK(block.lane(lane) == image[11 + 9 * (k / 4) + k % 4]);
+      for (int i = 0; i < 4; ++i) CHECK(columns[i].lane(lane) == image[7 + 23 * (k / 4) + 4 * (k % 4) + i]);
       CHECK(npsim::simd::block_columns<F>(part).lane(lane) == static_cast<float>(k % 4));
       CHECK(npsim::simd::block_rows<F>(part).lane(lane) == static_cast<float>(k / 4));
     }
@@ -26,7 +27,7 @@ void check_blocks() {
 
 }  // namespace
 
-TEST_CASE("simd block: the elements of 4x4 pixels in raster order, for any number of lanes") {
+TEST_CASE("simd block: columns of 4x4 blocks, and the places of 16 elements in raster order, for any number of lanes") {
   check_blocks<npsim::simd::F32>();
   check_blocks<npsim::simd::scalar::F32>();
 }

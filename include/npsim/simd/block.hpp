@@ -2,14 +2,14 @@
 // Blocks of 4x4 values of an image in batches: lane l of part p is element k = p lanes + l, in raster order.
 //
 // A kernel over a block runs for p = 0 .. 16 / lanes - 1: once with 16 lanes, sixteen times with one.
-//   load_block<F>(p, stride, part): the elements p[(k / 4) stride + k % 4].
+//   load_columns<F>(p, stride, part, out): column i of 4x4 blocks side by side, out[i] = p[(k / 4) stride + 4 (k % 4) +
+//   i] for i = 0 .. 3, k being the block.
 //   block_columns<F>(part), block_rows<F>(part): k % 4 and k / 4 as floats.
-// Moves only: exact. Cost: with 16 lanes four loads and three insertions.
+// Moves only: exact. Cost: four loads and eight permutations for four columns.
 #ifndef NPSIM_SIMD_BLOCK_HPP
 #define NPSIM_SIMD_BLOCK_HPP
 
 #include <cstddef>
-#include <type_traits>
 
 #include "npsim/simd/batch.hpp"
 
@@ -21,30 +21,20 @@ namespace simd {
 inline constexpr int kBlockElements = 16;
 
 template <class F>
-[[nodiscard]] NPSIM_ALWAYS_INLINE F load_block(const float* p, std::ptrdiff_t stride, int part) noexcept {
-#if defined(NPSIM_SIMD_AVX512)
-  if constexpr (std::is_same_v<F, native::F32>) {
-    const __m128 last = _mm_loadu_ps(p + 3 * stride);
-    const __m256 upper = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(p)), _mm_loadu_ps(p + stride), 1);
-    const __m256 lower = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(p + 2 * stride)), last, 1);
-    return F(native::FloatBatch(_mm512_insertf32x8(_mm512_castps256_ps512(upper), lower, 1)));
-  }
-#elif defined(NPSIM_SIMD_AVX2)
-  if constexpr (std::is_same_v<F, native::F32>) {
-    const float* q = p + 2 * part * stride;
-    return F(
-        native::FloatBatch(_mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(q)), _mm_loadu_ps(q + stride), 1)));
-  }
-#endif
-  const int first = part * F::lanes;
-  static_assert(F::lanes <= 4 || F::lanes == 8 || F::lanes == 16);
-  const float* q = p + (first / 4) * stride + first % 4;
-  if constexpr (F::lanes <= 4) {
-    return F::load(q);
+NPSIM_ALWAYS_INLINE void load_columns(const float* p, std::ptrdiff_t stride, int part, F (&out)[4]) noexcept {
+  static_assert(F::lanes == 1 || F::lanes == 4 || F::lanes == 8 || F::lanes == 16);
+  if constexpr (F::lanes == 1) {
+    for (int i = 0; i < 4; ++i) out[i] = F::load(p + (part / 4) * stride + 4 * (part % 4) + i);
   } else {
-    float all[F::lanes];
-    for (int i = 0; i < F::lanes; ++i) all[i] = q[(i / 4) * stride + i % 4];
-    return F::load(all);
+    const auto quarter = [=](int m) noexcept {
+      return F::load(p + (part * F::lanes / 4 + m * F::lanes / 16) * stride + m * F::lanes % 16);
+    };
+    const F even[2] = {even_lanes(quarter(0), quarter(1)), even_lanes(quarter(2), quarter(3))};
+    const F odd[2] = {odd_lanes(quarter(0), quarter(1)), odd_lanes(quarter(2), quarter(3))};
+    out[0] = even_lanes(even[0], even[1]);
+    out[1] = even_lanes(odd[0], odd[1]);
+    out[2] = odd_lanes(even[0], even[1]);
+    out[3] = odd_lanes(odd[0], odd[1]);
   }
 }
 

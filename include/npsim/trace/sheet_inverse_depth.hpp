@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The heightfield of a sheet's ray structure: inverse depths of a row of vertices, and where the vertices are.
+// The heightfield of a sheet's ray structure: inverse depths of vertices, strip by strip, and where the vertices are.
 //
 // A vertex that is missing, not finite, beyond kTraceMaxCoordinate or nearer than kSheetMinDepth has inverse depth 0:
 // its faces are left out. Vertices may lie off their pixels' rays: the largest distance is found, and every test of a
-// ray is that much more generous, which costs speed and nothing else. Cost: one pass, about 1 ns a pixel. Memory: none.
+// ray is that much more generous, which costs speed and nothing else. Nothing is kept but what tiles are made of.
+// Cost: one pass, about 1 ns a pixel. Memory: a strip, 10 KiB of stack.
 // Error: an inverse depth is 1 / depth rounded once.
 #ifndef NPSIM_TRACE_SHEET_INVERSE_DEPTH_HPP
 #define NPSIM_TRACE_SHEET_INVERSE_DEPTH_HPP
@@ -16,6 +17,7 @@
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/simd/batch.hpp"
+#include "npsim/simd/fixed.hpp"
 #include "npsim/trace/sheet_layout.hpp"
 #include "npsim/trace/triangle.hpp"
 
@@ -29,56 +31,102 @@ namespace sheet_detail {
 
 using sheet_layout::RowBounds;
 
-// Inverse depths of one row of pixels, given to put(x, n inverse depths of them, n), and what its vertices add to the
-// bounds.
-template <class F, class Put>
-void invert_row(const SheetTrace& sheet, int y, RowBounds& bounds, Put&& put) noexcept {
+inline constexpr int kStripGroups = 8;
+inline constexpr int kStripQuads = kStripGroups * kSheetGroupQuads;
+
+// What vertices add to the bounds of a row of groups.
+template <class F>
+struct FoundBounds {
+  F low[3];
+  F high[3];
+  F greatest = F(0.0F);
+  F off = F(0.0F);
+
+  FoundBounds() noexcept {
+    for (int i = 0; i < 3; ++i) {
+      low[i] = F(std::numeric_limits<float>::infinity());
+      high[i] = F(-std::numeric_limits<float>::infinity());
+    }
+  }
+  [[nodiscard]] RowBounds bounds() const noexcept {
+    const float inf = std::numeric_limits<float>::infinity();
+    RowBounds out{{inf, inf, inf}, {-inf, -inf, -inf}, 0.0F, 0.0F};
+    for (int i = 0; i < F::lanes; ++i) {
+      for (int c = 0; c < 3; ++c) {
+        // + 0: of zeros of both signs the least would depend on the number of lanes.
+        out.low[c] = std::min(out.low[c], low[c].lane(i) + 0.0F);
+        out.high[c] = std::max(out.high[c], high[c].lane(i) + 0.0F);
+      }
+      out.max_inverse_depth = std::max(out.max_inverse_depth, greatest.lane(i));
+      out.off_grid_px = std::max(out.off_grid_px, off.lane(i));
+    }
+    return out;
+  }
+};
+
+// Inverse depths of pixels [x0, x1) of row y.
+template <class F>
+void invert_row(const SheetTrace& sheet, int y, int x0, int x1, float* out, FoundBounds<F>& found) noexcept {
   using M = typename F::MaskType;
-  const int width = sheet.vertices.width();
   const Intrinsics& k = sheet.intrinsics;
   const F inf(std::numeric_limits<float>::infinity());
-  F low[3] = {inf, inf, inf};
-  F high[3] = {-inf, -inf, -inf};
-  F greatest(0.0F);
-  F off(0.0F);
   const Vec3f* p = sheet.vertices.row(y);
   const float v = static_cast<float>(y) + 0.5F - k.cy;
-  for (int x = 0; x < width; x += F::lanes) {
-    const int n = std::min(F::lanes, width - x);
+  FoundBounds<F> all = found;
+  for (int x = x0; x < x1; x += F::lanes) {
+    const int n = std::min(F::lanes, x1 - x);
+    // The next strip's pixels: rows of strips are too short for the machine to see them coming.
+    for (int i = 0; i < F::lanes; i += 5) simd::prefetch(p + std::min(x + kStripQuads + i, sheet.vertices.width() - 1));
     const simd::F32x3<F> at = simd::load3<F>(&p[x].x, n);
     const M good = (at.z >= F(kSheetMinDepth)) & (at.z <= F(kTraceMaxCoordinate)) &
                    (abs(at.x) <= F(kTraceMaxCoordinate)) & (abs(at.y) <= F(kTraceMaxCoordinate));
     const F w = select(good, F(1.0F) / select(good, at.z, F(1.0F)), F(0.0F));
-    put(x, w, n);
-    const F all[3] = {at.x, at.y, at.z};
-    for (int i = 0; i < 3; ++i) {
-      low[i] = min(select(good, all[i], inf), low[i]);
-      high[i] = max(select(good, all[i], -inf), high[i]);
+    if (n == F::lanes) {
+      w.store(out + (x - x0));
+    } else {
+      w.store(out + (x - x0), n);
     }
-    greatest = max(w, greatest);
+    const F xyz[3] = {at.x, at.y, at.z};
+    for (int i = 0; i < 3; ++i) {
+      all.low[i] = min(select(good, xyz[i], inf), all.low[i]);
+      all.high[i] = max(select(good, xyz[i], -inf), all.high[i]);
+    }
+    all.greatest = max(w, all.greatest);
     const F u = to_float(typename F::Int(x) + F::Int::iota()) + F(0.5F - k.cx);
     const F du = abs(at.x * w * F(k.fx) - u);
     const F dv = abs(at.y * w * F(k.fy) - F(v));
-    off = max(select(good, max(du, dv), F(0.0F)), off);
+    all.off = max(select(good, max(du, dv), F(0.0F)), all.off);
   }
-  for (int i = 0; i < F::lanes; ++i) {
-    for (int c = 0; c < 3; ++c) {
-      // + 0: of zeros of both signs the least would depend on the number of lanes.
-      bounds.low[c] = std::min(bounds.low[c], low[c].lane(i) + 0.0F);
-      bounds.high[c] = std::max(bounds.high[c], high[c].lane(i) + 0.0F);
-    }
-    bounds.max_inverse_depth = std::max(bounds.max_inverse_depth, greatest.lane(i));
-    bounds.off_grid_px = std::max(bounds.off_grid_px, off.lane(i));
-  }
+  found = all;
 }
 
-// The rows of pixels of a row of groups.
-struct PixelRows {
-  int begin, end;
+// Inverse depths of kStripGroups groups side by side, and of the pixels that close them on the right and below.
+struct InverseDepths {
+  static constexpr int kRows = kSheetGroupQuads + 1;
+  static constexpr int kStride = kStripQuads + 16;
+  alignas(64) float w[kRows][kStride];
 };
-[[nodiscard]] inline PixelRows rows_of_group(Shape plane, int group, int groups) noexcept {
-  const int begin = kSheetGroupQuads * group;
-  return {begin, group + 1 == groups ? plane.height : begin + kSheetGroupQuads};
+
+// Those of the groups from `first` on in row `row` of groups, 0 beside the layer. For first > 0 `strip` has to hold
+// those before.
+template <class F>
+void invert_strip(const SheetTrace& sheet, int row, int first, InverseDepths& strip, FoundBounds<F>& found) noexcept {
+  const Shape pixels = sheet.vertices.shape();
+  const int left = kSheetGroupQuads * first;
+  for (int j = 0; j < InverseDepths::kRows; ++j) {
+    float* const w = strip.w[j];
+    const int y = kSheetGroupQuads * row + j;
+    if (first > 0) w[0] = w[kStripQuads];
+    const int begin = first > 0 ? 1 : 0;
+    const int end = y < pixels.height ? std::min(kStripQuads + 1, pixels.width - left) : begin;
+    invert_row<F>(sheet, y, left + begin, left + end, w + begin, found);
+    if (y < sheet.quads.height()) {
+      for (int i = 0; i < kStripQuads; i += 64) {
+        simd::prefetch(sheet.quads.row(y) + std::min(left + kStripQuads + i, sheet.quads.width() - 1));
+      }
+    }
+    std::fill(w + end, w + kStripQuads + 1, 0.0F);
+  }
 }
 
 [[nodiscard]] inline RowBounds no_bounds() noexcept {

@@ -1,21 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ray structure of one layer of the scene (mesh/layer.hpp): a plane of inverse depths and a pyramid over it.
+// The ray structure of one layer of the scene (core/sheet_layer.hpp): a pyramid over its inverse depths.
 //
 // In (column, row, 1 / depth), columns and rows counted from the centre of the first pixel, a pinhole camera maps lines
 // to lines and planes to planes, and the layer is a heightfield w(u, v) over a regular grid. The pyramid has 4x4
 // children a node:
-//   tile   4x4 quads: which faces there are, and a sheared slab |w - (base + gx (u - x) + gy (v - y))| <= half round
-//          them, (x, y) being the tile's first pixel; 16 tiles side by side make a SheetTiles;
+//   tile   4x4 quads: a sheared slab |w - (base + gx (u - x) + gy (v - y))| <= half round them, (x, y) being the tile's
+//          first pixel; 16 tiles side by side make a SheetTiles. Its SheetRelief says which faces there are, and where
+//          in the slab its vertices lie, in 255ths of it;
 //   node   16 SheetTiles or 16 nodes: the least and the greatest w of each.
 // Faces keep their implicit numbers: 2 (y (width - 1) + x) for the upper, one more for the lower triangle of quad (x,
 // y).
 //
 // Invariants: every face that can be hit has its bit set and lies in the slab and the bounds of everything above it
 // (to within the rounding that sheet_ray.hpp allows for); a tile without a face has half = -infinity. Vertices and
-// quads are not copied: the caller keeps them. Memory: 2.7 bytes a triangle of a full layer: 4 bytes a pixel, 20 bytes
-// a tile, 8 bytes a SheetTiles and their nodes.
+// quads are not copied: the caller keeps them. Memory: 2.02 bytes a triangle of a full layer: 64 bytes a tile, 8.5
+// bytes a SheetTiles and the nodes above.
 //
-// All of it is one block of bytes without an address in it: SheetHeader, plane, tiles, nodes, bounds of rows, each
+// All of it is one block of bytes without an address in it: SheetHeader, tiles, reliefs, nodes, bounds of rows, each
 // padded with zeros to whole 64 bytes. It can be stored and attached again (sheet_store.hpp).
 #ifndef NPSIM_TRACE_SHEET_LAYOUT_HPP
 #define NPSIM_TRACE_SHEET_LAYOUT_HPP
@@ -42,9 +43,21 @@ struct alignas(64) SheetTiles {
   float gx[16];
   float gy[16];
   float half[16];
-  std::uint32_t faces[16];  // bit k: the upper triangle of quad k of the tile, in raster order; bit 16 + k: the lower
 };
-static_assert(sizeof(SheetTiles) == 320);
+static_assert(sizeof(SheetTiles) == 256);
+
+// Of one tile: vertex (i, j) of its 5x5 lies at base - half + gx i + gy j + q step with step = half kSheetReliefStep,
+// to within kSheetReliefError steps; q is 0 where no face has the vertex.
+struct alignas(16) SheetRelief {
+  std::uint8_t left[20];   // q of i = 0 .. 3, row after row
+  std::uint8_t right[20];  // of i = 1 .. 4: with those above the corners of 16 quads in four loads
+  std::uint32_t faces;     // bit k: the upper triangle of quad k, in raster order; bit 16 + k: the lower
+  std::uint32_t unused;    // 0
+};
+static_assert(sizeof(SheetRelief) == 48);
+
+inline constexpr float kSheetReliefStep = 2.0F / 255.0F;
+inline constexpr float kSheetReliefError = 0.5F + 0x1p-8F;  // half a step, and what rounding adds
 
 struct alignas(64) SheetNode {
   float low[16];
@@ -83,14 +96,14 @@ struct alignas(64) SheetHeader {
 static_assert(sizeof(SheetHeader) == 64);
 
 inline constexpr std::uint32_t kSheetMagic = 0x5453504EU;  // "NPST"
-inline constexpr std::uint32_t kSheetVersion = 1;          // another one for every change of what a block holds
+inline constexpr std::uint32_t kSheetVersion = 2;          // another one for every change of what a block holds
 
 // Views of the layer and of the workspace that build_sheet_trace() was given. Without levels nothing is ever hit.
 struct SheetTrace {
   ImageView<const Vec3f> vertices;
   ImageView<const std::uint8_t> quads;
-  ImageView<const float> inverse_depth;  // 0 where there is no vertex, and in the margin that makes loads safe
   Span<const SheetTiles> tiles;
+  Span<const SheetRelief> relief;  // 16 for each SheetTiles
   Span<const SheetNode> nodes;
   int levels = 0;                           // level 0 is the tiles'
   std::size_t first[kSheetMaxLevels] = {};  // of the nodes of a level in `nodes`; first[0] is not used
@@ -119,12 +132,6 @@ struct SheetScene {
 namespace sheet_layout {
 
 [[nodiscard]] constexpr int groups_of(int quads) noexcept { return (quads + kSheetGroupQuads - 1) / kSheetGroupQuads; }
-
-// Of the plane of inverse depths: whole groups and one pixel more, and what the last load of four reads.
-[[nodiscard]] constexpr Shape plane_shape(Shape pixels) noexcept {
-  const Shape q = quad_shape(pixels);
-  return {kSheetGroupQuads * groups_of(q.width) + 4, kSheetGroupQuads * groups_of(q.height) + 1};
-}
 
 struct Levels {
   int count = 0;
@@ -176,19 +183,20 @@ struct RowBounds {
 
 // Where the parts of a block start, in bytes.
 struct Block {
-  std::size_t plane = 0;
   std::size_t tiles = 0;
+  std::size_t relief = 0;
   std::size_t nodes = 0;
   std::size_t rows = 0;
   std::size_t bytes = 0;
 };
 
-[[nodiscard]] constexpr Block block_of(Shape pixels, const Levels& levels) noexcept {
+[[nodiscard]] constexpr Block block_of(const Levels& levels) noexcept {
   const auto rows = static_cast<std::size_t>(levels.down[0]);
   Block out;
-  out.plane = sizeof(SheetHeader);
-  out.tiles = out.plane + allocation_bytes<float>(plane_shape(pixels).pixels());
-  out.nodes = out.tiles + allocation_bytes<SheetTiles>(static_cast<std::size_t>(levels.across[0]) * rows);
+  const std::size_t groups = static_cast<std::size_t>(levels.across[0]) * rows;
+  out.tiles = sizeof(SheetHeader);
+  out.relief = out.tiles + allocation_bytes<SheetTiles>(groups);
+  out.nodes = out.relief + allocation_bytes<SheetRelief>(16 * groups);
   out.rows = out.nodes + allocation_bytes<SheetNode>(levels.nodes);
   out.bytes = out.rows + allocation_bytes<RowBounds>(rows);
   return out;
@@ -197,14 +205,13 @@ struct Block {
 // The views of a layer's structure in the bytes of a block; nothing in them is read.
 [[nodiscard]] inline SheetTrace views_of(const SheetLayer& layer, const Levels& levels,
                                          Span<const unsigned char> bytes) noexcept {
-  const Shape shape = layer.vertices.shape();
-  const Block block = block_of(shape, levels);
+  const Block block = block_of(levels);
   SheetTrace out;
   out.vertices = layer.vertices;
   out.quads = layer.quads;
-  out.inverse_depth = {reinterpret_cast<const float*>(bytes.data() + block.plane), plane_shape(shape)};
-  out.tiles = {reinterpret_cast<const SheetTiles*>(bytes.data() + block.tiles),
-               static_cast<std::size_t>(levels.across[0]) * static_cast<std::size_t>(levels.down[0])};
+  const std::size_t groups = static_cast<std::size_t>(levels.across[0]) * static_cast<std::size_t>(levels.down[0]);
+  out.tiles = {reinterpret_cast<const SheetTiles*>(bytes.data() + block.tiles), groups};
+  out.relief = {reinterpret_cast<const SheetRelief*>(bytes.data() + block.relief), 16 * groups};
   out.nodes = {reinterpret_cast<const SheetNode*>(bytes.data() + block.nodes), levels.nodes};
   for (int level = 0; level < levels.count; ++level) {
     out.first[level] = levels.first[level];
@@ -220,7 +227,7 @@ struct Block {
 [[nodiscard]] constexpr std::size_t sheet_workspace_bytes(Shape pixels) noexcept {
   const sheet_layout::Levels levels = sheet_layout::levels_of(pixels);
   if (levels.count == 0) return kWorkspaceAlignment;
-  return sheet_layout::block_of(pixels, levels).bytes + kWorkspaceAlignment;
+  return sheet_layout::block_of(levels).bytes + kWorkspaceAlignment;
 }
 
 }  // namespace v1

@@ -67,34 +67,6 @@ struct RayOfPacket {
         pad_w(r.pad_w[k]) {}
 };
 
-// The slabs of the quads of a tile, of all or part of them.
-template <class F>
-struct QuadSlabs {
-  F base, gx, gy, half;
-  NPSIM_ALWAYS_INLINE void load(const SheetTrace& sheet, int x, int y, std::uint32_t faces, int part) noexcept {
-    const std::ptrdiff_t stride = sheet.inverse_depth.stride();
-    const float* w = sheet.inverse_depth.row(y) + x;
-    const F a = simd::load_block<F>(w, stride, part);
-    const F b = simd::load_block<F>(w + 1, stride, part);
-    const F c = simd::load_block<F>(w + stride, stride, part);
-    const F d = simd::load_block<F>(w + stride + 1, stride, part);
-    const F off = F(0.25F) * ((a - b) + (d - c));
-    const auto whole = F::MaskType::from_bits((faces & faces >> 16U) >> static_cast<unsigned>(part * F::lanes));
-    gx = F(0.5F) * ((b - a) + (d - c));
-    gy = F(0.5F) * ((c - a) + (d - b));
-    base = a - off;
-    half = select(whole, abs(off), F(0x1p60F));
-  }
-  [[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t test(const RayOfPacket& ray, int x, int y, int part) const noexcept {
-    const auto fx = static_cast<float>(x);
-    const auto fy = static_cast<float>(y);
-    const Crossing<F> cell(ray, fx, fy, 1.0F, part);
-    const F from_x = F(ray.u - fx) - simd::block_columns<F>(part);
-    const F from_y = F(ray.v - fy) - simd::block_rows<F>(part);
-    return bits(meets_slab<F>(ray, cell, from_x, from_y, base, gx, gy, half)) << static_cast<unsigned>(part * F::lanes);
-  }
-};
-
 template <class F, class Accept>
 class Packet {
  public:
@@ -140,7 +112,7 @@ class Packet {
   struct Met {  // a tile or a quad, and the rays that may meet it
     int x, y;
     std::uint32_t rays;
-    std::uint32_t faces;
+    std::uint32_t faces;  // of a quad
   };
   static constexpr int kTiles = 32;
   static constexpr int kQuads = 64;
@@ -200,11 +172,10 @@ class Packet {
       Met& t = tiles_[tile_count_];
       t.x = 4 * (4 * x + (k & 3));
       t.y = 4 * (4 * y + (k >> 2));
-      t.faces = tiles.faces[k];
       t.rays = alive_ & test_rays_tile<F>(rays_, static_cast<float>(t.x), static_cast<float>(t.y), tiles.base[k],
                                           tiles.gx[k], tiles.gy[k], tiles.half[k]);
       if (t.rays == 0) continue;
-      for (int row = 0; row < 5; ++row) simd::prefetch(sheet.inverse_depth.row(t.y + row) + t.x);
+      prefetch_relief(sheet, place_of_tile(sheet, t.x / 4, t.y / 4));
       if (++tile_count_ == kTiles) visit_tiles(sheet);
     }
   }
@@ -212,15 +183,18 @@ class Packet {
   void visit_tiles(const SheetTrace& sheet) noexcept {
     for (int i = 0; i < tile_count_; ++i) {
       const Met& t = tiles_[i];
-      const std::uint32_t there = (t.faces | t.faces >> 16U) & 0xFFFFU;
+      const TilePlace place = place_of_tile(sheet, t.x / 4, t.y / 4);
+      const SheetRelief& relief = relief_at(sheet, place);
+      const std::uint32_t faces = relief.faces;
+      const std::uint32_t there = (faces | faces >> 16U) & 0xFFFFU;
       std::uint32_t met = 0;
       std::uint32_t rays_of[16] = {};
       for (int part = 0; part < simd::kBlockElements / F::lanes; ++part) {
-        QuadSlabs<F> slabs;
-        slabs.load(sheet, t.x, t.y, t.faces, part);
+        const QuadSlabs<F> slabs(sheet.tiles[place.group], place.k, relief, part);
         for (std::uint32_t rest = t.rays & alive_; rest != 0; rest &= rest - 1) {
           const int k = lowest_set_bit(rest);
-          std::uint32_t quads = slabs.test(RayOfPacket(rays_, k), t.x, t.y, part) & there;
+          std::uint32_t quads =
+              slabs.test(RayOfPacket(rays_, k), static_cast<float>(t.x), static_cast<float>(t.y), part) & there;
           met |= quads;
           for (; quads != 0; quads &= quads - 1) {
             rays_of[lowest_set_bit(quads)] |= 1U << static_cast<unsigned>(k);
@@ -230,7 +204,7 @@ class Packet {
       for (; met != 0; met &= met - 1) {
         const int k = lowest_set_bit(met);
         Met& q = quads_[quad_count_];
-        q = {t.x + (k & 3), t.y + (k >> 2), rays_of[k], t.faces >> static_cast<unsigned>(k)};
+        q = {t.x + (k & 3), t.y + (k >> 2), rays_of[k], faces >> static_cast<unsigned>(k)};
         simd::prefetch(sheet.vertices.row(q.y) + q.x);
         simd::prefetch(sheet.vertices.row(q.y + 1) + q.x);
         if (++quad_count_ == kQuads) visit_quads(sheet);

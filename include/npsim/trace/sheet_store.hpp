@@ -63,36 +63,6 @@ template <class T>
   return {};
 }
 
-// Whether inverse depths and bounds of rows are those of the vertices.
-template <class F>
-[[nodiscard]] bool check_rows(const SheetTrace& sheet, Span<const RowBounds> rows) noexcept {
-  const Shape shape = sheet.vertices.shape();
-  const Shape plane = sheet.inverse_depth.shape();
-  const auto groups = static_cast<int>(rows.size());
-  bool good = true;
-  for (int g = 0; g < groups && good; ++g) {
-    RowBounds bounds = no_bounds();
-    const PixelRows pixels = rows_of_group(plane, g, groups);
-    for (int y = pixels.begin; y < pixels.end; ++y) {
-      const float* const row = sheet.inverse_depth.row(y);
-      int x = 0;
-      if (y < shape.height) {
-        invert_row<F>(sheet, y, bounds, [row, &good](int at, F w, int n) noexcept {
-          float expected[F::lanes];
-          w.store(expected);
-          good = good && std::memcmp(expected, row + at, static_cast<std::size_t>(n) * sizeof(float)) == 0;
-        });
-        x = shape.width;
-      }
-      const auto* const bytes = reinterpret_cast<const unsigned char*>(row);
-      good = good && is_zero(bytes + sizeof(float) * static_cast<std::size_t>(x),
-                             bytes + sizeof(float) * static_cast<std::size_t>(plane.width));
-    }
-    good = good && same_bits(bounds, rows[static_cast<std::size_t>(g)]);
-  }
-  return good;
-}
-
 // Whether the slot of a parent holds a child's bounds.
 [[nodiscard]] inline bool has_bounds(const SheetNode* nodes, int across, int x, int y, float low, float high) noexcept {
   const SheetNode& node =
@@ -101,33 +71,43 @@ template <class F>
   return same_bits(node.low[k], low) && same_bits(node.high[k], high);
 }
 
-// Whether tiles and nodes are those of the inverse depths and quads, and slots without a child are empty.
-[[nodiscard]] inline bool check_pyramid(const SheetTrace& sheet, const sheet_layout::Levels& levels) noexcept {
+// Whether tiles, their reliefs, and bounds of rows are those of the vertices and quads.
+template <class F>
+[[nodiscard]] bool check_groups(const SheetTrace& sheet, const sheet_layout::Levels& levels,
+                                Span<const RowBounds> rows) noexcept {
+  bool good = true;
+  for (int y = 0; y < levels.down[0] && good; ++y) {
+    const std::size_t first = static_cast<std::size_t>(y) * static_cast<std::size_t>(levels.across[0]);
+    const RowBounds bounds = build_row<F>(sheet, y, 0, levels.across[0], [&](int x, const SheetGroup& group) noexcept {
+      const std::size_t at = first + static_cast<std::size_t>(x);
+      good = good && same_bits(group.tiles, sheet.tiles[at]) &&
+             std::memcmp(group.relief, &sheet.relief[16 * at], sizeof group.relief) == 0 &&
+             (levels.count == 1 || has_bounds(sheet.nodes.data(), levels.across[1], x, y, group.low, group.high));
+    });
+    good = good && same_bits(bounds, rows[static_cast<std::size_t>(y)]);
+  }
+  return good;
+}
+
+// Whether nodes are those of their children, and slots without a child are empty.
+[[nodiscard]] inline bool check_nodes(const SheetTrace& sheet, const sheet_layout::Levels& levels) noexcept {
   const float inf = std::numeric_limits<float>::infinity();
-  for (int level = 0; level < levels.count; ++level) {
+  for (int level = 0; level + 1 < levels.count; ++level) {
     const SheetNode* const own = sheet.nodes.data() + levels.first[level];
-    const bool has_parent = level + 1 < levels.count;
-    const SheetNode* const parents = has_parent ? sheet.nodes.data() + levels.first[level + 1] : nullptr;
+    const SheetNode* const parents = sheet.nodes.data() + levels.first[level + 1];
     // Whole parents: what lies beyond the level's own nodes is empty.
-    const int across = has_parent ? 4 * levels.across[level + 1] : levels.across[level];
-    const int down = has_parent ? 4 * levels.down[level + 1] : levels.down[level];
-    for (int y = 0; y < down; ++y) {
-      for (int x = 0; x < across; ++x) {
+    for (int y = 0; y < 4 * levels.down[level + 1]; ++y) {
+      for (int x = 0; x < 4 * levels.across[level + 1]; ++x) {
         float low = inf;
         float high = -inf;
         if (x < levels.across[level] && y < levels.down[level]) {
+          if (level == 0) continue;  // check_groups()
           const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(levels.across[level]) +
                                  static_cast<std::size_t>(x);
-          if (level == 0) {
-            SheetTiles expected;
-            build_tiles(sheet, kSheetGroupQuads * x, kSheetGroupQuads * y, expected, low, high);
-            if (!same_bits(expected, sheet.tiles[at])) return false;
-          } else {
-            low = *std::min_element(own[at].low, own[at].low + 16);
-            high = *std::max_element(own[at].high, own[at].high + 16);
-          }
+          low = *std::min_element(own[at].low, own[at].low + 16);
+          high = *std::max_element(own[at].high, own[at].high + 16);
         }
-        if (has_parent && !has_bounds(parents, levels.across[level + 1], x, y, low, high)) return false;
+        if (!has_bounds(parents, levels.across[level + 1], x, y, low, high)) return false;
       }
     }
   }
@@ -158,7 +138,7 @@ template <class F = simd::F32>
   }
   SheetHeader header;
   std::memcpy(&header, stored.data(), sizeof header);
-  const Block block = block_of(shape, levels);
+  const Block block = block_of(levels);
   NPSIM_RETURN_IF_ERROR(sheet_detail::check_header(header, shape, intrinsics, block.bytes, stored.size()));
 
   SheetTrace sheet = views_of(layer, levels, stored);
@@ -166,9 +146,7 @@ template <class F = simd::F32>
   const Span<const RowBounds> rows(reinterpret_cast<const RowBounds*>(stored.data() + block.rows),
                                    static_cast<std::size_t>(levels.down[0]));
   const unsigned char* const bytes = stored.data();
-  const bool good = sheet_detail::check_rows<F>(sheet, rows) && sheet_detail::check_pyramid(sheet, levels) &&
-                    sheet_detail::is_zero(bytes + block.plane + sheet.inverse_depth.shape().pixels() * sizeof(float),
-                                          bytes + block.tiles) &&
+  const bool good = sheet_detail::check_groups<F>(sheet, levels, rows) && sheet_detail::check_nodes(sheet, levels) &&
                     sheet_detail::is_zero(bytes + block.rows + rows.size() * sizeof(RowBounds), bytes + block.bytes);
   if (!good) return {StatusCode::invalid_argument, "the stored structure is not that of this layer"};
   NPSIM_RETURN_IF_ERROR(sheet_detail::put_bounds_of(rows, sheet));

@@ -220,9 +220,7 @@ class Stream {
     const StreamList& leaves = list(Step::tile);
     for (int k = 0; k < leaves.count; ++k) {
       const Slot& s = slots_[leaves.rays[k]];
-      for (int row = 0; row < 5; ++row) {
-        simd::prefetch(s.sheet->inverse_depth.row(4 * s.walk.y + row) + 4 * s.walk.x);
-      }
+      prefetch_relief(*s.sheet, place_of_tile(*s.sheet, s.walk.x, s.walk.y));
     }
   }
 

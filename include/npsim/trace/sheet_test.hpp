@@ -6,7 +6,7 @@
 // and two values decide. Sixteen children at once.
 //
 // Invariant: only what intersect_triangle() would miss is left out (sheet_ray.hpp has the error of every step). Same
-// bits for any number of lanes. Cost: about 35 vector instructions a node or a tile, 60 for the quads of a tile.
+// bits for any number of lanes. Cost: about 35 vector instructions a node or a tile, 55 for the quads of a tile.
 // Memory: none.
 #ifndef NPSIM_TRACE_SHEET_TEST_HPP
 #define NPSIM_TRACE_SHEET_TEST_HPP
@@ -113,35 +113,55 @@ template <class F>
   return mask;
 }
 
-// Quads of the tile at (x, y) that matter. The four corners of a quad with both faces lie at the same distance of its
-// mean plane, on alternate sides; with one face the ray's way through the quad decides alone.
+// The slabs of the quads of a tile, or of those of a part, about their own mean planes, which are moved to the tile's
+// first pixel. The four corners of a quad lie at the same distance of its plane, on alternate sides, and between them
+// what faces it has, whatever stands for a corner that they do not use. With corners a, b above c, d in steps of the
+// relief the plane has the value (3 a + b + c - d) / 4 at a and changes by (d - a) / 2 and (b - c) / 2 along the
+// diagonals.
 template <class F>
-[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t test_quads(const SheetTrace& sheet, const SheetRay& ray, int x, int y,
-                                                           std::uint32_t faces) noexcept {
-  const std::uint32_t both = faces & faces >> 16U;
-  const std::uint32_t some = (faces | faces >> 16U) & 0xFFFFU;
-  const std::ptrdiff_t stride = sheet.inverse_depth.stride();
-  const float* w = sheet.inverse_depth.row(y) + x;
-  const auto fx = static_cast<float>(x);
-  const auto fy = static_cast<float>(y);
+struct QuadSlabs {
+  F base, gx, gy, half;
+
+  NPSIM_ALWAYS_INLINE QuadSlabs(const SheetTiles& tiles, unsigned k, const SheetRelief& relief, int part) noexcept {
+    using I = typename F::Int;
+    const int quad = part * F::lanes;
+    const float step = tiles.half[k] * kSheetReliefStep;
+    const I a = I::load_u8(relief.left + quad);
+    const I b = I::load_u8(relief.right + quad);
+    const I c = I::load_u8(relief.left + 4 + quad);
+    const I d = I::load_u8(relief.right + 4 + quad);
+    const I diagonal = d - a;
+    const I sum = b + c;
+    const F other = to_float(b - c);
+    const F at_a = to_float(sum + a + a - diagonal);
+    const F off = to_float(a + d - sum);
+    gx = fma(to_float(diagonal) + other, F(0.5F * step), F(tiles.gx[k]));
+    gy = fma(to_float(diagonal) - other, F(0.5F * step), F(tiles.gy[k]));
+    const F bottom = fma(simd::block_columns<F>(part), F(tiles.gx[k]), F(tiles.base[k] - tiles.half[k]));
+    base = fma(at_a, F(0.25F * step), fma(simd::block_rows<F>(part), F(tiles.gy[k]), bottom));
+    half = fma(abs(off), F(0.25F * step), F(kSheetReliefError * step));
+  }
+
+  // Quads that matter to a ray, the tile being that at (x, y).
+  template <class R>
+  [[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t test(const R& ray, float x, float y, int part) const noexcept {
+    const Crossing<F> cell(ray, x, y, 1.0F, part);
+    const F from_x = F(ray.u - x) - simd::block_columns<F>(part);
+    const F from_y = F(ray.v - y) - simd::block_rows<F>(part);
+    return bits(meets_slab<F>(ray, cell, from_x, from_y, base, gx, gy, half)) << static_cast<unsigned>(part * F::lanes);
+  }
+};
+
+// Quads with faces of tile k of 16, the one at (x, y), that matter.
+template <class F>
+[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t test_quads(const SheetTiles& tiles, unsigned k,
+                                                           const SheetRelief& relief, const SheetRay& ray, float x,
+                                                           float y) noexcept {
   std::uint32_t mask = 0;
   for (int part = 0; part < simd::kBlockElements / F::lanes; ++part) {
-    const auto k = static_cast<unsigned>(part * F::lanes);
-    const Crossing<F> cell(ray, fx, fy, 1.0F, part);
-    const F a = simd::load_block<F>(w, stride, part);
-    const F b = simd::load_block<F>(w + 1, stride, part);
-    const F c = simd::load_block<F>(w + stride, stride, part);
-    const F d = simd::load_block<F>(w + stride + 1, stride, part);
-    const F gx = F(0.5F) * ((b - a) + (d - c));
-    const F gy = F(0.5F) * ((c - a) + (d - b));
-    const F off = F(0.25F) * ((a - b) + (d - c));
-    const F from_x = F(ray.u - fx) - simd::block_columns<F>(part);
-    const F from_y = F(ray.v - fy) - simd::block_rows<F>(part);
-    const auto whole = F::MaskType::from_bits(both >> k);
-    const auto m = meets_slab<F>(ray, cell, from_x, from_y, a - off, gx, gy, select(whole, abs(off), F(0x1p60F)));
-    mask |= bits(m) << k;
+    mask |= QuadSlabs<F>(tiles, k, relief, part).test(ray, x, y, part);
   }
-  return mask & some;
+  return mask & (relief.faces | relief.faces >> 16U);
 }
 
 // Calls hit(face, triangle hit) for what intersect_triangle() says is hit in one quad; true: stop.
@@ -195,7 +215,8 @@ template <class OnHit>
           static_cast<std::size_t>(y / kSheetGroupQuads) * static_cast<std::size_t>(sheet.across[0]) +
           static_cast<std::size_t>(x / kSheetGroupQuads);
       const std::uint32_t faces =
-          sheet.tiles[group].faces[4 * (y / 4 % 4) + x / 4 % 4] >> static_cast<unsigned>(4 * (y % 4) + x % 4);
+          sheet.relief[16 * group + static_cast<std::size_t>(4 * (y / 4 % 4) + x / 4 % 4)].faces >>
+          static_cast<unsigned>(4 * (y % 4) + x % 4);
       if (test_faces(sheet, ray, x, y, (faces & 1U) != 0, (faces & 0x10000U) != 0, on_hit)) return true;
     }
   }

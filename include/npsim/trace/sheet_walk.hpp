@@ -15,6 +15,7 @@
 #include <cstdint>
 
 #include "npsim/core/bits.hpp"
+#include "npsim/simd/fixed.hpp"
 #include "npsim/trace/sheet_layout.hpp"
 #include "npsim/trace/sheet_ray.hpp"
 #include "npsim/trace/sheet_test.hpp"
@@ -132,14 +133,33 @@ void forget_beyond(const SheetTrace& sheet, const SheetRay& ray, SheetWalk& walk
   }
 }
 
+// Where a tile is found.
+struct TilePlace {
+  std::size_t group;
+  unsigned k;
+};
+[[nodiscard]] NPSIM_ALWAYS_INLINE TilePlace place_of_tile(const SheetTrace& sheet, int x, int y) noexcept {
+  return {node_index(sheet, 0, x / 4, y / 4), static_cast<unsigned>(4 * (y % 4) + x % 4)};
+}
+[[nodiscard]] NPSIM_ALWAYS_INLINE const SheetRelief& relief_at(const SheetTrace& sheet, TilePlace tile) noexcept {
+  return sheet.relief[16 * tile.group + tile.k];
+}
+NPSIM_ALWAYS_INLINE void prefetch_relief(const SheetTrace& sheet, TilePlace tile) noexcept {
+  const SheetRelief& relief = relief_at(sheet, tile);
+  simd::prefetch(relief.left);  // every other one lies across two lines
+  simd::prefetch(&relief.unused);
+}
+
 // The faces of a tile, and those of its quads that matter, in order.
 template <class F, bool ordered>
 [[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t visit_tile(const SheetTrace& sheet, const SheetRay& ray,
                                                            const SheetWalk& walk, std::uint32_t& faces) noexcept {
-  const std::size_t group = static_cast<std::size_t>(walk.y / 4) * static_cast<std::size_t>(sheet.across[0]) +
-                            static_cast<std::size_t>(walk.x / 4);
-  faces = sheet.tiles[group].faces[4 * (walk.y % 4) + walk.x % 4];
-  return faces == 0 ? 0 : in_order<ordered>(test_quads<F>(sheet, ray, 4 * walk.x, 4 * walk.y, faces), walk);
+  const TilePlace tile = place_of_tile(sheet, walk.x, walk.y);
+  const SheetRelief& relief = relief_at(sheet, tile);
+  faces = relief.faces;
+  return in_order<ordered>(test_quads<F>(sheet.tiles[tile.group], tile.k, relief, ray, static_cast<float>(4 * walk.x),
+                                         static_cast<float>(4 * walk.y)),
+                           walk);
 }
 
 // Calls on_hit(face, hit) for what the ray hits in quads that visit_tile() found; true: stop.
