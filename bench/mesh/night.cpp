@@ -19,7 +19,7 @@
 #include <thread>
 
 #include "../host.hpp"
-#include "named_scene.hpp"
+#include "../named_scene.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/kept_night.hpp"
 #include "npsim/pipeline/night.hpp"

@@ -24,8 +24,8 @@
 #include <vector>
 
 #include "../host.hpp"
+#include "../named_scene.hpp"
 #include "../timing.hpp"
-#include "named_scene.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/mesh/complete_background.hpp"

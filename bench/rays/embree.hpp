@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The peer: Embree 3 on triangles, default or robust: single rays; packets of 16 marked coherent; streams.
+// The peer: Embree 3 on triangles, default or robust, or on quads: single rays; packets of 16 marked coherent; streams.
 #ifndef NPSIM_BENCH_RAYS_EMBREE_HPP
 #define NPSIM_BENCH_RAYS_EMBREE_HPP
 
@@ -9,7 +9,9 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 
+#include "layers.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/triangle_mesh.hpp"
 #include "npsim/trace/ray.hpp"
@@ -18,26 +20,20 @@ namespace npsim::bench {
 
 class Embree {
  public:
-  Embree(const TriangleMeshView& mesh, bool robust) : device_(rtcNewDevice("threads=1")) {
-    rtcSetDeviceMemoryMonitorFunction(
-        device_,
-        [](void* bytes, ssize_t change, bool) {
-          *static_cast<ssize_t*>(bytes) += change;
-          return true;
-        },
-        &bytes_);
-    scene_ = rtcNewScene(device_);
-    if (robust) rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
-    RTCGeometry geometry = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE);
-    void* v = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3f),
-                                      mesh.vertices.size());
-    std::copy(mesh.vertices.begin(), mesh.vertices.end(), static_cast<Vec3f*>(v));
-    void* f =
-        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, sizeof(Face), mesh.faces.size());
-    std::copy(mesh.faces.begin(), mesh.faces.end(), static_cast<Face*>(f));
-    rtcCommitGeometry(geometry);
-    rtcAttachGeometry(scene_, geometry);
-    rtcReleaseGeometry(geometry);
+  Embree(const TriangleMeshView& mesh, bool robust) : Embree(robust) {
+    attach(RTC_GEOMETRY_TYPE_TRIANGLE, RTC_FORMAT_UINT3, mesh.vertices, mesh.faces);
+    given_ = bytes_;
+  }
+  // Its hits have numbers of their own.
+  Embree(Span<const Vec3f> vertices, const PairedFaces& faces) : Embree(false) {
+    if (!faces.quads.empty()) {
+      attach(RTC_GEOMETRY_TYPE_QUAD, RTC_FORMAT_UINT4, vertices,
+             Span<const Quad>(faces.quads.data(), faces.quads.size()));
+    }
+    if (!faces.triangles.empty()) {
+      attach(RTC_GEOMETRY_TYPE_TRIANGLE, RTC_FORMAT_UINT3, vertices,
+             Span<const Face>(faces.triangles.data(), faces.triangles.size()));
+    }
     given_ = bytes_;
   }
   ~Embree() {
@@ -128,6 +124,30 @@ class Embree {
 
  private:
   static constexpr std::size_t kStream = 256;
+
+  explicit Embree(bool robust) : device_(rtcNewDevice("threads=1")) {
+    rtcSetDeviceMemoryMonitorFunction(
+        device_,
+        [](void* bytes, ssize_t change, bool) {
+          *static_cast<ssize_t*>(bytes) += change;
+          return true;
+        },
+        &bytes_);
+    scene_ = rtcNewScene(device_);
+    if (robust) rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
+  }
+  template <class Corners>
+  void attach(RTCGeometryType type, RTCFormat format, Span<const Vec3f> vertices, Span<Corners> faces) {
+    RTCGeometry geometry = rtcNewGeometry(device_, type);
+    void* v =
+        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3f), vertices.size());
+    std::copy(vertices.begin(), vertices.end(), static_cast<Vec3f*>(v));
+    void* f = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, format, sizeof(Corners), faces.size());
+    std::copy(faces.begin(), faces.end(), static_cast<std::remove_const_t<Corners>*>(f));
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometry(scene_, geometry);
+    rtcReleaseGeometry(geometry);
+  }
 
   static RTCIntersectContext coherent() {
     RTCIntersectContext context;

@@ -2,10 +2,13 @@
 #include "layers.hpp"
 
 #include <cstdio>
+#include <cstdlib>
 #include <memory>
+#include <string>
 #include <utility>
 
 #include "../host.hpp"
+#include "../named_scene.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/mesh/complete_background.hpp"
@@ -16,8 +19,6 @@
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/trace/ray.hpp"
-#include "street/scene_view.hpp"
-#include "street/street.hpp"
 
 namespace npsim::bench {
 namespace {
@@ -27,20 +28,9 @@ struct Close {
 };
 using File = std::unique_ptr<std::FILE, Close>;
 
-}  // namespace
-
-Layers make_layers(Shape shape) {
-  ThreadPool pool;
-  street::Street street;
-  street::StreetParams street_params;
-  street_params.shape = shape;
-  street_params.samples = 1;
-  street_params.sky_rays = 1;
-  must(street::make_street(street_params, pool, street));
-  SceneView scene = street::view_of(street);
-  scene.camera_height_m = street.camera_height_m;
-
-  Layers out{street.intrinsics, {Layer(shape), Layer(shape), Layer(shape)}};
+Layers layers_of(const SceneView& scene, ThreadPool& pool) {
+  const Shape shape = scene.shape();
+  Layers out{scene.camera, {Layer(shape), Layer(shape), Layer(shape)}};
   const RefineDepthParams depth_params;
   const ReconstructParams params;
   Arena arena(refine_depth_workspace_bytes(depth_params, shape) + reconstruct_workspace_bytes(params, shape));
@@ -61,6 +51,23 @@ Layers make_layers(Shape shape) {
                            scene.instances, refined.uncertain, state.view(), scene.camera, out.all[2].view(),
                            object.view(), workspace, pool));
   return out;
+}
+
+}  // namespace
+
+Layers make_layers(Shape shape) {
+  Layers out;
+  const std::string name = "street1_" + std::to_string(shape.width) + "x" + std::to_string(shape.height);
+  if (!make_layers(name, out)) std::exit(1);
+  return out;
+}
+
+bool make_layers(const std::string& scene, Layers& layers) {
+  ThreadPool pool;
+  NamedScene named;
+  if (!named.load(scene, pool)) return false;
+  layers = layers_of(named.view(), pool);
+  return true;
 }
 
 IndexedLayers index_layers(const std::vector<SheetLayer>& layers) {
@@ -85,6 +92,25 @@ IndexedLayers index_layers(const std::vector<SheetLayer>& layers) {
         }
       }
     }
+  }
+  return out;
+}
+
+PairedFaces pair_faces(const IndexedLayers& mesh) {
+  PairedFaces out;
+  for (std::size_t q = 0; q < mesh.index_of.size(); q += 2) {
+    const std::uint32_t upper = mesh.index_of[q];
+    const std::uint32_t lower = mesh.index_of[q + 1];
+    if (upper == kNoFace || lower == kNoFace) {
+      for (const std::uint32_t f : {upper, lower}) {
+        if (f != kNoFace) out.triangles.push_back(mesh.faces[f]);
+      }
+      continue;
+    }
+    // quad_face(): {a, c, b} and {b, c, d}, or {a, d, b} and {a, c, d}.
+    const Face& u = mesh.faces[upper];
+    const Face& l = mesh.faces[lower];
+    out.quads.push_back(u.c == l.a ? Quad{{u.a, u.b, l.c, u.c}} : Quad{{u.c, u.a, l.b, u.b}});
   }
   return out;
 }

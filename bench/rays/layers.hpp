@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// What rays are traced through: the sheet of a generated street, and its two completed layers.
+// What rays are traced through: the sheet of a scene after refinement of its depth, and its two completed layers.
 #ifndef NPSIM_BENCH_RAYS_LAYERS_HPP
 #define NPSIM_BENCH_RAYS_LAYERS_HPP
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "npsim/core/camera.hpp"
@@ -37,7 +38,23 @@ struct IndexedLayers {
 
 [[nodiscard]] IndexedLayers index_layers(const std::vector<SheetLayer>& layers);
 
-[[nodiscard]] Layers make_layers(Shape shape);
+// The corners of a quad in order; Embree's diagonal is that from the second to the fourth.
+struct Quad {
+  std::uint32_t corner[4];
+};
+
+// The faces of layers as quads where both triangles are there, and the triangles that are alone. The quads consist of
+// the same triangles.
+struct PairedFaces {
+  std::vector<Quad> quads;
+  std::vector<Face> triangles;
+};
+
+[[nodiscard]] PairedFaces pair_faces(const IndexedLayers& mesh);
+
+[[nodiscard]] Layers make_layers(Shape shape);  // of the generated street
+// Of a scene.json or its folder; false, and a line on stderr, where it cannot be read.
+[[nodiscard]] bool make_layers(const std::string& scene, Layers& layers);
 [[nodiscard]] bool save_layers(const Layers& layers, const char* path);
 [[nodiscard]] bool load_layers(const char* path, Layers& layers);
 

@@ -1,17 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // npsim_bench_rays: the ray structure of the sheet beside Embree 3.
 //
-// Arguments: sizes such as 960x540 (default) or files of layers; --save FILE writes the layers of the size that follows
-// and stops; --rays N a set (default 200000), --rounds N (default 5), --no-peer; --csv prints a line of ns a ray for
-// every size instead. npsim_bench_rays_8 and _4 are the same for AVX2 and for 4 lanes. One thread. Every round runs
-// every structure once on each set, one after the other; medians are printed, the rates in million rays a second.
-// Scenes: "sheet", one layer as photographed, uncertain faces deleted; "layers", background and foreground as one.
-// Sets: a  camera rays through a random point of each pixel, in scan order, closest hit;
+// Arguments: sizes such as 960x540 (default) or files of layers; --scene NAME for a scene.json or its folder; --save
+// FILE writes the layers of what follows and stops; --rays N a set (default 200000), --rounds N (default 5), --no-peer;
+// --csv prints a line of ns a ray for every size instead. npsim_bench_rays_8 and _4 are the same for AVX2 and for 4
+// lanes. One thread. Every round runs every structure once on each set, one after the other; medians are printed, the
+// rates in million rays a second. Scenes: "sheet", one layer as photographed, uncertain faces deleted; "layers",
+// background and foreground as one. Sets: a  camera rays through a random point of each pixel, in scan order, closest
+// hit;
 //       b  from points seen by the camera to 30 lamps, lamp by lamp, points in scan order, any hit;
 //       l  the same where all pixels of a row follow each other, as when one lamp's shadows are computed together;
 //       c  cosine-distributed bounces from those points in random order, closest hit;   c2  the same in pixel order.
 // What traces them: "sheet", one ray after the other; "stream", all of a set in one call (sheet_stream.hpp);
-// Embree's single rays, default ("embree") and robust; for information its coherent packets of 16 and its streams.
+// Embree's single rays, default ("embree"), robust, and default on quads, where a quad has both its triangles
+// ("quads"); for information its coherent packets of 16 and its streams.
 // Agreement is against Embree's robust mode: rays whose hit, face or distance (1e-5 of max(t, depth)) differs, per
 // million; "ties" are those of them whose faces touch: the same distance to 1e-5.
 #include <algorithm>
@@ -216,12 +218,17 @@ void measure(const char* name, std::vector<SheetLayer> layers, const Intrinsics&
   Contender robust{"robust", {}, 0, {}, {}};
   Contender packets{"packets", {}, 0, {}, {}};
   Contender streams{"streams", {}, 0, {}, {}};
-  std::unique_ptr<bench::Embree> peers[2];
-  for (int i = 0; with_peer && i < 2; ++i) {
-    peers[i] = std::make_unique<bench::Embree>(mesh.view(), i == 1);
-    Contender& c = i == 1 ? robust : plain;
-    c.build.push_back(seconds([&] { peers[i]->build(); }));
-    c.bytes = peers[i]->bytes();
+  Contender quads{"quads", {}, 0, {}, {}};
+  std::unique_ptr<bench::Embree> peers[3];
+  Contender* const singles[3] = {&plain, &robust, &quads};
+  if (with_peer) {
+    peers[0] = std::make_unique<bench::Embree>(mesh.view(), false);
+    peers[1] = std::make_unique<bench::Embree>(mesh.view(), true);
+    peers[2] = std::make_unique<bench::Embree>(mesh.view().vertices, bench::pair_faces(mesh));
+    for (int i = 0; i < 3; ++i) {
+      singles[i]->build.push_back(seconds([&] { peers[i]->build(); }));
+      singles[i]->bytes = peers[i]->bytes();
+    }
   }
 #endif
   for (int round = 0; round < rounds; ++round) {
@@ -241,13 +248,10 @@ void measure(const char* name, std::vector<SheetLayer> layers, const Intrinsics&
               scene, r, [](std::uint32_t) noexcept { return true; }, blocked);
         });
 #if defined(NPSIM_BENCH_EMBREE)
-    if (with_peer) {
+    for (int i = 0; with_peer && i < 3; ++i) {
       run(
-          sets, plain, [&](const Ray& r) { return peers[0]->closest(r); },
-          [&](const Ray& r) { return peers[0]->occluded(r); });
-      run(
-          sets, robust, [&](const Ray& r) { return peers[1]->closest(r); },
-          [&](const Ray& r) { return peers[1]->occluded(r); });
+          sets, *singles[i], [&](const Ray& r) { return peers[i]->closest(r); },
+          [&](const Ray& r) { return peers[i]->occluded(r); });
     }
     if (with_peer && round < 3) {
       run_many(
@@ -276,7 +280,7 @@ void measure(const char* name, std::vector<SheetLayer> layers, const Intrinsics&
   }
   std::vector<const Contender*> all = {&sheet, &stream};
 #if defined(NPSIM_BENCH_EMBREE)
-  if (with_peer) all.insert(all.end(), {&plain, &robust, &packets, &streams});
+  if (with_peer) all.insert(all.end(), {&plain, &robust, &quads, &packets, &streams});
 #endif
   std::printf("%-7s %-7s %9s %9s", "scene", "what", "build s", "B/face");
   for (const RaySet& s : sets) std::printf(" %8s", s.name);
@@ -318,7 +322,11 @@ int main(int argc, char** argv) {
   bool with_peer = true;
   bool csv = false;
   const char* save = nullptr;
-  std::vector<const char*> names;
+  struct Name {
+    const char* text;
+    bool scene;
+  };
+  std::vector<Name> names;
   for (int i = 1; i < argc; ++i) {
     if (std::strcmp(argv[i], "--rays") == 0 && i + 1 < argc) {
       rays = std::strtoul(argv[++i], nullptr, 10);
@@ -331,21 +339,25 @@ int main(int argc, char** argv) {
     } else if (std::strcmp(argv[i], "--csv") == 0) {
       csv = true;
       with_peer = false;
+    } else if (std::strcmp(argv[i], "--scene") == 0 && i + 1 < argc) {
+      names.push_back({argv[++i], true});
     } else {
-      names.push_back(argv[i]);
+      names.push_back({argv[i], false});
     }
   }
-  if (names.empty()) names.push_back("960x540");
+  if (names.empty()) names.push_back({"960x540", false});
   if (csv) {
     std::printf("scene,width,height,triangles,build s,a,b,l,c,c2,stream a,stream b,stream l,stream c,stream c2\n");
   }
-  for (const char* name : names) {
+  for (const Name& name : names) {
     Layers layers;
     Shape shape;
-    if (std::sscanf(name, "%dx%d", &shape.width, &shape.height) == 2) {
+    if (name.scene) {
+      if (!bench::make_layers(name.text, layers)) return 1;
+    } else if (std::sscanf(name.text, "%dx%d", &shape.width, &shape.height) == 2) {
       layers = bench::make_layers(shape);
-    } else if (!bench::load_layers(name, layers)) {
-      std::fprintf(stderr, "npsim_bench_rays: cannot read %s\n", name);
+    } else if (!bench::load_layers(name.text, layers)) {
+      std::fprintf(stderr, "npsim_bench_rays: cannot read %s\n", name.text);
       return 1;
     }
     if (save != nullptr) return bench::save_layers(layers, save) ? 0 : 1;

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // A scene by name: streetSEED_WIDTHxHEIGHT is generated, anything else is the path of a scene.json or its folder.
-#ifndef NPSIM_BENCH_MESH_NAMED_SCENE_HPP
-#define NPSIM_BENCH_MESH_NAMED_SCENE_HPP
+#ifndef NPSIM_BENCH_NAMED_SCENE_HPP
+#define NPSIM_BENCH_NAMED_SCENE_HPP
 
 #include <cstdio>
 #include <string>
 #include <utility>
 
-#include "../host.hpp"
+#include "host.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/loading.hpp"
 #include "street/scene_view.hpp"
@@ -55,4 +55,4 @@ class NamedScene {
 
 }  // namespace npsim::bench
 
-#endif  // NPSIM_BENCH_MESH_NAMED_SCENE_HPP
+#endif  // NPSIM_BENCH_NAMED_SCENE_HPP
