@@ -13,10 +13,10 @@
 // Error: the caller bounds it; the method is the cheapest that provably keeps the bound, and what it keeps is returned.
 // The bound is relative and holds for every pixel with depth and colour, or whose weights sum to mu, where depths in
 // one window differ by a factor of 1000 at most; per further factor of 2 in either it grows by 3e-7. At R = 30 and the
-// default bound of 2e-5, measured against double: at most 1.4e-6. Label term alone: bound 6.2e-6, measured 3e-7.
-// Tightest bound that can be asked at R = 30: 1.3e-5, with labels alone 6.2e-6. It grows with R: where labels are
+// default bound of 2e-5, measured against double: at most 1.4e-6. Label term alone: bound 9.6e-7, measured 3e-7.
+// Tightest bound that can be asked at R = 30: 1.3e-5, with labels alone 9.6e-7. It grows with R: where labels are
 // used, the default can be kept up to R = 487 at 2048x1024. Depths outside 1e-25..1e25 are outside the promise.
-// Cost: see those headers; colour makes nearly all of it. Memory at R = 30: 54 bytes per pixel, 16 with
+// Cost: see those headers; colour makes nearly all of it. Memory at R = 30: 54 bytes per pixel, 12 with
 // labels alone, 41 with colour alone.
 // The same bits for every number of lanes and threads.
 #ifndef NPSIM_DEPTH_CROSS_BILATERAL_HPP
@@ -31,6 +31,7 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/slot_pool.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
@@ -53,7 +54,6 @@ template <class LabelPixel>
 struct CrossBilateralState {
   ColourGrid grid;
   ColourSamples samples;
-  ImageView<std::int32_t> source_labels;
   ColourTerm colour;
   LabelTerm<LabelPixel> label;
 };
@@ -66,32 +66,27 @@ template <class T>
   return {};
 }
 
-// Samples of one row as both terms read them, padding included.
+// Samples of one row as the colour term reads them, padding included.
 template <class LabelPixel>
-void load_row(const CrossBilateralParams& params, ImageView<const float> depth, ImageView<const LabelPixel> labels,
-              ImageView<const Vec3f> lab, const CrossBilateralState<LabelPixel>& s, int y) noexcept {
+void load_row(const CrossBilateralParams& params, ImageView<const float> depth, ImageView<const Vec3f> lab,
+              const CrossBilateralState<LabelPixel>& s, int y) noexcept {
   const int width = s.grid.shape.width;
   const int end = s.grid.sample_stride - s.grid.padding;
-  const auto none = [&](int x) {
-    s.samples.depth.row(y)[x] = 0.0F;
-    if (params.use_labels) s.source_labels.row(y)[x] = -1;
-  };
   const auto no_colour = [&](int x) {
     s.samples.l.row(y)[x] = 0.0F;
     s.samples.a.row(y)[x] = kNoColour * static_cast<float>(x + s.grid.padding + 1);
     s.samples.b.row(y)[x] = kNoColour * static_cast<float>(y + 1);
   };
-  const bool colour = uses_colour(params);
+  const auto none = [&](int x) {
+    s.samples.depth.row(y)[x] = 0.0F;
+    no_colour(x);
+  };
   for (int x = -s.grid.padding; x < 0; ++x) none(x);
   for (int x = width; x < end; ++x) none(x);
-  for (int x = -s.grid.padding; colour && x < 0; ++x) no_colour(x);
-  for (int x = width; colour && x < end; ++x) no_colour(x);
   for (int x = 0; x < width; ++x) {
     const float z = depth(x, y);
     const bool valid = is_valid_depth(z);
     s.samples.depth.row(y)[x] = valid ? z : 0.0F;
-    if (params.use_labels) s.source_labels.row(y)[x] = valid ? std::int32_t{labels(x, y)} : -1;
-    if (!colour) continue;
     const Vec3f c = lab(x, y);
     const auto in_range = [](float v) { return v >= -kMaxColour && v <= kMaxColour; };
     if ((valid || !params.keep_invalid) && in_range(c.x) && in_range(c.y) && in_range(c.z)) {
@@ -104,77 +99,70 @@ void load_row(const CrossBilateralParams& params, ImageView<const float> depth, 
   }
 }
 
-// Both terms together, one row.
+// The depth of a batch of pixels from both sums; z is what they had.
+template <class F>
+[[nodiscard]] F divide_sums(const CrossBilateralParams& params, F numerator, F denominator, F z) noexcept {
+  const F d = numerator / denominator;
+  auto valid = (denominator > F(kNoWeight)) & simd::is_finite(d);
+  if (params.keep_invalid) valid = valid & valid_depths(z);
+  return select(valid, d, F(0.0F));
+}
+
+// Both terms together, or colour alone, one row.
 template <class F, class LabelPixel>
 void combine_row(const CrossBilateralParams& params, const CrossBilateralState<LabelPixel>& s, int y,
                  ImageView<float> output) noexcept {
   const ColourGrid& g = s.grid;
   const F zero(0.0F);
-  const int strip = uses_colour(params) ? y / g.strip_rows : 0;
+  const int strip = y / g.strip_rows;
   const bool tail = strip > 0 && y - strip * g.strip_rows < g.ry;
   for (int x = 0; x < g.shape.width; x += F::lanes) {
     const int n = g.shape.width - x < F::lanes ? g.shape.width - x : F::lanes;
     const F z = F::load(s.samples.depth.row(y) + x);
-    F numerator = zero;
-    F denominator = zero;
-    if (uses_colour(params)) {
-      const auto total = [&](int plane) {
-        const float* hi = s.colour.sums_row(strip, y) + 2 * plane * g.width + x;
-        F sum = F::load(hi) + F::load(hi + g.width);
-        if (tail) {
-          const float* above = s.colour.sums_row(strip - 1, y) + 2 * plane * g.width + x;
-          sum = sum + (F::load(above) + F::load(above + g.width));
-        }
-        return sum;
-      };
-      const F self = select((F::load(s.samples.a.row(y) + x) < F(kMaxColour * 2.0F)) & (z > zero), F(1.0F), zero);
-      numerator = F(params.mu) * fma(self, z, total(0));
-      denominator = F(params.mu) * (self + total(1));
-    }
+    const auto total = [&](int plane) {
+      const float* hi = s.colour.sums_row(strip, y) + 2 * plane * g.width + x;
+      F sum = F::load(hi) + F::load(hi + g.width);
+      if (tail) {
+        const float* above = s.colour.sums_row(strip - 1, y) + 2 * plane * g.width + x;
+        sum = sum + (F::load(above) + F::load(above + g.width));
+      }
+      return sum;
+    };
+    const F self = select((F::load(s.samples.a.row(y) + x) < F(kMaxColour * 2.0F)) & (z > zero), F(1.0F), zero);
+    F numerator = F(params.mu) * fma(self, z, total(0));
+    F denominator = F(params.mu) * (self + total(1));
     if (params.use_labels) {
       numerator = numerator + F::load(s.label.numerator.row(y) + x);
       denominator = denominator + F::load(s.label.denominator.row(y) + x);
     }
-    const F d = numerator / denominator;
-    auto valid = (denominator > F(kNoWeight)) & simd::is_finite(d);
-    if (params.keep_invalid) valid = valid & (z > zero);
-    select(valid, d, zero).store(output.row(y) + x, n);
+    divide_sums(params, numerator, denominator, z).store(output.row(y) + x, n);
   }
 }
 
-template <class LabelPixel>
-[[nodiscard]] Status allocate_label_term(const CrossBilateralParams& params, int radius,
-                                         ImageView<const LabelPixel> labels, CrossBilateralState<LabelPixel>& s,
-                                         Workspace& workspace) noexcept {
-  const ColourGrid& g = s.grid;
-  LabelTerm<LabelPixel>& t = s.label;
-  t.grid = label_grid(g.shape, radius);
-  t.labels = labels;
-  NPSIM_RETURN_IF_ERROR(allocate_padded(g, workspace, s.source_labels));
-  Span<float> planes;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(2 * label_plane_elements(g), planes));
-  t.numerator = ImageView<float>(planes.data(), g.shape, g.width);
-  t.denominator = ImageView<float>(planes.data() + label_plane_elements(g), g.shape, g.width);
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(label_scratch_elements(t.grid), t.scratch));
-  Span<float> gaussian;
-  Span<double> cumulated;
-  const int reach = radius + kKernelPadding;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(2 * reach + 1), gaussian));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(2 * radius + 2), cumulated));
-  const double sigma = static_cast<double>(params.sigma_s_px);
-  double sum = 0;
-  for (int i = -reach; i <= reach; ++i) {
-    const double r = i / sigma;
-    const double value = i >= -radius && i <= radius ? std::exp(-0.5 * r * r) : 0.0;
-    gaussian[static_cast<std::size_t>(i + reach)] = static_cast<float>(value);
-    if (i >= -radius && i <= radius + 1) cumulated[static_cast<std::size_t>(i + radius)] = sum;
-    sum += value;
+// Labels alone, one tile.
+template <class F, class LabelPixel>
+void combine_tile(const CrossBilateralParams& params, const LabelTerm<LabelPixel>& t, const LabelTile& tile,
+                  ImageView<float> output) noexcept {
+  const int width = output.width();
+  const int end = tile.k1 * kLabelChunkPx < width ? tile.k1 * kLabelChunkPx : width;
+  for (int y = tile.y0; y < tile.y1; ++y) {
+    for (int x = tile.k0 * kLabelChunkPx; x < end; x += F::lanes) {
+      const F numerator = F::load(sum_at(t, t.numerator, tile, x, y));
+      const F denominator = F::load(sum_at(t, t.denominator, tile, x, y));
+      const F z = params.keep_invalid ? load_depths<F>(t.depth, x, y) : F(0.0F);
+      const int n = width - x < F::lanes ? width - x : F::lanes;
+      divide_sums(params, numerator, denominator, z).store(output.row(y) + x, n);
+    }
   }
-  t.gaussian = gaussian.data() + reach;
-  t.cumulated = cumulated.data() + radius;
-  t.depth = s.samples.depth;
-  t.source = s.source_labels;
-  return {};
+}
+
+// Whether two images lie in the same memory, or in turns.
+[[nodiscard]] inline bool overlap(const ImageView<const float>& a, const ImageView<const float>& b) noexcept {
+  const auto begin = [](const ImageView<const float>& v) { return reinterpret_cast<std::uintptr_t>(v.row(0)); };
+  const auto end = [](const ImageView<const float>& v) {
+    return reinterpret_cast<std::uintptr_t>(v.row(v.height() - 1) + v.width());
+  };
+  return begin(a) < end(b) && begin(b) < end(a);
 }
 
 template <class LabelPixel>
@@ -237,7 +225,12 @@ template <class F, class LabelPixel, class Executor>
   CrossBilateralState<LabelPixel> s;
   s.grid = colour_grid(shape, radius);
   NPSIM_RETURN_IF_ERROR(allocate_padded(s.grid, workspace, s.samples.depth));
-  if (params.use_labels) NPSIM_RETURN_IF_ERROR(allocate_label_term(params, radius, labels, s, workspace));
+  if (params.use_labels) {
+    s.label.depth = depth;
+    s.label.labels = labels;
+    NPSIM_RETURN_IF_ERROR(allocate_label_term(label_grid(shape, radius), radius, static_cast<double>(params.sigma_s_px),
+                                              !colour, workspace, s.label));
+  }
   if (colour) NPSIM_RETURN_IF_ERROR(allocate_colour_term(params, plan, s, workspace));
 
   const auto rows = static_cast<std::size_t>(shape.height);
@@ -246,9 +239,22 @@ template <class F, class LabelPixel, class Executor>
       for (std::size_t i = begin; i < end; ++i) f(static_cast<int>(i));
     });
   };
-  for_each(rows, 16, [&](int y) { load_row(params, depth, labels, lab, s, y); });
+  // Labels alone write a tile's result while others still read depths.
+  const bool in_place = !colour && overlap(depth, output);
+  if (in_place) s.label.depth = s.samples.depth;
+  for_each(rows, 16, [&](int y) {
+    if (colour) load_row(params, depth, lab, s, y);
+    for (int x = 0; in_place && x < shape.width; ++x) s.samples.depth(x, y) = depth(x, y);
+    if (params.use_labels) find_uniform_chunks<F>(s.label, y);
+  });
   if (params.use_labels) {
-    for_each(static_cast<std::size_t>(s.label.grid.strips()), 1, [&](int i) { filter_label_strip<F>(s.label, i); });
+    SlotPool slots(s.label.grid.slots());
+    for_each(static_cast<std::size_t>(s.label.grid.tiles()), 1, [&](int index) {
+      const LabelTile tile = label_tile(s.label.grid, index, slots.take());
+      filter_label_tile<F>(s.label, tile);
+      if (!colour) combine_tile<F>(params, s.label, tile, output);
+      slots.give(tile.slot);
+    });
   }
   if (colour) {
     for_each(static_cast<std::size_t>(s.grid.block_rows()), 8, [&](int row) {
@@ -262,7 +268,7 @@ template <class F, class LabelPixel, class Executor>
       if (plan.degree == 5) weigh_strip<F, 5>(s.colour, i);
     });
   }
-  for_each(rows, 16, [&](int y) { combine_row<F>(params, s, y, output); });
+  if (colour) for_each(rows, 16, [&](int y) { combine_row<F>(params, s, y, output); });
   return {};
 }
 

@@ -2,369 +2,243 @@
 // The label term of the dual-reference cross-bilateral filter (3.2): for every pixel p the sums
 //   sum_q Gs(|q - p|) z(q)  and  sum_q Gs(|q - p|)   over the pixels q of the window that have p's label.
 //
-// By tiles of 128x64: for each class with pixels in the tile a masked Gaussian, first along columns, then along rows,
-// within the box of the class. A class that fills its box needs no sum of weights: it is a product of two. A tile with
-// more classes than kMaxTileClasses, or where their boxes together cost more, takes the direct form, tap by tap.
-// Sums have at most 16 terms before they join the next level, so an error is at most label_chain() 2^-24 relative; the
-// bits depend on neither lanes nor threads.
-// Cost: about 2 (4R + 18) multiplications per pixel and class; direct (2R + 1)^2. Memory: 12 bytes per pixel, and
-// 64 (144 + 2R) bytes per strip of 64 rows.
+// By tiles of 384x128, for each class that has pixels in one: cross_bilateral_label_class.hpp. A tile with more than
+// kMaxTileClasses classes, or where that would cost more, takes the direct form, tap by tap.
+// Error: label_sum_roundings() 2^-24 of either sum, label_roundings() 2^-24 of both together, 15 at R = 30. The bits
+// depend on neither lanes nor threads.
+// Cost: per pixel and class 3 (R + 2) products, as many again for the sum of weights where the class does not fill the
+// window; two thirds in double. Direct: (2R + 1)^2, less where no pixel of a batch has a sample's label. Memory: 8
+// bytes per pixel, a label more, and what cross_bilateral_label_grid.hpp says.
 #ifndef NPSIM_DEPTH_CROSS_BILATERAL_LABEL_HPP
 #define NPSIM_DEPTH_CROSS_BILATERAL_LABEL_HPP
 
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
-#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/depth/cross_bilateral_label_class.hpp"
+#include "npsim/depth/cross_bilateral_label_grid.hpp"
+#include "npsim/depth/cross_bilateral_label_members.hpp"
 #include "npsim/simd/batch.hpp"
+#include "npsim/simd/double.hpp"
 
 namespace npsim {
 inline namespace v1 {
 namespace cross_bilateral_detail {
 
-inline constexpr int kLabelTileWidth = 128;
-inline constexpr int kLabelTileHeight = 64;
-inline constexpr int kMaxTileClasses = 64;
-inline constexpr int kTermRun = 16;        // terms that are added up before their sum joins the next level
-inline constexpr int kLabelRows = 8;       // rows of p that share the loads of q
-inline constexpr int kKernelPadding = 32;  // zeros on either side of a Gaussian
-
-// The window, cut to what the image can hold.
-struct LabelGrid {
-  Shape shape;
-  int rx = 0, ry = 0;
-  int sum_stride = 0;  // of the scratch that holds the sums along columns
-
-  [[nodiscard]] std::size_t scratch_elements() const noexcept {
-    return 2 * static_cast<std::size_t>(kLabelRows) * static_cast<std::size_t>(sum_stride);
-  }
-  [[nodiscard]] int strips() const noexcept { return (shape.height + kLabelTileHeight - 1) / kLabelTileHeight; }
-};
-
-[[nodiscard]] inline LabelGrid label_grid(Shape shape, int radius) noexcept {
-  LabelGrid g;
-  g.shape = shape;
-  g.rx = radius < shape.width ? radius : shape.width - 1;
-  g.ry = radius < shape.height ? radius : shape.height - 1;
-  g.sum_stride = (kLabelTileWidth + 2 * g.rx + kTermRun - 1) / kTermRun * kTermRun + kTermRun;
-  return g;
-}
-
-// The longest chain of roundings that leads to a sum, weights included.
-[[nodiscard]] constexpr int label_chain(const LabelGrid& g) noexcept {
-  return 2 * (kTermRun + 2) + (2 * g.rx + 1) / kTermRun + (2 * g.ry + 1) / kTermRun + 6;
-}
+inline constexpr int kMaxTileClasses = 256;
+inline constexpr int kDirectRun = 4;  // taps of the direct form that are added up in floats
 
 }  // namespace cross_bilateral_detail
 
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
-using namespace cross_bilateral_detail;
-
-template <class LabelPixel>
-struct LabelTerm {
-  LabelGrid grid;
-  ImageView<const LabelPixel> labels;    // of p
-  ImageView<const float> depth;          // 0 where a pixel does not count; readable a batch beyond the last column
-  ImageView<const std::int32_t> source;  // labels of q, -1 where a pixel does not count; readable likewise
-  const float* gaussian = nullptr;       // Gs along an axis by distance, at 0; both signs, zeros beyond the radius
-  const double* cumulated = nullptr;     // sum of Gs over distances below i, at 0; -radius..radius + 1
-  ImageView<float> numerator;            // rows padded to whole batches
-  ImageView<float> denominator;
-  Span<float> scratch;  // by strip
-};
-
-struct Box {
-  int x0 = 0, x1 = 0, y0 = 0, y1 = 0;  // ends excluded
-
-  void add(int begin, int end, int y) noexcept {
-    if (x0 == x1) {
-      *this = {begin, end, y, y + 1};
-    } else {
-      x0 = begin < x0 ? begin : x0;
-      x1 = end > x1 ? end : x1;
-      y1 = y + 1;  // rows come in order
-    }
-  }
-  [[nodiscard]] bool empty() const noexcept { return x0 == x1; }
-};
-
-struct TileClass {
-  std::int32_t label = -1;
-  Box centres;
-  Box sources;
-  std::int64_t pixels = 0;  // of sources
-};
-
 struct TileClasses {
   TileClass classes[kMaxTileClasses];
   int count = 0;
 
   // nullptr when there are too many.
-  [[nodiscard]] TileClass* find(std::int32_t label, bool add) noexcept {
+  [[nodiscard]] TileClass* find(std::int32_t label) noexcept {
     for (int i = 0; i < count; ++i) {
       if (classes[i].label == label) return &classes[i];
     }
-    if (!add || count == kMaxTileClasses) return nullptr;
+    if (count == kMaxTileClasses) return nullptr;
     classes[count] = TileClass{};
     classes[count].label = label;
     return &classes[count++];
   }
 };
 
-// False when there are too many classes.
-template <class LabelPixel>
-[[nodiscard]] bool tile_classes(const LabelTerm<LabelPixel>& t, const Box& tile, TileClasses& out) noexcept {
-  out.count = 0;
-  for (int y = tile.y0; y < tile.y1; ++y) {
-    const LabelPixel* row = t.labels.row(y);
-    for (int begin = tile.x0; begin < tile.x1;) {
-      int end = begin + 1;
-      while (end < tile.x1 && row[end] == row[begin]) ++end;
-      TileClass* c = out.find(row[begin], true);
-      if (c == nullptr) return false;
-      c->centres.add(begin, end, y);
-      begin = end;
+// Which chunks of a row hold one label alone, and no hole. A chunk that leaves the image does not count as such.
+template <class F, class LabelPixel>
+void find_uniform_chunks(const LabelTerm<LabelPixel>& t, int y) noexcept {
+  using I = typename F::Int;
+  std::int32_t* out = t.uniform.row(y);
+  const LabelPixel* labels = t.labels.row(y);
+  for (int k = 0; k < t.grid.chunks; ++k) {
+    const int begin = k * kLabelChunkPx;
+    const I first(std::int32_t{labels[begin]});
+    bool same = begin + kLabelChunkPx <= t.grid.shape.width;
+    for (int i = 0; same && i < kLabelChunkPx; i += F::lanes) {
+      same =
+          all((load_labels<F>(t.labels, begin + i, y) == first) & valid_depths(load_depths<F>(t.depth, begin + i, y)));
     }
+    out[k] = same ? std::int32_t{labels[begin]} : -1;
   }
-  const LabelGrid& g = t.grid;
-  const int x0 = tile.x0 > g.rx ? tile.x0 - g.rx : 0;
-  const int x1 = tile.x1 + g.rx < g.shape.width ? tile.x1 + g.rx : g.shape.width;
-  const int y0 = tile.y0 > g.ry ? tile.y0 - g.ry : 0;
-  const int y1 = tile.y1 + g.ry < g.shape.height ? tile.y1 + g.ry : g.shape.height;
-  for (int y = y0; y < y1; ++y) {
-    const std::int32_t* row = t.source.row(y);
-    for (int begin = x0; begin < x1;) {
-      int end = begin + 1;
-      while (end < x1 && row[end] == row[begin]) ++end;
-      TileClass* c = row[begin] < 0 ? nullptr : out.find(row[begin], false);
-      if (c != nullptr) {
-        c->sources.add(begin, end, y);
-        c->pixels += end - begin;
+}
+
+// False when there are too many classes.
+template <class F, class LabelPixel>
+[[nodiscard]] bool tile_classes(const LabelTerm<LabelPixel>& t, const LabelTile& tile, TileClasses& out) noexcept {
+  using I = typename F::Int;
+  const int width = t.grid.shape.width;
+  out.count = 0;
+  TileClass* last = nullptr;
+  const auto add = [&](std::int32_t label, int group, int k) {
+    if (last == nullptr || last->label != label) last = out.find(label);
+    if (last != nullptr) last->centres[group] |= 1U << static_cast<unsigned>(k - tile.k0);
+    return last != nullptr;
+  };
+  for (int y = tile.y0; y < tile.y1; ++y) {
+    const int group = (y - tile.y0) / kLabelGroupRows;
+    const std::int32_t* uniform = t.uniform.row(y);
+    const LabelPixel* row = t.labels.row(y);
+    for (int k = tile.k0; k < tile.k1; ++k) {
+      if (uniform[k] >= 0) {
+        if (!add(uniform[k], group, k)) return false;
+        continue;
       }
-      begin = end;
+      for (int x = k * kLabelChunkPx; x < (k + 1) * kLabelChunkPx && x < width; x += F::lanes) {
+        const auto labels = load_labels<F>(t.labels, x, y);
+        std::uint32_t rest = bits(F::MaskType::first(width - x < F::lanes ? width - x : F::lanes));
+        while (rest != 0) {
+          const std::int32_t label{row[x + lowest_set_bit(rest)]};
+          if (!add(label, group, k)) return false;
+          rest &= ~bits(labels == I(label));
+        }
+      }
     }
   }
   return true;
 }
 
-// Sums along columns for kLabelRows rows from y on and one batch of columns at x; out at that column.
-template <class F, bool kWeights, class LabelPixel>
-void sum_columns(const LabelTerm<LabelPixel>& t, const TileClass& c, int x, int y, float* num, float* den) noexcept {
+// A row of samples as the direct form reads it: from R pixels before the tile to a batch and R pixels behind it.
+struct DirectRow {
+  float* depth = nullptr;  // 0 where a pixel does not count; at the tile's first column, as the labels
+  std::int32_t* labels = nullptr;
+};
+
+// What one row of samples adds to the sums of a batch of pixels. sums: numerators and denominators.
+template <class F>
+void add_row_directly(const LabelGrid& g, const LabelWeights& w, const DirectRow& row, int x, typename F::Int centre,
+                      double of_row, double* numerators, double* denominators) noexcept {
   using I = typename F::Int;
+  using D = simd::Double<F>;
   const F zero(0.0F);
-  const F one(1.0F);
-  const I label(c.label);
-  const int begin = y - t.grid.ry > c.sources.y0 ? y - t.grid.ry : c.sources.y0;
-  const int end = y + kLabelRows + t.grid.ry < c.sources.y1 ? y + kLabelRows + t.grid.ry : c.sources.y1;
-  F n[kLabelRows];
-  F d[kLabelRows];
-  for (int i = 0; i < kLabelRows; ++i) n[i] = d[i] = zero;
-  for (int run = begin; run < end; run += kTermRun) {
-    const int run_end = run + kTermRun < end ? run + kTermRun : end;
-    F run_n[kLabelRows];
-    F run_d[kLabelRows];
-    for (int i = 0; i < kLabelRows; ++i) run_n[i] = run_d[i] = zero;
-    for (int q = run; q < run_end; ++q) {
-      const auto mine = I::load(t.source.row(q) + x) == label;
-      const F z = select(mine, F::load(t.depth.row(q) + x), zero);
-      const F w = select(mine, one, zero);
-      for (int i = 0; i < kLabelRows; ++i) {
-        const F g(t.gaussian[q - y - i]);
-        run_n[i] = fma(g, z, run_n[i]);
-        if constexpr (kWeights) run_d[i] = fma(g, w, run_d[i]);
-      }
+  for (int run = -g.rx; run <= g.rx; run += kDirectRun) {
+    const int end = run + kDirectRun <= g.rx + 1 ? run + kDirectRun : g.rx + 1;
+    F n = zero;
+    F d = zero;
+    bool found = false;
+    for (int dx = run; dx < end; ++dx) {
+      const auto same = I::load(row.labels + (x + dx)) == centre;
+      if (none(same)) continue;
+      const F z = F::load(row.depth + (x + dx));
+      const auto distance = static_cast<std::size_t>(dx < 0 ? -dx : dx);
+      const F weight = select(same & (z > zero), F(dx == 0 ? 1.0F : w.halved_f[distance]), zero);
+      n = fma(weight, z, n);
+      d = d + weight;
+      found = true;
     }
-    for (int i = 0; i < kLabelRows; ++i) {
-      n[i] = n[i] + run_n[i];
-      if constexpr (kWeights) d[i] = d[i] + run_d[i];
+    if (!found) continue;
+    alignas(64) float n_lanes[static_cast<std::size_t>(F::lanes)];
+    alignas(64) float d_lanes[static_cast<std::size_t>(F::lanes)];
+    n.store(n_lanes);
+    d.store(d_lanes);
+    for (int p = 0; p < F::lanes; p += D::lanes) {
+      fma(D(of_row), D::load(n_lanes + p), D::load(numerators + p)).store(numerators + p);
+      fma(D(of_row), D::load(d_lanes + p), D::load(denominators + p)).store(denominators + p);
     }
-  }
-  for (int i = 0; i < kLabelRows; ++i) {
-    n[i].store(num + i * t.grid.sum_stride);
-    if constexpr (kWeights) d[i].store(den + i * t.grid.sum_stride);
   }
 }
 
-// Sums of those along rows: kLabelRows rows of one batch of pixels at x. num and den point at column 0 of the image.
-// Without kWeights, den holds the weights along rows and row_weights those along columns.
-template <class F, bool kWeights, class LabelPixel>
-void sum_rows(const LabelTerm<LabelPixel>& t, const TileClass& c, int x, int y, int rows, const float* num,
-              const float* den, const float* row_weights) noexcept {
-  using I = typename F::Int;
-  const F zero(0.0F);
-  const int lowest = x - t.grid.rx;
-  const int highest = x + F::lanes - 1 + t.grid.rx;
-  const int begin = lowest > c.sources.x0 ? lowest : c.sources.x0;
-  const int end = highest + 1 < c.sources.x1 ? highest + 1 : c.sources.x1;
-  F n[kLabelRows];
-  F d[kLabelRows];
-  for (int i = 0; i < kLabelRows; ++i) n[i] = d[i] = zero;
-  for (int q = begin; q < end;) {
-    const int run_end = (q / kTermRun + 1) * kTermRun < end ? (q / kTermRun + 1) * kTermRun : end;
-    F run_n[kLabelRows];
-    F run_d[kLabelRows];
-    for (int i = 0; i < kLabelRows; ++i) run_n[i] = run_d[i] = zero;
-    for (; q < run_end; ++q) {
-      const F g = F::load(t.gaussian + (x - q));
-      for (int i = 0; i < kLabelRows; ++i) {
-        run_n[i] = fma(g, F(num[i * t.grid.sum_stride + q]), run_n[i]);
-        if constexpr (kWeights) run_d[i] = fma(g, F(den[i * t.grid.sum_stride + q]), run_d[i]);
-      }
-    }
-    for (int i = 0; i < kLabelRows; ++i) {
-      n[i] = n[i] + run_n[i];
-      if constexpr (kWeights) d[i] = d[i] + run_d[i];
-    }
-  }
-  for (int i = 0; i < rows; ++i) {
-    if constexpr (!kWeights) d[i] = F::load(den + x) * F(row_weights[i]);
-    const int count = t.grid.shape.width - x < F::lanes ? t.grid.shape.width - x : F::lanes;
-    I centre(0);
-    const LabelPixel* at = t.labels.row(y + i) + x;
-    if constexpr (sizeof(LabelPixel) == 1) centre = count < F::lanes ? I::load_u8(at, count) : I::load_u8(at);
-    if constexpr (sizeof(LabelPixel) == 2) centre = count < F::lanes ? I::load_u16(at, count) : I::load_u16(at);
-    const auto mine = centre == I(c.label);
-    float* to_n = t.numerator.row(y + i) + x;
-    float* to_d = t.denominator.row(y + i) + x;
-    select(mine, n[i], F::load(to_n)).store(to_n);
-    select(mine, d[i], F::load(to_d)).store(to_d);
-  }
-}
-
-// One class of a tile. Sums along columns lie in the scratch by column from the box's first one on.
+// The direct form for the rows y0..y1 of a tile, at most a group of them, row of samples by row of samples.
 template <class F, class LabelPixel>
-void filter_class(const LabelTerm<LabelPixel>& t, const TileClass& c, float* scratch) noexcept {
+void filter_directly(const LabelTerm<LabelPixel>& t, const LabelTile& tile, int y0, int y1) noexcept {
+  using D = simd::Double<F>;
   const LabelGrid& g = t.grid;
-  const bool full = c.pixels == std::int64_t{c.sources.x1 - c.sources.x0} * (c.sources.y1 - c.sources.y0);
-  const int from = c.sources.x0 / kTermRun * kTermRun;
-  float* num = scratch;
-  float* den = scratch + static_cast<std::ptrdiff_t>(kLabelRows) * g.sum_stride;
-  // Of the terms of a full box, those along one axis add up to the difference of two sums. A span beyond the centre is
-  // mirrored: far out on that side both sums are nearly the total and would cancel, on the other side both are small.
-  const auto span_weight = [&](int at, int begin, int end, int radius) {
-    int low = begin - at > -radius ? begin - at : -radius;
-    int high = end - at < radius + 1 ? end - at : radius + 1;
-    if (low >= high) return 0.0F;
-    if (low > 0) {
-      const int first = low;
-      low = 1 - high;
-      high = 1 - first;
+  const auto slot = static_cast<std::size_t>(tile.slot);
+  const int x0 = tile.k0 * kLabelChunkPx;
+  const int width = (tile.k1 - tile.k0) * kLabelChunkPx;
+  double* sums = t.doubles.data() + slot * g.slot_doubles();
+  const auto sums_of = [&](int plane, int y, int x) { return sums + ((plane * kLabelGroupRows + y - y0) * width + x); };
+  const std::ptrdiff_t margin = g.halo * kLabelChunkPx;
+  const DirectRow row{t.floats.data() + (slot * g.slot_floats() + static_cast<std::size_t>(margin)),
+                      t.masks.data() + (slot * g.slot_masks() + static_cast<std::size_t>(margin))};
+  for (int i = 0; i < 2 * kLabelGroupRows * width; i += D::lanes) D(0.0).store(sums + i);
+  for (int q = y0 - g.ry > 0 ? y0 - g.ry : 0; q < g.shape.height && q < y1 + g.ry; ++q) {
+    for (int x = -g.halo * kLabelChunkPx; x < width + g.halo * kLabelChunkPx; ++x) {
+      const bool inside = x0 + x >= 0 && x0 + x < g.shape.width;
+      row.labels[x] = inside ? std::int32_t{t.labels(x0 + x, q)} : -1;
+      row.depth[x] = inside && is_valid_depth(t.depth(x0 + x, q)) ? t.depth(x0 + x, q) : 0.0F;
     }
-    return static_cast<float>(t.cumulated[high] - t.cumulated[low]);
-  };
-  const int first_x = c.centres.x0 / kTermRun * kTermRun;
-  if (full) {
-    const int end_x = (c.centres.x1 + kTermRun - 1) / kTermRun * kTermRun;
-    for (int x = first_x; x < end_x; ++x) den[x - first_x] = span_weight(x, c.sources.x0, c.sources.x1, g.rx);
+    for (int y = y0; y < y1; ++y) {
+      const int dy = q < y ? y - q : q - y;
+      if (dy > g.ry) continue;
+      const double of_row = dy == 0 ? 1.0 : t.weights.halved[static_cast<std::size_t>(dy)];
+      for (int x = 0; x < width; x += F::lanes) {
+        add_row_directly<F>(g, t.weights, row, x, load_labels<F>(t.labels, x0 + x, y), of_row, sums_of(0, y, x),
+                            sums_of(1, y, x));
+      }
+    }
   }
-  float row_weights[kLabelRows] = {};
-  for (int y = c.centres.y0; y < c.centres.y1; y += kLabelRows) {
-    const int rows = c.centres.y1 - y < kLabelRows ? c.centres.y1 - y : kLabelRows;
-    for (int x = from; x < c.sources.x1; x += F::lanes) {
-      if (full) {
-        sum_columns<F, false>(t, c, x, y, num + (x - from), den);
-      } else {
-        sum_columns<F, true>(t, c, x, y, num + (x - from), den + (x - from));
-      }
-    }
-    if (full) {
-      for (int i = 0; i < kLabelRows; ++i) {
-        row_weights[i] = span_weight(y + i, c.sources.y0, c.sources.y1, g.ry);
-      }
-    }
-    for (int x = first_x; x < c.centres.x1; x += F::lanes) {
-      if (full) {
-        sum_rows<F, false>(t, c, x, y, rows, num - from, den - first_x, row_weights);
-      } else {
-        sum_rows<F, true>(t, c, x, y, rows, num - from, den - from, row_weights);
-      }
+  for (int y = y0; y < y1; ++y) {
+    for (int x = 0; x < width; x += D::lanes) {
+      D::load(sums_of(0, y, x)).store(sum_at(t, t.numerator, tile, x0 + x, y));
+      D::load(sums_of(1, y, x)).store(sum_at(t, t.denominator, tile, x0 + x, y));
     }
   }
 }
 
-// The direct form, for a tile of many classes.
-template <class F, class LabelPixel>
-void filter_tile_directly(const LabelTerm<LabelPixel>& t, const Box& tile) noexcept {
-  using I = typename F::Int;
-  const LabelGrid& g = t.grid;
-  const F zero(0.0F);
-  for (int y = tile.y0; y < tile.y1; ++y) {
-    const int y0 = y > g.ry ? y - g.ry : 0;
-    const int y1 = y + g.ry + 1 < g.shape.height ? y + g.ry + 1 : g.shape.height;
-    for (int x = tile.x0; x < tile.x1; x += F::lanes) {
-      const int count = g.shape.width - x < F::lanes ? g.shape.width - x : F::lanes;
-      I centre(0);
-      if constexpr (sizeof(LabelPixel) == 1) centre = I::load_u8(t.labels.row(y) + x, count);
-      if constexpr (sizeof(LabelPixel) == 2) centre = I::load_u16(t.labels.row(y) + x, count);
-      F n = zero;
-      F d = zero;
-      for (int rows = y0; rows < y1; rows += kTermRun) {
-        F rows_n = zero;
-        F rows_d = zero;
-        for (int q = rows; q < rows + kTermRun && q < y1; ++q) {
-          F row_n = zero;
-          F row_d = zero;
-          for (int run = -g.rx; run <= g.rx; run += kTermRun) {
-            F run_n = zero;
-            F run_d = zero;
-            for (int dx = run; dx < run + kTermRun && dx <= g.rx; ++dx) {
-              const F w = select(I::load(t.source.row(q) + x + dx) == centre, F(t.gaussian[dx]), zero);
-              run_n = fma(w, F::load(t.depth.row(q) + x + dx), run_n);
-              run_d = run_d + w;
-            }
-            row_n = row_n + run_n;
-            row_d = row_d + run_d;
-          }
-          const F w(t.gaussian[q - y]);
-          rows_n = fma(w, row_n, rows_n);
-          rows_d = fma(w, row_d, rows_d);
-        }
-        n = n + rows_n;
-        d = d + rows_d;
-      }
-      n.store(t.numerator.row(y) + x);
-      d.store(t.denominator.row(y) + x);
+// Whether the direct form would cost less, in products of floats.
+[[nodiscard]] inline bool direct_is_cheaper(const LabelGrid& g, const LabelTile& tile,
+                                            const TileClasses& classes) noexcept {
+  std::int64_t blocks = 0;
+  for (int i = 0; i < classes.count; ++i) {
+    for (const std::uint32_t centres : classes.classes[i].centres) {
+      for (std::uint32_t rest = centres; rest != 0; rest &= rest - 1) ++blocks;
     }
   }
+  const std::int64_t separable = kLabelRun * (4 * g.runs_y + 2 * g.runs_x + 8) * blocks;
+  const std::int64_t groups = (tile.y1 - tile.y0 + kLabelGroupRows - 1) / kLabelGroupRows;
+  const std::int64_t direct = std::int64_t{5} * (2 * g.rx + 1) * (2 * g.ry + 1) * groups * (tile.k1 - tile.k0);
+  return direct < separable;
+}
+
+// Everything but depth and labels. by_slot: the sums of a tile are done with before the slot is given back.
+template <class LabelPixel>
+[[nodiscard]] Status allocate_label_term(const LabelGrid& g, int radius, double sigma, bool by_slot,
+                                         Workspace& workspace, LabelTerm<LabelPixel>& t) noexcept {
+  const auto slots = static_cast<std::size_t>(g.slots());
+  t.grid = g;
+  t.by_slot = by_slot;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image({g.chunks, g.shape.height}, t.uniform));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(g.plane(by_slot), t.numerator));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(g.plane(by_slot), t.denominator));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(slots * g.slot_doubles(), t.doubles));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(slots * g.slot_floats(), t.floats));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(slots * g.slot_masks(), t.masks));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(label_distances(g), t.weights.halved_f));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(label_distances(g), t.weights.halved));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(label_edges(g), t.weights.edges));
+  fill_label_weights(g, radius, sigma, t.weights);
+  return {};
+}
+
+[[nodiscard]] inline LabelTile label_tile(const LabelGrid& g, int index, int slot) noexcept {
+  LabelTile tile;
+  tile.slot = slot;
+  tile.k0 = index % g.tiles_across() * kLabelTileChunks;
+  tile.k1 = tile.k0 + kLabelTileChunks < g.chunks ? tile.k0 + kLabelTileChunks : g.chunks;
+  tile.y0 = index / g.tiles_across() * kLabelTileRows;
+  tile.y1 = tile.y0 + kLabelTileRows < g.shape.height ? tile.y0 + kLabelTileRows : g.shape.height;
+  return tile;
 }
 
 template <class F, class LabelPixel>
-void filter_label_strip(const LabelTerm<LabelPixel>& t, int strip) noexcept {
-  const LabelGrid& g = t.grid;
-  float* scratch = t.scratch.data() + static_cast<std::size_t>(strip) * g.scratch_elements();
+void filter_label_tile(const LabelTerm<LabelPixel>& t, const LabelTile& tile) noexcept {
   TileClasses classes;
-  Box tile;
-  tile.y0 = strip * kLabelTileHeight;
-  tile.y1 = tile.y0 + kLabelTileHeight < g.shape.height ? tile.y0 + kLabelTileHeight : g.shape.height;
-  const std::int64_t window = std::int64_t{2 * g.rx + 1} * (2 * g.ry + 1);
-  for (tile.x0 = 0; tile.x0 < g.shape.width; tile.x0 += kLabelTileWidth) {
-    tile.x1 = tile.x0 + kLabelTileWidth < g.shape.width ? tile.x0 + kLabelTileWidth : g.shape.width;
-    bool separable = tile_classes(t, tile, classes);
-    std::int64_t cost = 0;  // in taps, of both sums
-    for (int i = 0; i < classes.count; ++i) {
-      const TileClass& c = classes.classes[i];
-      const std::int64_t rows = c.centres.y1 - c.centres.y0 + kLabelRows;
-      cost += rows * (c.sources.x1 - c.sources.x0 + kTermRun) * (2 * g.ry + 1) +
-              rows * (c.centres.x1 - c.centres.x0 + kTermRun) * (2 * g.rx + 1 + kTermRun);
-    }
-    separable = separable && cost < window * (tile.x1 - tile.x0) * (tile.y1 - tile.y0);
-    if (!separable) {
-      filter_tile_directly<F>(t, tile);
-      continue;
-    }
-    for (int y = tile.y0; y < tile.y1; ++y) {
-      for (int x = tile.x0; x < tile.x1; x += F::lanes) {
-        F(0.0F).store(t.numerator.row(y) + x);
-        F(0.0F).store(t.denominator.row(y) + x);
-      }
-    }
-    for (int i = 0; i < classes.count; ++i) {
-      if (!classes.classes[i].sources.empty()) filter_class<F>(t, classes.classes[i], scratch);
-    }
+  if (tile_classes<F>(t, tile, classes) && !direct_is_cheaper(t.grid, tile, classes)) {
+    ClassFilter<F, LabelPixel> filter(t, tile);
+    for (int i = 0; i < classes.count; ++i) filter.filter(classes.classes[i]);
+    return;
+  }
+  for (int y = tile.y0; y < tile.y1; y += kLabelGroupRows) {
+    filter_directly<F>(t, tile, y, y + kLabelGroupRows < tile.y1 ? y + kLabelGroupRows : tile.y1);
   }
 }
 

@@ -15,7 +15,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/cross_bilateral_colour.hpp"
-#include "npsim/depth/cross_bilateral_label.hpp"
+#include "npsim/depth/cross_bilateral_label_grid.hpp"
 
 namespace npsim {
 inline namespace v1 {
@@ -35,7 +35,7 @@ struct CrossBilateralParams {
   bool use_colour = true;
   bool keep_invalid = false;  // leave pixels without depth (the sky) without depth
   // What the result may differ from equation (3.2) evaluated without rounding, relative to the result, for the pixels
-  // and depths that cross_bilateral.hpp names. At R = 30 no less than 1.3e-5 can be asked, with labels alone 6.2e-6.
+  // and depths that cross_bilateral.hpp names. At R = 30 no less than 1.3e-5 can be asked, with labels alone 9.6e-7.
   float max_relative_error = 2e-5F;
 };
 
@@ -147,11 +147,14 @@ struct MeanExponents {
   const int radius = cross_bilateral_radius(params, shape);
   const ColourGrid g = colour_grid(shape, radius);
   const double allowed = static_cast<double>(params.max_relative_error);
-  const double label = params.use_labels ? 2 * label_chain(label_grid(shape, radius)) * kRounding : 0.0;
+  const LabelGrid label_sums = label_grid(shape, radius);
+  const double label = params.use_labels ? label_roundings(label_sums) * kRounding : 0.0;
+  const double label_sum = params.use_labels ? label_sum_roundings(label_sums) * kRounding : 0.0;
   const double last = 8 * kRounding;  // both terms together, mu, the division
   CrossBilateralPlan plan;
   double bound = label + last;
   if (!uses_colour(params)) {
+    bound = 1.00001 * (label + kRounding);  // the division; and the products of the errors
     plan.possible = bound <= allowed;
     plan.result = {CrossBilateralMethod::label_sums, static_cast<float>(bound)};
     return plan;
@@ -165,7 +168,7 @@ struct MeanExponents {
     const double with_centre = of_weights + 7 * kExponentRounding * exponents.mean;
     const double without = of_weights + 7 * kExponentRounding * exponents.mean_without_centre;
     // Labels in one of the sums, colours in the other.
-    const double mixed = 0.5 * label + kExp2Error[degree] + colour_chain(g) * kRounding +
+    const double mixed = label_sum + kExp2Error[degree] + colour_chain(g) * kRounding +
                          7 * kExponentRounding * mean_exponent(taps * kDepthRatio);
     double worst = without > with_centre ? without : with_centre;
     if (label > worst) worst = label;
@@ -196,12 +199,6 @@ struct MeanExponents {
   return plan;
 }
 
-[[nodiscard]] inline std::size_t label_plane_elements(const ColourGrid& g) noexcept {
-  return static_cast<std::size_t>(g.width) * static_cast<std::size_t>(g.shape.height);
-}
-[[nodiscard]] inline std::size_t label_scratch_elements(const LabelGrid& g) noexcept {
-  return static_cast<std::size_t>(g.strips()) * g.scratch_elements();
-}
 [[nodiscard]] inline std::size_t spatial_elements(const ColourGrid& g) noexcept {
   return static_cast<std::size_t>(2 * g.rx + 1) * static_cast<std::size_t>(g.ry + 1) + 1;  // one is read beyond
 }
@@ -220,12 +217,9 @@ struct MeanExponents {
   if (shape.empty()) return kWorkspaceAlignment;
   const int radius = cross_bilateral_radius(params, shape);
   const ColourGrid g = colour_grid(shape, radius);
-  const auto side = static_cast<std::size_t>(2 * radius);
   std::size_t bytes = kWorkspaceAlignment + allocation_bytes<float>(g.samples());
   if (params.use_labels) {
-    bytes += allocation_bytes<std::int32_t>(g.samples()) + allocation_bytes<float>(2 * label_plane_elements(g)) +
-             allocation_bytes<float>(label_scratch_elements(label_grid(shape, radius))) +
-             allocation_bytes<float>(side + 2 * kKernelPadding + 1) + allocation_bytes<double>(side + 2);
+    bytes += label_workspace_bytes(label_grid(shape, radius), !uses_colour(params));
   }
   if (uses_colour(params)) {
     bytes += 3 * allocation_bytes<float>(g.samples()) + allocation_bytes<float>(block_elements(g)) +

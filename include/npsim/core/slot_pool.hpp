@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// Slots of scratch memory for chunks that run at the same time: as few of them are touched as there are threads, so
+// that the memory stays in the caches.
+//
+// take() gives a slot that nobody holds and waits while there is none, give() returns it. Whoever holds a slot must not
+// wait for another. Which slot a chunk gets is open, so nothing may outlive the chunk in it.
+#ifndef NPSIM_CORE_SLOT_POOL_HPP
+#define NPSIM_CORE_SLOT_POOL_HPP
+
+#include <atomic>
+#include <cstdint>
+
+#include "npsim/core/bits.hpp"
+#include "npsim/core/config.hpp"
+
+namespace npsim {
+inline namespace v1 {
+
+inline constexpr int kMaxSlots = 64;
+
+class SlotPool {
+ public:
+  // slots: 1..kMaxSlots.
+  explicit SlotPool(int slots) noexcept
+      : free_(slots >= kMaxSlots ? ~std::uint64_t{0} : (std::uint64_t{1} << static_cast<unsigned>(slots)) - 1U) {}
+  SlotPool(const SlotPool&) = delete;
+  SlotPool& operator=(const SlotPool&) = delete;
+
+  [[nodiscard]] int take() noexcept {
+    std::uint64_t free = free_.load(std::memory_order_relaxed);
+    for (;;) {
+      if (free == 0) {
+        free = free_.load(std::memory_order_relaxed);
+      } else if (free_.compare_exchange_weak(free, free & (free - 1), std::memory_order_acquire,
+                                             std::memory_order_relaxed)) {
+        return lowest_set_bit(free);
+      }
+    }
+  }
+  void give(int slot) noexcept {
+    free_.fetch_or(std::uint64_t{1} << static_cast<unsigned>(slot), std::memory_order_release);
+  }
+
+ private:
+  std::atomic<std::uint64_t> free_;
+};
+
+}  // namespace v1
+}  // namespace npsim
+
+#endif  // NPSIM_CORE_SLOT_POOL_HPP
