@@ -202,7 +202,12 @@ inline F32 interleave_high(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm_un
 
 #else  // NEON64
 
-inline I32 I32::load_u8(const std::uint8_t* p) noexcept { return widen(p, kLanes); }
+inline I32 I32::load_u8(const std::uint8_t* p) noexcept {
+  std::uint32_t four = 0;
+  std::memcpy(&four, p, sizeof(four));
+  const uint16x8_t wide = vmovl_u8(vreinterpret_u8_u32(vdup_n_u32(four)));
+  return I32(IntBatch(vreinterpretq_s32_u32(vmovl_u16(vget_low_u16(wide)))));
+}
 inline I32 I32::load_u16(const std::uint16_t* p) noexcept {
   return I32(IntBatch(vreinterpretq_s32_u32(vmovl_u16(vld1_u16(p)))));
 }

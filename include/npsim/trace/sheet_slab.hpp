@@ -74,7 +74,7 @@ template <bool whole, class F>
 NPSIM_ALWAYS_INLINE void make_tiles(const TileVertices<F>& v, int part, SheetTiles& tiles,
                                     std::int32_t (&bytes)[10][16], F& low, F& high) noexcept {
   using I = typename F::Int;
-  const auto or_else = [&v](int i, int j, F value, F otherwise) noexcept {
+  const auto or_else = [&](int i, int j, F value, F otherwise) noexcept {
     if constexpr (whole) {
       return value;
     } else {
