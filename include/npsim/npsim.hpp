@@ -139,6 +139,7 @@
 #include "npsim/trace/sheet_walk.hpp"
 #include "npsim/trace/spawn.hpp"
 #include "npsim/trace/triangle.hpp"
+#include "npsim/trace/triangle_lanes.hpp"
 #include "npsim/trace/triangle_pack.hpp"
 
 #include "npsim/light/activation.hpp"

@@ -360,3 +360,134 @@ TEST_CASE("trace packet: rays made ready together are those made ready alone, to
   CHECK(wrong == 0);
   for (const int n : seen) CHECK(n > 200);
 }
+
+TEST_CASE("trace packet: a beam keeps every node and tile that one of its rays needs") {
+  TracedSheet sheet({960, 540});
+  make_street(sheet, true, 11);
+  const npsim::SheetBounds& bounds = sheet.trace.bounds;
+  int beams = 0;
+  int missing = 0;
+  int kept_rays = 0;
+  int differ = 0;
+  for (std::uint32_t round = 0; round < 4000; ++round) {
+    RandomStream r = stream(2000000 + round);
+    const std::uint32_t first = r.next_u32() % static_cast<std::uint32_t>(sheet.vertices.size() - 64);
+    const std::uint32_t apart = round % 5 == 0 ? 3U : 1U;
+    const float scale = round % 7 == 0 ? 0.01F : 10.0F;
+    Vec3f lamp = in_cube(r, scale) + Vec3f{0, -3, 12};
+    if (round % 11 == 0) lamp = {sheet.vertices[first].x, -3, sheet.vertices[first].z};  // nearly along a column
+    if (round % 13 == 0) lamp.y = 0.0F;
+    Ray rays[kPacketRays];
+    SheetRay single[kPacketRays];
+    for (std::uint32_t i = 0; i < kPacketRays; ++i) {
+      const Vec3f v = sheet.vertices[first + apart * i] * r.uniform(0.98F, 0.999F);
+      rays[i] = {v, lamp - v, 0.0F, 1.0F};
+      static_cast<void>(npsim::sheet_detail::make_sheet_ray(bounds, rays[i], single[i]));
+    }
+    SheetRays lanes;
+    npsim::sheet_detail::make_sheet_rays<Native>(bounds, rays, kPacketRays, lanes);
+    if (lanes.projected == 0) continue;
+    npsim::sheet_detail::Beam beam;
+    npsim::sheet_detail::Beam beam_of_one;
+    const std::uint32_t alike = npsim::sheet_detail::make_beam<Native>(lanes, lanes.projected, bounds, beam);
+    differ += npsim::sheet_detail::make_beam<Scalar>(lanes, lanes.projected, bounds, beam_of_one) == alike ? 0 : 1;
+    if (alike == 0) continue;
+    ++beams;
+    for (int k = 0; k < kPacketRays; ++k) {
+      if ((alike >> static_cast<unsigned>(k) & 1U) == 0) continue;
+      ++kept_rays;
+      // A place on the ray, and what it just touches there.
+      const float s = r.uniform() < 0.2F ? (r.uniform() < 0.5F ? 0.0F : 1.0F) : r.uniform();
+      const float u = lanes.u[k] + s * lanes.du[k];
+      const float v = lanes.v[k] + s * lanes.dv[k];
+      const float w = lanes.w[k] + s * lanes.dw[k];
+      for (const float size : {4.0F, 16.0F, 64.0F, 256.0F}) {
+        const float x = 4 * size * std::floor(std::max(u, 0.0F) / (4 * size));
+        const float y = 4 * size * std::floor(std::max(v, 0.0F) / (4 * size));
+        npsim::SheetNode node;
+        npsim::SheetTiles tiles;
+        for (int c = 0; c < 16; ++c) {
+          const float side = r.uniform() < 0.5F ? -1.0F : 1.0F;
+          const float near = side * r.uniform(0.0F, 2.0F) * lanes.pad_w[k];
+          const float thick = bounds.max_inverse_depth * 0.02F * r.uniform();
+          node.low[c] = side > 0 ? w + near : w + near - thick;
+          node.high[c] = node.low[c] + thick;
+          const float steep = bounds.max_inverse_depth * (c % 4 == 0 ? 0.1F : 0.001F);
+          tiles.gx[c] = r.uniform(-steep, steep);
+          tiles.gy[c] = r.uniform(-steep, steep);
+          tiles.half[c] = thick * 0.1F;
+          const float off = side * tiles.half[c] + near;
+          tiles.base[c] = w - tiles.gx[c] * (u - x - 4.0F * static_cast<float>(c % 4)) -
+                          tiles.gy[c] * (v - y - 4.0F * static_cast<float>(c / 4)) + off;
+        }
+        std::uint32_t kept = 0;
+        std::uint32_t needed = 0;
+        if (size == 4.0F) {
+          kept = npsim::sheet_detail::test_beam_tiles<Native>(tiles, beam, x, y);
+          differ += kept == npsim::sheet_detail::test_beam_tiles<Scalar>(tiles, beam_of_one, x, y) ? 0 : 1;
+          needed = npsim::sheet_detail::test_tiles<Native>(tiles, single[k], x, y);
+        } else {
+          kept = npsim::sheet_detail::test_beam<Native>(node, beam, x, y, size);
+          differ += kept == npsim::sheet_detail::test_beam<Scalar>(node, beam_of_one, x, y, size) ? 0 : 1;
+          needed = npsim::sheet_detail::test_node<Native>(node, single[k], x, y, size);
+        }
+        missing += (needed & ~kept) != 0 ? 1 : 0;
+      }
+    }
+  }
+  CHECK(missing == 0);
+  CHECK(differ == 0);
+  CHECK(beams > 2000);
+  CHECK(kept_rays > 10 * beams);
+}
+
+TEST_CASE("trace packet: sixteen triangles are hit as they are one by one") {
+  const float low[3] = {-100, -100, 0};
+  const float high[3] = {100, 100, 200};
+  int hits = 0;
+  int misses = 0;
+  int wrong = 0;
+  for (std::uint32_t round = 0; round < 6000; ++round) {
+    npsim::RayTriangles in;
+    std::uint32_t expected = 0;
+    for (int k = 0; k < npsim::kRayLanes; ++k) {
+      RandomStream r = stream(5000000 + 16 * round + static_cast<std::uint32_t>(k));
+      Vec3f corner[3];
+      for (Vec3f& c : corner) c = in_cube(r, 5.0F) + Vec3f{0, 0, 10};
+      if (r.next_u32() % 8U == 0) corner[2] = corner[0];
+      const Vec3f origin = r.next_u32() % 4U == 0 ? (corner[0] + corner[1]) * 0.5F : in_cube(r, 5.0F);
+      const float a = r.next_u32() % 4U == 0 ? 0.0F : r.uniform(-0.2F, 1.0F);
+      const float b = r.next_u32() % 4U == 0 ? 0.0F : r.uniform(-0.2F, 1.0F);
+      Ray ray{origin, corner[0] + (corner[1] - corner[0]) * a + (corner[2] - corner[0]) * b - origin};
+      ray.t_min = r.next_u32() % 4U == 0 ? r.uniform() : 0.0F;
+      ray.t_max = r.next_u32() % 2U == 0 ? 1.0F : r.uniform(0.5F, 2.0F);
+      std::vector<Ray> rays = {ray};
+      spoil(rays, round * 16 + static_cast<std::uint32_t>(k));
+      ray = rays[0];
+      const float o[3] = {ray.origin.x, ray.origin.y, ray.origin.z};
+      const float d[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
+      float vertex[3][3];
+      for (int i = 0; i < 3; ++i) {
+        vertex[i][0] = corner[i].x;
+        vertex[i][1] = corner[i].y;
+        vertex[i][2] = corner[i].z;
+        in.origin[i][k] = o[i];
+        in.direction[i][k] = d[i];
+      }
+      for (int i = 0; i < 9; ++i) in.vertex[i / 3][i % 3][k] = vertex[i / 3][i % 3];
+      in.t_min[k] = ray.t_min;
+      in.t_max[k] = ray.t_max;
+      npsim::RayFrame frame;
+      npsim::TriangleHit hit;
+      const bool met = npsim::make_ray_frame(ray, low, high, frame) && npsim::intersect_triangle(frame, vertex, hit) &&
+                       hit.t < frame.t_max;
+      expected |= (met ? 1U : 0U) << static_cast<unsigned>(k);
+      ++(met ? hits : misses);
+    }
+    wrong += npsim::hits_of_lanes<Native>(low, high, in) == expected ? 0 : 1;
+    wrong += npsim::hits_of_lanes<Scalar>(low, high, in) == expected ? 0 : 1;
+  }
+  CHECK(wrong == 0);
+  CHECK(hits > 10000);
+  CHECK(misses > 10000);
+}

@@ -3,8 +3,8 @@
 // side.
 //
 // Invariant: every field of a ray that may hit something has the bits that make_sheet_ray() gives it, because the
-// operations are the same; so are its bounds of rounding. What only a hit needs (inverse, direction, t) is not kept: a
-// face that floats cannot decide takes the ray made ready by itself. The loops have 16 turns without branches, which
+// operations are the same; so are its bounds of rounding. What only a hit needs (inverse, direction, t) is not kept:
+// triangle_lanes.hpp makes it anew. The loops have 16 turns without branches, which
 // compilers turn into vectors, of floats and of doubles.
 // Cost: about 10 ns a ray. Memory: 2.2 KiB.
 #ifndef NPSIM_TRACE_SHEET_RAY_LANES_HPP
@@ -21,28 +21,28 @@
 #include "npsim/trace/sheet_layout.hpp"
 #include "npsim/trace/sheet_ray.hpp"
 #include "npsim/trace/triangle.hpp"
+#include "npsim/trace/triangle_lanes.hpp"
 
 namespace npsim {
 inline namespace v1 {
 
-inline constexpr int kPacketRays = 16;
+inline constexpr int kPacketRays = kRayLanes;
 
 // See SheetRay and RayFrame for what is called alike.
 struct alignas(64) SheetRays {
-  using Lanes = float[kPacketRays];
-  Lanes u, v, w;
-  Lanes du, dv, dw;
-  Lanes iu, iv;
-  Lanes back_u, back_v;
-  Lanes ahead_u, ahead_v;
-  Lanes near_u, far_u;
-  Lanes near_v, far_v;
-  Lanes pad_px, pad_w;
-  Lanes x, y, z;  // where it starts, along its permuted axes
-  Lanes shear_x, shear_y;
-  Lanes scale;  // 1 / d_z
-  Lanes slack;  // twice the greatest difference of t that is reported and t of the sheared ray
-  Lanes t_min, t_max;
+  RayLanes u, v, w;
+  RayLanes du, dv, dw;
+  RayLanes iu, iv;
+  RayLanes back_u, back_v;
+  RayLanes ahead_u, ahead_v;
+  RayLanes near_u, far_u;
+  RayLanes near_v, far_v;
+  RayLanes pad_px, pad_w;
+  RayLanes x, y, z;  // where it starts, along its permuted axes
+  RayLanes shear_x, shear_y;
+  RayLanes scale;  // 1 / d_z
+  RayLanes slack;  // twice the greatest difference of t that is reported and t of the sheared ray
+  RayLanes t_min, t_max;
   std::uint32_t projected;   // bit k: ray k may hit something, and has the fields above
   std::uint32_t everything;  // bit k: it may hit something, but its projection says nothing
   std::uint32_t along[3];    // the rays whose permuted z is this axis
@@ -63,60 +63,32 @@ struct ClippedRays {
 
 // make_ray_frame() for part of a packet; the rays that may hit something.
 template <class F>
-[[nodiscard]] NPSIM_ALWAYS_INLINE typename F::MaskType make_frames(const SheetBounds& bounds, const float* o,
-                                                                   const float* d, const float* t_limits, int k,
-                                                                   float* largest, float* pad,
-                                                                   SheetRays& out) noexcept {
-  using M = typename F::MaskType;
-  constexpr int n = kPacketRays;
-  const F o0 = F::load(o + k);
-  const F o1 = F::load(o + n + k);
-  const F o2 = F::load(o + 2 * n + k);
-  const F d0 = F::load(d + k);
-  const F d1 = F::load(d + n + k);
-  const F d2 = F::load(d + 2 * n + k);
-  const F a0 = abs(d0);
-  const F a1 = abs(d1);
-  const F a2 = abs(d2);
-  const M zero_wins = a0 >= a1;
-  const F most_01 = select(zero_wins, a0, a1);
-  const M along_2 = a2 > most_01;
-  const M along_0 = zero_wins & ~along_2;
-  const F most = select(along_2, a2, most_01);
-  const F reach_0 = max(abs(F(bounds.low[0]) - o0), abs(F(bounds.high[0]) - o0));
-  const F reach_1 = max(abs(F(bounds.low[1]) - o1), abs(F(bounds.high[1]) - o1));
-  const F reach_2 = max(abs(F(bounds.low[2]) - o2), abs(F(bounds.high[2]) - o2));
-  const F reach = max(reach_2, max(reach_1, max(reach_0, F(0.0F))));
-  const F limit(kTraceMaxCoordinate);
-  const F from = F::load(t_limits + k);
-  const F to = F::load(t_limits + n + k);
-  const F t_min = max(from, F(0.0F));
-  const F box = F(0x1p-21F) * reach + F(0x1p-126F);
-  most.store(largest + k);
-  box.store(pad + k);
-  t_min.store(out.t_min + k);
-  to.store(out.t_max + k);
-  const auto permuted = [&](F if_0, F if_1, F if_2) noexcept {
-    return select(along_0, if_0, select(along_2, if_2, if_1));
-  };
-  const F z = permuted(d0, d1, d2);
-  permuted(o1, o2, o0).store(out.x + k);
-  permuted(o2, o0, o1).store(out.y + k);
-  permuted(o0, o1, o2).store(out.z + k);
-  (permuted(d1, d2, d0) / z).store(out.shear_x + k);
-  (permuted(d2, d0, d1) / z).store(out.shear_y + k);
-  const F scale = F(1.0F) / z;
+[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t make_frames(const SheetBounds& bounds, const RayLanes (&origin)[3],
+                                                            const RayLanes (&direction)[3], const RayLanes& t_min,
+                                                            int k, RayLanes& largest, RayLanes& pad,
+                                                            SheetRays& out) noexcept {
+  const F o[3] = {F::load(origin[0] + k), F::load(origin[1] + k), F::load(origin[2] + k)};
+  const F d[3] = {F::load(direction[0] + k), F::load(direction[1] + k), F::load(direction[2] + k)};
+  const RayFrameLanes<F> frame(bounds.low, bounds.high, o, d, F::load(t_min + k), F::load(out.t_max + k));
+  frame.largest.store(largest + k);
+  frame.pad.store(pad + k);
+  frame.t_min.store(out.t_min + k);
+  frame.along_x(o).store(out.x + k);
+  frame.along_y(o).store(out.y + k);
+  frame.along_z(o).store(out.z + k);
+  frame.shear_x.store(out.shear_x + k);
+  frame.shear_y.store(out.shear_y + k);
+  const F scale = F(1.0F) / frame.z;
   scale.store(out.scale + k);
-  (F(2.0F * static_cast<float>(kTraceSlackPads)) * box * abs(scale)).store(out.slack + k);
-  out.along[0] |= bits(along_0) << static_cast<unsigned>(k);
-  out.along[2] |= bits(along_2) << static_cast<unsigned>(k);
-  return (most >= F(0x1p-96F)) & (most <= F(0x1p96F)) & (a0 <= most) & (a1 <= most) & (a2 <= most) &
-         (abs(o0) <= limit) & (abs(o1) <= limit) & (abs(o2) <= limit) & (from == from) & (t_min < to);
+  (F(2.0F * static_cast<float>(kTraceSlackPads)) * frame.pad * abs(scale)).store(out.slack + k);
+  out.along[0] |= bits(frame.along_0) << static_cast<unsigned>(k);
+  out.along[2] |= bits(frame.along_2) << static_cast<unsigned>(k);
+  return bits(frame.good) << static_cast<unsigned>(k);
 }
 
 // Loops whose comparisons depend on nothing: compilers make vectors of them.
-inline void clip_rays(const SheetBounds& bounds, const float* o, const float* d, const float* largest, const float* pad,
-                      const SheetRays& rays, ClippedRays& out) noexcept {
+inline void clip_rays(const SheetBounds& bounds, const RayLanes (&o)[3], const RayLanes (&d)[3],
+                      const RayLanes& largest, const RayLanes& pad, const SheetRays& rays, ClippedRays& out) noexcept {
   constexpr int n = kPacketRays;
   constexpr double never = std::numeric_limits<double>::infinity();
   for (int k = 0; k < n; ++k) {
@@ -133,10 +105,10 @@ inline void clip_rays(const SheetBounds& bounds, const float* o, const float* d,
     const double y = bounds.y[i];
     const double z = bounds.z[i];
     for (int k = 0; k < n; ++k) {
-      const double at = x * static_cast<double>(o[k]) + y * static_cast<double>(o[n + k]) +
-                        z * static_cast<double>(o[2 * n + k]) + bounds.d[i];
-      const double slope = x * static_cast<double>(d[k]) + y * static_cast<double>(d[n + k]) +
-                           z * static_cast<double>(d[2 * n + k]) + bounds.size[i] * out.e[k];
+      const double at = x * static_cast<double>(o[0][k]) + y * static_cast<double>(o[1][k]) +
+                        z * static_cast<double>(o[2][k]) + bounds.d[i];
+      const double slope = x * static_cast<double>(d[0][k]) + y * static_cast<double>(d[1][k]) +
+                           z * static_cast<double>(d[2][k]) + bounds.size[i] * out.e[k];
       const double cut = -at / slope;
       const double enter = slope > 0.0 ? cut : -never;
       const double leave = slope < 0.0 ? cut : never;
@@ -149,8 +121,8 @@ inline void clip_rays(const SheetBounds& bounds, const float* o, const float* d,
 }
 
 // Ends of the clipped rays in the image, and how far off they may be: rho, not below 1/8 where that says nothing.
-inline void project_rays(const SheetBounds& bounds, const float* o, const float* d, ClippedRays& clipped, float* rho,
-                         float* most_w, SheetRays& out) noexcept {
+inline void project_rays(const SheetBounds& bounds, const RayLanes (&o)[3], const RayLanes (&d)[3],
+                         ClippedRays& clipped, RayLanes& rho, RayLanes& most_w, SheetRays& out) noexcept {
   constexpr int n = kPacketRays;
   const auto fx = static_cast<double>(bounds.camera.fx);
   const auto fy = static_cast<double>(bounds.camera.fy);
@@ -158,12 +130,12 @@ inline void project_rays(const SheetBounds& bounds, const float* o, const float*
   const double cy = static_cast<double>(bounds.camera.cy) - 0.5;
   const double t_limit = static_cast<double>(kTraceMaxCoordinate) * 0x1p100;
   for (int k = 0; k < n; ++k) {
-    const auto ox = static_cast<double>(o[k]);
-    const auto oy = static_cast<double>(o[n + k]);
-    const auto oz = static_cast<double>(o[2 * n + k]);
-    const auto dx = static_cast<double>(d[k]);
-    const auto dy = static_cast<double>(d[n + k]);
-    const auto dz = static_cast<double>(d[2 * n + k]);
+    const auto ox = static_cast<double>(o[0][k]);
+    const auto oy = static_cast<double>(o[1][k]);
+    const auto oz = static_cast<double>(o[2][k]);
+    const auto dx = static_cast<double>(d[0][k]);
+    const auto dy = static_cast<double>(d[1][k]);
+    const auto dz = static_cast<double>(d[2][k]);
     const double t0 = clipped.first[k];
     const double t1 = clipped.last[k];
     const double z0 = oz + t0 * dz;
@@ -192,7 +164,7 @@ inline void project_rays(const SheetBounds& bounds, const float* o, const float*
 
 // What a SheetRay holds of the projection, for part of a packet.
 template <class F>
-NPSIM_ALWAYS_INLINE void finish_rays(const SheetBounds& bounds, const float* rho, const float* most_w, int k,
+NPSIM_ALWAYS_INLINE void finish_rays(const SheetBounds& bounds, const RayLanes& rho, const RayLanes& most_w, int k,
                                      SheetRays& out) noexcept {
   const F zero(0.0F);
   const F least(0x1p-22F * static_cast<float>(std::max(bounds.image.width, bounds.image.height)));
@@ -227,33 +199,33 @@ NPSIM_ALWAYS_INLINE void finish_rays(const SheetBounds& bounds, const float* rho
 template <class F>
 void make_sheet_rays(const SheetBounds& bounds, const Ray* rays, int count, SheetRays& out) noexcept {
   constexpr int n = kPacketRays;
-  alignas(64) float o[3 * n];
-  alignas(64) float d[3 * n];
-  alignas(64) float t_limits[2 * n];
+  alignas(64) RayLanes o[3];
+  alignas(64) RayLanes d[3];
+  alignas(64) RayLanes t_min;
   for (int k = 0; k < n; ++k) {
     const Ray& ray = rays[std::min(k, count - 1)];
-    o[k] = ray.origin.x;
-    o[n + k] = ray.origin.y;
-    o[2 * n + k] = ray.origin.z;
-    d[k] = ray.direction.x;
-    d[n + k] = ray.direction.y;
-    d[2 * n + k] = ray.direction.z;
-    t_limits[k] = ray.t_min;
-    t_limits[n + k] = ray.t_max;
+    o[0][k] = ray.origin.x;
+    o[1][k] = ray.origin.y;
+    o[2][k] = ray.origin.z;
+    d[0][k] = ray.direction.x;
+    d[1][k] = ray.direction.y;
+    d[2][k] = ray.direction.z;
+    t_min[k] = ray.t_min;
+    out.t_max[k] = ray.t_max;
   }
-  alignas(64) float largest[n];
-  alignas(64) float pad[n];
+  alignas(64) RayLanes largest;
+  alignas(64) RayLanes pad;
   out.along[0] = 0;
   out.along[2] = 0;
   std::uint32_t good = 0;
   for (int k = 0; k < n; k += F::lanes) {
-    good |= bits(make_frames<F>(bounds, o, d, t_limits, k, largest, pad, out)) << static_cast<unsigned>(k);
+    good |= make_frames<F>(bounds, o, d, t_min, k, largest, pad, out);
   }
   out.along[1] = ~(out.along[0] | out.along[2]);
   ClippedRays clipped;
   clip_rays(bounds, o, d, largest, pad, out, clipped);
-  alignas(64) float rho[n];
-  alignas(64) float most_w[n];
+  alignas(64) RayLanes rho;
+  alignas(64) RayLanes most_w;
   project_rays(bounds, o, d, clipped, rho, most_w, out);
   std::uint32_t all = bounds.max_inverse_depth > 0 ? (2U << static_cast<unsigned>(count - 1)) - 1U : 0U;
   std::uint32_t projected = 0;
