@@ -109,7 +109,7 @@ TEST_CASE("sheet relief: faces are those of quads and vertices, and vertices lie
             Face f;
             const bool there = has_face(sheet, x, y, upper, f);
             const auto bit = static_cast<unsigned>(4 * (y % 4) + x % 4 + (upper ? 0 : 16));
-            bad_faces += there != ((relief.faces >> bit & 1U) != 0) ? 1 : 0;
+            bad_faces += there != ((relief.faces >> bit & 1U) != 0) ? 1U : 0U;
             if (!there) continue;
             for (const std::uint32_t v : {f.a, f.b, f.c}) {
               const int i = static_cast<int>(v) % shape.width - x + x % 4;
@@ -122,12 +122,12 @@ TEST_CASE("sheet relief: faces are those of quads and vertices, and vertices lie
               const double rest = w - static_cast<double>(tiles.base[k]) - gx * i - gy * j;
               const double step = half * static_cast<double>(npsim::kSheetReliefStep);
               const int q = i < 4 ? relief.left[4 * j + i] : relief.right[4 * j + i - 1];
-              if (i > 0 && i < 4) bad_vertices += relief.right[4 * j + i - 1] != q ? 1 : 0;
+              if (i > 0 && i < 4) bad_vertices += relief.right[4 * j + i - 1] != q ? 1U : 0U;
               const double slack =
                   0x1p-20 * (greatest_w(sheet, x - x % 4, y - y % 4) + 4 * std::fabs(gx) + 4 * std::fabs(gy));
               const double off = std::fabs(rest + half - q * step);
-              bad_vertices += std::fabs(rest) > half + slack ? 1 : 0;
-              bad_vertices += off > static_cast<double>(npsim::kSheetReliefError) * step + slack ? 1 : 0;
+              bad_vertices += std::fabs(rest) > half + slack ? 1U : 0U;
+              bad_vertices += off > static_cast<double>(npsim::kSheetReliefError) * step + slack ? 1U : 0U;
               greatest = std::max(greatest, (off - slack) / step);
             }
           }
@@ -210,7 +210,7 @@ std::size_t lost_quads(const TracedSheet& sheet, std::uint32_t rays, std::size_t
             test_quads<F>(s.tiles[tile / 16], k, relief, ray, static_cast<float>(tx), static_cast<float>(ty));
         const std::uint32_t tiles =
             test_tiles<F>(s.tiles[tile / 16], ray, static_cast<float>(tx / 16 * 16), static_cast<float>(ty / 16 * 16));
-        lost += (hit & ~found) != 0 || (tiles >> k & 1U) == 0 ? 1 : 0;
+        lost += (hit & ~found) != 0 || (tiles >> k & 1U) == 0 ? 1U : 0U;
       }
     }
   }
