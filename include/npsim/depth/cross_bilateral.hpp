@@ -15,7 +15,7 @@
 // one window differ by a factor of 1000 at most; per further factor of 2 in either it grows by 3e-7. At R = 30 and the
 // default bound of 2e-5, measured against double: at most 1.4e-6. Label term alone: bound 9.6e-7, measured 3e-7.
 // Tightest bound that can be asked at R = 30: 1.3e-5, with labels alone 9.6e-7. It grows with R: where labels are
-// used, the default can be kept up to R = 487 at 2048x1024. Depths outside 1e-25..1e25 are outside the promise.
+// used, the default can be kept up to R = 1506 at 2048x1024. Depths outside 1e-25..1e25 are outside the promise.
 // Cost: see those headers; colour makes nearly all of it. Memory at R = 30: 54 bytes per pixel, 12 with
 // labels alone, 41 with colour alone.
 // The same bits for every number of lanes and threads.
