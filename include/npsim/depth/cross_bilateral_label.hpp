@@ -7,8 +7,8 @@
 // Error: label_sum_roundings() 2^-24 of either sum, label_roundings() 2^-24 of both together, 15 at R = 30. The bits
 // depend on neither lanes nor threads.
 // Cost: per pixel and class 3 (R + 2) products, as many again for the sum of weights where the class does not fill the
-// window; two thirds in double. Direct: (2R + 1)^2, less where no pixel of a batch has a sample's label. Memory: 8
-// bytes per pixel, a label more, and what cross_bilateral_label_grid.hpp says.
+// window; two thirds in double. Direct: (2R + 1)^2, less where no pixel of a batch has a sample's label. Memory: a
+// quarter of a byte per pixel, 8 bytes more beside colour, and what cross_bilateral_label_grid.hpp says.
 #ifndef NPSIM_DEPTH_CROSS_BILATERAL_LABEL_HPP
 #define NPSIM_DEPTH_CROSS_BILATERAL_LABEL_HPP
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // How the label term of the cross-bilateral filter cuts up the image, the weights it sums with, its memory and error.
 //
-// Chunks are 16 columns wide, groups 16 rows high, strips four groups, tiles at most 32 chunks by a strip. A sum runs
-// over distances in runs of 8, the window so rounded up with weights of 0.
-// Error, relative, in roundings of floats: label_numerator_roundings() and label_denominator_roundings().
-// Memory: per strip and chunk of a tile 8 KiB, and 24 KiB per strip, more where R is above 32; 32 bytes per distance.
+// Chunks are 16 columns wide, groups 16 rows high, tiles at most 24 chunks by 8 groups. A sum runs over distances in
+// runs of 8, the window so rounded up with weights of 0.
+// Error, relative, in roundings of floats: label_sum_roundings() and label_roundings().
+// Memory: at R = 30 about 1 MB for each of at most 16 tiles in work, more where R is larger; 32 bytes per distance.
 #ifndef NPSIM_DEPTH_CROSS_BILATERAL_LABEL_GRID_HPP
 #define NPSIM_DEPTH_CROSS_BILATERAL_LABEL_GRID_HPP
 
