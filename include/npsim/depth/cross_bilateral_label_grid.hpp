@@ -29,7 +29,7 @@ inline constexpr int kLabelGroups = 8;  // of a tile
 inline constexpr int kLabelTileRows = kLabelGroups * kLabelGroupRows;
 inline constexpr int kLabelTileChunks = 24;
 inline constexpr int kLabelSlots = 16;  // tiles in work at a time; more threads wait
-inline constexpr int kLabelRun = 8;  // distances that are added up before their sum joins the total
+inline constexpr int kLabelRun = 8;     // distances that are added up before their sum joins the total
 
 struct LabelGrid {
   Shape shape;
