@@ -281,14 +281,16 @@ int main(int argc, char** argv) {
 #if defined(NPSIM_BENCH_MESHOPTIMIZER)
     std::vector<PeerResult> peer;
 #endif
-    for (const auto& [bound, labels] : {std::pair{0.0F, true},
-                                        {0.001F, true},
-                                        {0.0025F, true},
-                                        {0.005F, true},
-                                        {0.005F, false},
-                                        {0.01F, true},
-                                        {0.02F, true},
-                                        {1.0F, true}}) {
+    for (const auto& setting : {std::pair{0.0F, true},
+                                {0.001F, true},
+                                {0.0025F, true},
+                                {0.005F, true},
+                                {0.005F, false},
+                                {0.01F, true},
+                                {0.02F, true},
+                                {1.0F, true}}) {
+      const float bound = setting.first;
+      const bool labels = setting.second;
       std::vector<double> ms;
       std::vector<double> ms_threads;
       std::vector<Mesh> thin;
