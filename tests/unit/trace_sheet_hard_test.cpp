@@ -3,6 +3,7 @@
 // in a stream, and nothing may hang, crash or leak.
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -259,6 +260,44 @@ TEST_CASE("trace sheet: steps of 1 to 1000 m between neighbours, and of twelve o
     }
   }
   CHECK(hits > 8000);
+}
+
+TEST_CASE("trace sheet: hits beside faces up to 10^8 times as long as the way to them, and through a long lens") {
+  // The corners of a face, not the hit, decide how far its rounded place is off the ray.
+  std::size_t hits = 0;
+  for (std::uint32_t scene = 0; scene < 60; ++scene) {
+    RandomStream choice = stream(900000 + scene);
+    TracedSheet sheet(scene % 2 == 0 ? Shape{17, 17} : Shape{34, 9});
+    if (scene % 3 != 0) sheet.k.fx = sheet.k.fy = std::exp2(choice.uniform(7.0F, 24.0F));
+    const float step = std::exp2(choice.uniform(10.0F, 26.0F));
+    sheet.fill([&](int x, int y) {
+      RandomStream r = stream(scene * 5003U + static_cast<std::uint32_t>(x + 100 * y));
+      return r.next_u32() % 2U == 0 ? 1.0F : 1.0F + step * r.uniform();
+    });
+    sheet.connect(true, scene);
+    REQUIRE(sheet.build().ok());
+    const auto vertex = [&](int x, int y) {
+      return sheet.at(std::min(x, sheet.shape.width - 1), std::min(y, sheet.shape.height - 1));
+    };
+    std::vector<Ray> rays;
+    for (std::uint32_t i = 0; i < 250; ++i) {
+      RandomStream r = stream(1000000 + 1000 * scene + i);
+      const auto x = static_cast<int>(r.next_u32() % 16U);
+      const auto y = static_cast<int>(r.next_u32() % 9U);
+      const Vec3f v = vertex(x, y);
+      const Vec3f to = v + (vertex(x + 1, y + 1) - v) * r.uniform();
+      Vec3f beside = in_cube(r, std::exp2(r.uniform(-24.0F, 0.0F)));
+      rays.push_back({to - beside, beside});
+      beside.z *= 1e-4F;
+      rays.push_back({to - beside, beside});
+      rays.push_back({in_cube(r, 1.0F), {}});
+      rays.back().direction = to - rays.back().origin;
+      rays.push_back({{r.uniform(-1.0F, 1.0F), r.uniform(-1.0F, 1.0F), 0.0F}, to});
+      rays.push_back({to + (to - v) * 3.0F, v - to});
+    }
+    hits += check(sheet, rays);
+  }
+  CHECK(hits > 10000);
 }
 
 TEST_CASE("trace sheet: NaN and infinity anywhere in a ray miss; in vertices they take their faces away") {

@@ -2,17 +2,14 @@
 // A ray made ready for a sheet: the part of it that may meet the sheet, projected, and the bounds of every rounding.
 //
 // What is a hit is decided by intersect_triangle() (triangle.hpp) on the vertices alone; everything here only has to
-// leave no face out that it may hit. With u = 2^-24, D the largest component of the direction and t' the parameter of
-// the hit along that axis: the point of the triangle that is hit is taken to lie within 4 u t' D of the ray in each
-// component. That holds where the hit is not much nearer than the corners of its face. Not covered: a ray that starts
-// beside a face some 10^6 times as long as the way to its hit, where the rounding of the corners' distances weighs
-// more; with steps of up to 10^7 times the depth within one quad no hit was found to be lost. Hence
-//   clip    a side g(p) >= 0 with coefficients of sum `size` is taken as g(o + t d) + size e t >= 0, e = 8 u D: still
-//           linear in t, so the clipped ray holds every t';
-//   rho     the greatest e t / z on the clipped ray, found at one of its ends (t / z is monotonic): the point is off
-//           the ray by at most rho of its depth, hence by rho / (1 - rho) focal_reach pixels and, in 1 / z, by that
-//           part of it. Where rho exceeds 1/8 nothing is left out at all: all faces are tested (a ray that comes from
-//           10^6 times the depth of what it might hit);
+// leave no face out that it may hit. The point of the triangle that is hit lies within pad = 2^-21 reach of the ray in
+// each component (triangle.hpp): the corners' distances from where the ray starts count, however near the hit is, and
+// reach is no less than any of them. Hence
+//   clip    a side g(p) >= 0 with coefficients of sum `size` is taken as g(o + t d) + size pad >= 0;
+//   rho     the greatest pad / z on the clipped ray, found at one of its ends: the point is off the ray by at most rho
+//           of its depth, hence by rho / (1 - rho) focal_reach pixels and, in 1 / z, by that part of it. Where rho
+//           exceeds 1/8 nothing is left out at all: all faces are tested (a ray that comes nearer than 2^-18 of the
+//           way to the farthest vertex);
 //   pad_px  of that, the vertices' distance from the grid, and 2^-19 of the image for the floats of the projection (u
 //           and v at an end: 2^-24, a slope of 0 raised to 2^-22, s and u(s): 2^-22 of the image);
 //   pad_w   of that, and 2^-19 of the greatest 1 / z for a slab and what is computed from it;
@@ -75,16 +72,16 @@ inline void shorten(SheetRay& ray, float t) noexcept {
   const double d[3] = {static_cast<double>(ray.direction.x), static_cast<double>(ray.direction.y),
                        static_cast<double>(ray.direction.z)};
   const double size = std::max(std::fabs(d[0]), std::max(std::fabs(d[1]), std::fabs(d[2])));
-  const double e = 0x1p-21 * size;
-  out.pad_t = 64.0 * static_cast<double>(out.frame.pad) / size;
+  const auto pad = static_cast<double>(out.frame.pad);
+  out.pad_t = 64.0 * pad / size;
   double t0 = std::max(static_cast<double>(out.frame.t_min) - out.pad_t, 0.0);
   double t1 = static_cast<double>(out.frame.t_max) + out.pad_t;
   double at[8];
   double slope[8];
   double cut[8];
   for (int i = 0; i < 8; ++i) {
-    at[i] = bounds.x[i] * o[0] + bounds.y[i] * o[1] + bounds.z[i] * o[2] + bounds.d[i];
-    slope[i] = bounds.x[i] * d[0] + bounds.y[i] * d[1] + bounds.z[i] * d[2] + bounds.size[i] * e;
+    at[i] = bounds.x[i] * o[0] + bounds.y[i] * o[1] + bounds.z[i] * o[2] + (bounds.d[i] + bounds.size[i] * pad);
+    slope[i] = bounds.x[i] * d[0] + bounds.y[i] * d[1] + bounds.z[i] * d[2];
     cut[i] = -at[i] / slope[i];
   }
   bool outside = false;
@@ -104,7 +101,7 @@ inline void shorten(SheetRay& ray, float t) noexcept {
   const double z1 = o[2] + t1 * d[2];
   const double w0 = 1.0 / z0;
   const double w1 = 1.0 / z1;
-  const double rho = e * std::max(t0 * w0, t1 * w1) * (1 + 0x1p-40);
+  const double rho = pad * std::max(w0, w1) * (1 + 0x1p-40);
   out.everything = !(z0 > 0 && z1 > 0 && rho < 0.125 && t1 < static_cast<double>(kTraceMaxCoordinate) * 0x1p100);
   if (out.everything) return true;
   out.s_scale = t1 > t0 ? z1 / (t1 - t0) : 0.0;

@@ -11,8 +11,9 @@
 // slip between them. A ray in the plane of the triangle misses it (its neighbours are hit).
 //
 // Box. With w the exact weights of the hit in (x', y') the point P = sum w_i (a_i - o) lies in the moved box and
-// |P_x - (d_x / d_z) P_z| <= u (|P_x| + 3 |P_z|) with u = 2^-24: the error of the shear. The slabs are moved out by
-// pad = 2^-21 reach, reach >= every |a_i - o| component, which is twice that; directions below 2^-30 of the largest
+// |P_x - (d_x / d_z) P_z| <= u max (2 |a_x - o_x| + 4 |a_z - o_z|) over the corners a, with u = 2^-24: the error of the
+// shear. The slabs are moved out by pad = 2^-21 reach, reach >= every |a_i - o| component, which is more than that:
+// 8 u reach where 6 are needed; directions below 2^-30 of the largest
 // component are raised to it, which shifts the ray by less than 2^-30 reach and makes every reciprocal finite, so no
 // 0 * inf arises. A slab distance has three roundings; the exit distance is scaled by 1 + 2 gamma(3), gamma(n) =
 // n u / (1 - n u). Hence the interval of a box holds every hit inside it.
