@@ -83,23 +83,32 @@ template <class F, class LabelPixel>
     if (last != nullptr) last->centres[group] |= 1U << static_cast<unsigned>(k - tile.k0);
     return last != nullptr;
   };
+  // Of a chunk whose row above, in the same group, has the same labels, all is known.
+  const auto add_mixed = [&](int y, int group, int k) {
+    const LabelPixel* row = t.labels.row(y);
+    for (int x = k * kLabelChunkPx; x < (k + 1) * kLabelChunkPx && x < width; x += F::lanes) {
+      const auto labels = load_labels<F>(t.labels, x, y);
+      std::uint32_t rest = bits(F::MaskType::first(width - x < F::lanes ? width - x : F::lanes));
+      if (y % kLabelGroupRows != 0) rest &= ~bits(labels == load_labels<F>(t.labels, x, y - 1));
+      while (rest != 0) {
+        const std::int32_t label{row[x + lowest_set_bit(rest)]};
+        if (!add(label, group, k)) return false;
+        rest &= ~bits(labels == I(label));
+      }
+    }
+    return true;
+  };
   for (int y = tile.y0; y < tile.y1; ++y) {
     const int group = (y - tile.y0) / kLabelGroupRows;
     const std::int32_t* uniform = t.uniform.row(y);
-    const LabelPixel* row = t.labels.row(y);
-    for (int k = tile.k0; k < tile.k1; ++k) {
-      if (uniform[k] >= 0) {
-        if (!add(uniform[k], group, k)) return false;
-        continue;
-      }
-      for (int x = k * kLabelChunkPx; x < (k + 1) * kLabelChunkPx && x < width; x += F::lanes) {
-        const auto labels = load_labels<F>(t.labels, x, y);
-        std::uint32_t rest = bits(F::MaskType::first(width - x < F::lanes ? width - x : F::lanes));
-        while (rest != 0) {
-          const std::int32_t label{row[x + lowest_set_bit(rest)]};
-          if (!add(label, group, k)) return false;
-          rest &= ~bits(labels == I(label));
-        }
+    for (int k = tile.k0; k < tile.k1; k += I::lanes) {
+      const int n = tile.k1 - k < I::lanes ? tile.k1 - k : I::lanes;
+      const I here = I::load(uniform + k, n);
+      auto open = F::MaskType::first(n);
+      if (y % kLabelGroupRows != 0) open = open & ((here < I(0)) | (here != I::load(t.uniform.row(y - 1) + k, n)));
+      for (std::uint32_t rest = bits(open); rest != 0; rest &= rest - 1) {
+        const int at = k + lowest_set_bit(rest);
+        if (!(uniform[at] >= 0 ? add(uniform[at], group, at) : add_mixed(y, group, at))) return false;
       }
     }
   }

@@ -94,14 +94,17 @@ class ClassFilter {
     };
     for (int row = begin; row < first; ++row) clear(row);
     const bool whole = m_.inside(k) == 0xFFFF;
+    const std::int32_t* words = m_.members(first, k);
+    const float* depth = t_.depth.row(m_.top() + first) + k * kLabelChunkPx;
     for (int row = first; row < last; ++row) {
-      const auto word = static_cast<std::uint32_t>(*m_.members(row, k));
-      const float* depth = t_.depth.row(m_.top() + row) + k * kLabelChunkPx;
+      const auto word = static_cast<std::uint32_t>(*words);
       for (int i = 0; i < kLabelChunkPx; i += F::lanes) {
         const auto mine = F::MaskType::from_bits(word >> static_cast<unsigned>(i));
         const F z = whole ? F::load(depth + i) : load_depths<F>(t_.depth, k * kLabelChunkPx + i, m_.top() + row);
         select(mine, z, zero).store(samples_ + row * kLabelChunkPx + i);
       }
+      words += g_.mask_stride;
+      if (row + 1 < last) depth += t_.depth.stride();
     }
     for (int row = last; row < end; ++row) clear(row);
   }
@@ -140,13 +143,18 @@ class ClassFilter {
       for (int i = 0; i < kLabelChunkPx; i += D::lanes) D(0.0).store(weights_ + row * kLabelChunkPx + i);
     };
     for (int row = begin; row < first; ++row) clear(row);
+    const std::int32_t* words = m_.members(first, k);
+    const std::int32_t* changed = m_.changed(first, k);
+    double* out = weights_ + first * kLabelChunkPx;
     for (int row = first; row < last; ++row) {
-      double* out = weights_ + row * kLabelChunkPx;
-      if (row > first && !m_.changed(row, k)) {
+      if (row > first && *changed == 0) {
         for (int i = 0; i < kLabelChunkPx; i += D::lanes) D::load(out + i - kLabelChunkPx).store(out + i);
       } else {
-        sum_members<F>(t_.weights, g_.halo, m_.members(row, k), out);
+        sum_members<F>(t_.weights, g_.halo, words, out);
       }
+      words += g_.mask_stride;
+      changed += g_.mask_stride;
+      out += kLabelChunkPx;
     }
     for (int row = last; row < end; ++row) clear(row);
   }
@@ -156,10 +164,20 @@ class ClassFilter {
     const auto weight = [&](int at, int size) {
       return t_.weights.total - t_.weights.tail(at + 1) - (at < size ? t_.weights.tail(size - at) : 0.0);
     };
+    // Where all 16 windows end inside the image, no tail is cut off.
+    const auto inside = [&](int first, int radius, int size) {
+      return first >= radius && first + kLabelChunkPx + radius <= size;
+    };
+    const int x0 = k * kLabelChunkPx;
+    const int y0 = tile_.y0 + group * kLabelGroupRows;
     double columns[kRowLength];
-    for (int i = 0; i < kLabelChunkPx; ++i) columns[i] = weight(k * kLabelChunkPx + i, g_.shape.width);
+    const bool all_columns = inside(x0, g_.rx, g_.shape.width);
+    const bool all_rows = inside(y0, g_.ry, g_.shape.height);
+    for (int i = 0; i < kLabelChunkPx; ++i) {
+      columns[i] = all_columns ? t_.weights.total : weight(x0 + i, g_.shape.width);
+    }
     for (int row = 0; row < kLabelGroupRows; ++row) {
-      const D of_row(weight(tile_.y0 + group * kLabelGroupRows + row, g_.shape.height));
+      const D of_row(all_rows ? t_.weights.total : weight(y0 + row, g_.shape.height));
       for (int i = 0; i < kLabelChunkPx; i += D::lanes) {
         (of_row * D::load(columns + i)).store(block_ + row * kLabelChunkPx + i);
       }

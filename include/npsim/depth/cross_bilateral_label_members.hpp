@@ -97,6 +97,7 @@ class ClassMembers {
     c_ = &c;
     find_extent();
     find_members();
+    fetched_ = true;
     for (int group = first_group_; group <= last_group_; ++group) sum_up(group);
     find_changes();
   }
@@ -116,8 +117,8 @@ class ClassMembers {
   [[nodiscard]] bool reached(int group, int k) const noexcept { return reach_[mask_at(group, k)] != 0; }
   [[nodiscard]] bool empty(int group, int k) const noexcept { return any_[mask_at(group, k)] == 0; }
   [[nodiscard]] const std::int32_t* members(int row, int k) const noexcept { return members_ + mask_at(row, k); }
-  // Whether the window of the chunk's pixels differs from that in the row above.
-  [[nodiscard]] bool changed(int row, int k) const noexcept { return changed_[mask_at(row, k)] != 0; }
+  // By rows as members(): not 0 where the window of the chunk's pixels differs from that in the row above.
+  [[nodiscard]] const std::int32_t* changed(int row, int k) const noexcept { return changed_ + mask_at(row, k); }
   [[nodiscard]] int top() const noexcept { return tile_.y0 - g_.padding_rows(); }  // the image's row of window row 0
   // Window rows that group needs, ends excluded: those in the image.
   [[nodiscard]] int rows_begin(int group) const noexcept {
@@ -184,7 +185,9 @@ class ClassMembers {
         }
       }
       for (int k = source_end; k < to; ++k) out[k - from] = 0;
-      for (int k = source_begin; k < source_end; ++k) simd::prefetch(t_.depth.row(y) + k * kLabelChunkPx);
+      for (int k = fetched_ ? source_end : source_begin; k < source_end; ++k) {
+        simd::prefetch(t_.depth.row(y) + k * kLabelChunkPx);
+      }
     }
   }
 
@@ -238,6 +241,7 @@ class ClassMembers {
   int first_;                             // chunk of column 0
   int first_group_ = 0, last_group_ = 0;  // with centres
   int begin_ = 0, end_ = 0;               // chunks with centres
+  bool fetched_ = false;                  // the tile's depths
   std::int32_t* members_ = nullptr;       // by window row
   std::int32_t* changed_ = nullptr;       // likewise
   std::int32_t* all_ = nullptr;           // by group, over its window rows

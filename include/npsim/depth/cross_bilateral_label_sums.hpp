@@ -48,7 +48,8 @@ NPSIM_ALWAYS_INLINE void add_run(const T* above, const T* below, const W* weight
 }
 
 // N rows from `first` on. Rows first - 8 runs .. first + N - 1 + 8 runs are read. Floats are added up run by run.
-template <class V, std::size_t N, class T, class W>
+// kLast: distances of the last run.
+template <std::size_t kLast, class V, std::size_t N, class T, class W>
 NPSIM_ALWAYS_INLINE void mirrored_sums(const T* first, const W* halved, int runs, V (&sum)[N]) noexcept {
   V lower[N];
   V upper[N];
@@ -56,30 +57,37 @@ NPSIM_ALWAYS_INLINE void mirrored_sums(const T* first, const W* halved, int runs
     lower[i] = upper[i] = V::load(first + i * kRowLength);
     sum[i] = V(W(0));
   }
-  for (int run = 0; run < runs; ++run) {
+  const auto add = [&](int run, auto steps) {
     const T* above = first + static_cast<int>(N) * kLabelChunkPx + run * (kLabelRun * kLabelChunkPx);
     const T* below = first - kLabelChunkPx - run * (kLabelRun * kLabelChunkPx);
     const W* weights = halved + kLabelRun * run;
-    constexpr auto kSteps = std::make_index_sequence<kRunLength>();
     if constexpr (sizeof(W) == sizeof(double)) {
-      add_run(above, below, weights, lower, upper, sum, kSteps);
+      add_run(above, below, weights, lower, upper, sum, steps);
     } else {
       V part[N];
       for (std::size_t i = 0; i < N; ++i) part[i] = V(W(0));
-      add_run(above, below, weights, lower, upper, part, kSteps);
+      add_run(above, below, weights, lower, upper, part, steps);
       for (std::size_t i = 0; i < N; ++i) sum[i] = sum[i] + part[i];
     }
-  }
+  };
+  for (int run = 0; run + 1 < runs; ++run) add(run, std::make_index_sequence<kRunLength>());
+  add(runs - 1, std::make_index_sequence<kLast>());
 }
 
-// Sixteen rows from `first` on to a block, 16x16.
+// Sixteen rows from `first` on to a block, 16x16. Where the last distance has no weight it is left out.
 template <class V, class T, class W, class Out>
 void sum_block(const T* first, const W* halved, int runs, Out* out) noexcept {
+  const bool whole = halved[kLabelRun * runs - 1] > W(0);
   constexpr std::size_t kRows = kSumRows<V>;
   for (std::size_t row = 0; row < kLabelGroupRows; row += kRows) {
     for (int x = 0; x < kLabelChunkPx; x += V::lanes) {
       V sum[kRows];
-      mirrored_sums(first + row * kRowLength + x, halved, runs, sum);
+      const T* at = first + row * kRowLength + x;
+      if (whole) {
+        mirrored_sums<kRunLength>(at, halved, runs, sum);
+      } else {
+        mirrored_sums<kRunLength - 1>(at, halved, runs, sum);
+      }
       for (std::size_t i = 0; i < kRows; ++i) sum[i].store(out + (row + i) * kRowLength + x);
     }
   }
