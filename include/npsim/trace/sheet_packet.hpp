@@ -41,7 +41,7 @@ inline namespace v1 {
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace sheet_detail {
 
-inline constexpr float kNeighbourSlope = 0x1p-4F;  // between directions to where rays of a packet start
+inline constexpr float kNeighbourPixels = 40.0F;  // between where rays of a packet start
 
 // One ray of a packet, as what test_quads() asks of a SheetRay.
 struct RayOfPacket {
@@ -275,19 +275,19 @@ class Packet {
   RayQuads pairs_ = {};
 };
 
-// Whether two rays look as if they had one end and started at neighbouring pixels.
-[[nodiscard]] inline bool are_neighbours(const Ray& a, const Ray& b) noexcept {
+// Whether two rays look as if they had one end and started at neighbouring pixels, `slope` apart as the camera sees it.
+[[nodiscard]] inline bool are_neighbours(const Ray& a, const Ray& b, float slope) noexcept {
   const Vec3f way = b.direction * b.t_max;
   const Vec3f off = (a.origin + a.direction * a.t_max) - (b.origin + way);
-  const float apart = kNeighbourSlope * std::fabs(a.origin.z * b.origin.z);
+  const float apart = slope * std::fabs(a.origin.z * b.origin.z);
   return dot(off, off) <= 0x1p-8F * dot(way, way) && dot(way, way) < 0x1p60F &&
          std::fabs(a.origin.x * b.origin.z - b.origin.x * a.origin.z) <= apart &&
          std::fabs(a.origin.y * b.origin.z - b.origin.y * a.origin.z) <= apart;
 }
 
 // A guess that saves time: a packet takes whatever rays there are.
-[[nodiscard]] inline bool make_a_packet(const Ray* rays) noexcept {
-  return are_neighbours(rays[0], rays[5]) || are_neighbours(rays[10], rays[15]);
+[[nodiscard]] inline bool make_a_packet(const Ray* rays, float slope) noexcept {
+  return are_neighbours(rays[0], rays[5], slope) || are_neighbours(rays[10], rays[15], slope);
 }
 
 // `active`: 0 where a ray is not asked about; empty: all are.
@@ -302,6 +302,7 @@ void occluded_by_packets(const SheetScene& scene, Span<const Ray> rays, Accept& 
     trace_stream<F>(scene.layers, scene.bounds, {rays.data() + begin, end - begin}, query, asked);
   };
   Packet<F, Accept> packet(scene.layers, scene.bounds, accept);
+  const float slope = kNeighbourPixels / std::max(scene.bounds.camera.fx, scene.bounds.camera.fy);
   Ray together[kPacketRays];
   std::size_t whose[kPacketRays];
   std::size_t waiting = 0;  // from there on rays are left to a stream
@@ -315,7 +316,7 @@ void occluded_by_packets(const SheetScene& scene, Span<const Ray> rays, Accept& 
     }
     if (count < kPacketRays) break;
     const Ray* next_rays = next - begin == kPacketRays ? rays.data() + begin : together;
-    if (!make_a_packet(next_rays)) continue;
+    if (!make_a_packet(next_rays, slope)) continue;
     stream(waiting, begin);
     const std::uint32_t met = packet.run(next_rays, kPacketRays);
     for (int k = 0; k < kPacketRays; ++k) {
