@@ -129,6 +129,41 @@ TEST_CASE("joined scene: hits, ties and shadows are those of all faces in one tr
   }
 }
 
+TEST_CASE("joined scene: rays that a mask leaves out keep their answers and do not change the others'") {
+  const Soup soup = random_soup(90);
+  const std::size_t all = soup.faces.size();
+  const std::vector<Ray> rays = random_rays(700);
+  const Span<const Ray> asked(rays.data(), rays.size());
+  const auto odd = [](std::uint32_t face) noexcept { return face % 2 == 1; };
+  std::vector<std::uint8_t> active(rays.size());
+  RandomStream r(3, RandomPurpose::test, 0, 0, 0, 0);
+  for (std::uint8_t& a : active) a = static_cast<std::uint8_t>(r.next_u32() % 3U);
+  for (const std::size_t first : {std::size_t{40}, std::size_t{0}, all}) {
+    const Tree a(soup.view(0, first));
+    const Tree b(soup.view(first, all - first));
+    const JoinedScene<Counted, Bvh> scene{{a.bvh, static_cast<std::uint32_t>(first)}, b.bvh};
+    Hit untouched;
+    untouched.t = -7.0F;
+    untouched.face = 12345;
+    std::vector<Hit> hits(rays.size(), untouched);
+    std::vector<std::uint8_t> blocked(rays.size(), 9);
+    const Span<const std::uint8_t> mask(active.data(), active.size());
+    closest_hits(scene, asked, Span<Hit>(hits.data(), hits.size()), mask);
+    occluded(scene, asked, odd, Span<std::uint8_t>(blocked.data(), blocked.size()), mask);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      CAPTURE(i);
+      Hit expected = untouched;
+      if (active[i] != 0) {
+        expected = Hit{};
+        static_cast<void>(closest_hit(scene, rays[i], expected));
+      }
+      REQUIRE(hits[i].face == expected.face);
+      if (expected.face != kNoFace) REQUIRE(hits[i].t == expected.t);
+      REQUIRE(blocked[i] == (active[i] == 0 ? 9 : occluded(scene, rays[i], odd) ? 1 : 0));
+    }
+  }
+}
+
 TEST_CASE("joined scene: two empty parts are never hit") {
   const JoinedScene<SheetScene, Bvh> scene{};
   CHECK(is_empty(scene));
