@@ -16,33 +16,33 @@
 namespace npsim {
 inline namespace v1 {
 
-inline constexpr int kMaxSlots = 64;
+inline constexpr int kMaxSlots = 32;  // one word of bits that machines of 32 bits swap without a lock
 
 class SlotPool {
  public:
   // slots: 1..kMaxSlots.
   explicit SlotPool(int slots) noexcept
-      : free_(slots >= kMaxSlots ? ~std::uint64_t{0} : (std::uint64_t{1} << static_cast<unsigned>(slots)) - 1U) {}
+      : open_(slots >= kMaxSlots ? ~std::uint32_t{0} : (std::uint32_t{1} << static_cast<unsigned>(slots)) - 1U) {}
   SlotPool(const SlotPool&) = delete;
   SlotPool& operator=(const SlotPool&) = delete;
 
   [[nodiscard]] int take() noexcept {
-    std::uint64_t free = free_.load(std::memory_order_relaxed);
+    std::uint32_t open = open_.load(std::memory_order_relaxed);
     for (;;) {
-      if (free == 0) {
-        free = free_.load(std::memory_order_relaxed);
-      } else if (free_.compare_exchange_weak(free, free & (free - 1), std::memory_order_acquire,
+      if (open == 0) {
+        open = open_.load(std::memory_order_relaxed);
+      } else if (open_.compare_exchange_weak(open, open & (open - 1), std::memory_order_acquire,
                                              std::memory_order_relaxed)) {
-        return lowest_set_bit(free);
+        return lowest_set_bit(open);
       }
     }
   }
   void give(int slot) noexcept {
-    free_.fetch_or(std::uint64_t{1} << static_cast<unsigned>(slot), std::memory_order_release);
+    open_.fetch_or(std::uint32_t{1} << static_cast<unsigned>(slot), std::memory_order_release);
   }
 
  private:
-  std::atomic<std::uint64_t> free_;
+  std::atomic<std::uint32_t> open_;
 };
 
 }  // namespace v1
