@@ -269,7 +269,7 @@ TEST_CASE("trace sheet: hits beside faces up to 10^8 times as long as the way to
     RandomStream choice = stream(900000 + scene);
     TracedSheet sheet(scene % 2 == 0 ? Shape{17, 17} : Shape{34, 9});
     if (scene % 3 != 0) sheet.k.fx = sheet.k.fy = std::exp2(choice.uniform(7.0F, 24.0F));
-    const float step = std::exp2(choice.uniform(10.0F, 26.0F));
+    const float step = std::exp2(choice.uniform(3.0F, 7.0F));
     sheet.fill([&](int x, int y) {
       RandomStream r = stream(scene * 5003U + static_cast<std::uint32_t>(x + 100 * y));
       return r.next_u32() % 2U == 0 ? 1.0F : 1.0F + step * r.uniform();
@@ -298,6 +298,23 @@ TEST_CASE("trace sheet: hits beside faces up to 10^8 times as long as the way to
     hits += check(sheet, rays);
   }
   CHECK(hits > 10000);
+}
+
+TEST_CASE("trace sheet: a vertex a thousand kilometres away does not loosen the tests of what is near") {
+  TracedSheet sheet(Shape{33, 33});
+  sheet.fill([](int x, int y) { return x == 7 && y == 9 ? 1e6F : 4.0F; });
+  sheet.connect(true);
+  REQUIRE(sheet.build().ok());
+  const Vec3f lamp{0.5F, -1.0F, 2.0F};
+  for (const Vec3f& v : sheet.vertices) {
+    if (v.z > 5.0F) continue;
+    for (const Ray& ray : {Ray{{0, 0, 0}, v}, Ray{v * 0.999F, lamp - v * 0.999F, 0.0F, 1.0F}}) {
+      npsim::SheetRay made;
+      if (!npsim::sheet_detail::make_sheet_ray(sheet.trace.bounds, ray, made)) continue;
+      REQUIRE_FALSE(made.everything);
+      REQUIRE(made.pad_px < 0.5F);
+    }
+  }
 }
 
 TEST_CASE("trace sheet: NaN and infinity anywhere in a ray miss; in vertices they take their faces away") {

@@ -4,12 +4,16 @@
 // What is a hit is decided by intersect_triangle() (triangle.hpp) on the vertices alone; everything here only has to
 // leave no face out that it may hit. The point of the triangle that is hit lies within pad = 2^-21 reach of the ray in
 // each component (triangle.hpp): the corners' distances from where the ray starts count, however near the hit is, and
-// reach is no less than any of them. Hence
-//   clip    a side g(p) >= 0 with coefficients of sum `size` is taken as g(o + t d) + size pad >= 0;
-//   rho     the greatest pad / z on the clipped ray, found at one of its ends: the point is off the ray by at most rho
+// reach is no less than any of them. Where pad is more than 2^-13 of the least depth, some vertex lying thousands of
+// times as far, that would make every test as loose; there a hit is taken to lie within 2^-13 t D, D the largest
+// component of the direction: all are found but those in faces with a corner 300 times as far as the hit. Hence
+//   clip    a side g(p) >= 0 with coefficients of sum `size` is taken as g(o + t d) + size off(t) >= 0, off being one
+//   or
+//           the other: linear in t;
+//   rho     the greatest off / z on the clipped ray, found at one of its ends: the point is off the ray by at most rho
 //           of its depth, hence by rho / (1 - rho) focal_reach pixels and, in 1 / z, by that part of it. Where rho
-//           exceeds 1/8 nothing is left out at all: all faces are tested (a ray that comes nearer than 2^-18 of the
-//           way to the farthest vertex);
+//           exceeds 1/8 nothing is left out at all: all faces are tested (a ray that comes from thousands of times the
+//           depth of what it might hit);
 //   pad_px  of that, the vertices' distance from the grid, and 2^-19 of the image for the floats of the projection (u
 //           and v at an end: 2^-24, a slope of 0 raised to 2^-22, s and u(s): 2^-22 of the image);
 //   pad_w   of that, and 2^-19 of the greatest 1 / z for a slab and what is computed from it;
@@ -64,6 +68,15 @@ inline void shorten(SheetRay& ray, float t) noexcept {
   ray.s_max = static_cast<float>(s) * kPastEnd + 0x1p-40F;
 }
 
+// How far off the ray at t a point that is hit may be: constant + slope t.
+struct HitError {
+  double constant, slope;
+};
+[[nodiscard]] NPSIM_ALWAYS_INLINE HitError hit_error(const SheetBounds& bounds, double pad, double size) noexcept {
+  const bool ordinary = pad * static_cast<double>(bounds.max_inverse_depth) <= 0x1p-13;
+  return {ordinary ? pad : 0.0, ordinary ? 0.0 : 0x1p-13 * size};
+}
+
 // False when the ray cannot hit anything within the bounds.
 [[nodiscard]] inline bool make_sheet_ray(const SheetBounds& bounds, const Ray& ray, SheetRay& out) noexcept {
   if (!(bounds.max_inverse_depth > 0) || !make_ray_frame(ray, bounds.low, bounds.high, out.frame)) return false;
@@ -73,6 +86,7 @@ inline void shorten(SheetRay& ray, float t) noexcept {
                        static_cast<double>(ray.direction.z)};
   const double size = std::max(std::fabs(d[0]), std::max(std::fabs(d[1]), std::fabs(d[2])));
   const auto pad = static_cast<double>(out.frame.pad);
+  const HitError error = hit_error(bounds, pad, size);
   out.pad_t = 64.0 * pad / size;
   double t0 = std::max(static_cast<double>(out.frame.t_min) - out.pad_t, 0.0);
   double t1 = static_cast<double>(out.frame.t_max) + out.pad_t;
@@ -80,8 +94,9 @@ inline void shorten(SheetRay& ray, float t) noexcept {
   double slope[8];
   double cut[8];
   for (int i = 0; i < 8; ++i) {
-    at[i] = bounds.x[i] * o[0] + bounds.y[i] * o[1] + bounds.z[i] * o[2] + (bounds.d[i] + bounds.size[i] * pad);
-    slope[i] = bounds.x[i] * d[0] + bounds.y[i] * d[1] + bounds.z[i] * d[2];
+    at[i] =
+        bounds.x[i] * o[0] + bounds.y[i] * o[1] + bounds.z[i] * o[2] + (bounds.d[i] + bounds.size[i] * error.constant);
+    slope[i] = bounds.x[i] * d[0] + bounds.y[i] * d[1] + bounds.z[i] * d[2] + bounds.size[i] * error.slope;
     cut[i] = -at[i] / slope[i];
   }
   bool outside = false;
@@ -101,7 +116,8 @@ inline void shorten(SheetRay& ray, float t) noexcept {
   const double z1 = o[2] + t1 * d[2];
   const double w0 = 1.0 / z0;
   const double w1 = 1.0 / z1;
-  const double rho = pad * std::max(w0, w1) * (1 + 0x1p-40);
+  const double rho =
+      std::max((error.constant + error.slope * t0) * w0, (error.constant + error.slope * t1) * w1) * (1 + 0x1p-40);
   out.everything = !(z0 > 0 && z1 > 0 && rho < 0.125 && t1 < static_cast<double>(kTraceMaxCoordinate) * 0x1p100);
   if (out.everything) return true;
   out.s_scale = t1 > t0 ? z1 / (t1 - t0) : 0.0;

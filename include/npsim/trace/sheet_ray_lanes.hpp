@@ -56,7 +56,8 @@ struct ClippedRays {
   using Doubles = double[kPacketRays];
   alignas(64) Doubles first;
   alignas(64) Doubles last;
-  alignas(64) Doubles pad;      // how far a point that is hit may be off the ray
+  alignas(64) Doubles off;  // how far a point that is hit may be off the ray: off + off_per_t t
+  alignas(64) Doubles off_per_t;
   alignas(64) Doubles outside;  // < 0: all of it is
   alignas(64) Doubles rho;      // see sheet_ray.hpp; not below 1/8 where the projection says nothing
 };
@@ -93,8 +94,10 @@ inline void clip_rays(const SheetBounds& bounds, const RayLanes (&o)[3], const R
   constexpr double never = std::numeric_limits<double>::infinity();
   for (int k = 0; k < n; ++k) {
     const auto size = static_cast<double>(largest[k]);
-    out.pad[k] = static_cast<double>(pad[k]);
-    const double pad_t = 64.0 * out.pad[k] / size;
+    const HitError error = hit_error(bounds, static_cast<double>(pad[k]), size);
+    out.off[k] = error.constant;
+    out.off_per_t[k] = error.slope;
+    const double pad_t = 64.0 * static_cast<double>(pad[k]) / size;
     const double first = static_cast<double>(rays.t_min[k]) - pad_t;
     out.first[k] = first < 0.0 ? 0.0 : first;
     out.last[k] = static_cast<double>(rays.t_max[k]) + pad_t;
@@ -108,9 +111,9 @@ inline void clip_rays(const SheetBounds& bounds, const RayLanes (&o)[3], const R
     const double size = bounds.size[i];
     for (int k = 0; k < n; ++k) {
       const double at = x * static_cast<double>(o[0][k]) + y * static_cast<double>(o[1][k]) +
-                        z * static_cast<double>(o[2][k]) + (constant + size * out.pad[k]);
-      const double slope =
-          x * static_cast<double>(d[0][k]) + y * static_cast<double>(d[1][k]) + z * static_cast<double>(d[2][k]);
+                        z * static_cast<double>(o[2][k]) + (constant + size * out.off[k]);
+      const double slope = x * static_cast<double>(d[0][k]) + y * static_cast<double>(d[1][k]) +
+                           z * static_cast<double>(d[2][k]) + size * out.off_per_t[k];
       const double cut = -at / slope;
       const double enter = slope > 0.0 ? cut : -never;
       const double leave = slope < 0.0 ? cut : never;
@@ -144,7 +147,9 @@ inline void project_rays(const SheetBounds& bounds, const RayLanes (&o)[3], cons
     const double z1 = oz + t1 * dz;
     const double w0 = 1.0 / z0;
     const double w1 = 1.0 / z1;
-    const double off = clipped.pad[k] * (w0 < w1 ? w1 : w0) * (1 + 0x1p-40);
+    const double a = (clipped.off[k] + clipped.off_per_t[k] * t0) * w0;
+    const double b = (clipped.off[k] + clipped.off_per_t[k] * t1) * w1;
+    const double off = (a < b ? b : a) * (1 + 0x1p-40);
     const double nearest = z0 < z1 ? z0 : z1;
     const double near_side = nearest > 0.0 ? off : 1.0;
     const double far_side = t1 < t_limit ? off : 1.0;
