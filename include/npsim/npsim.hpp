@@ -78,6 +78,7 @@
 #include "npsim/depth/uncertainty_moments.hpp"
 #include "npsim/depth/uncertainty_search.hpp"
 #include "npsim/depth/uncertainty_variance.hpp"
+#include "npsim/depth/valid_depths.hpp"
 
 #include "npsim/mesh/anchor_slope.hpp"
 #include "npsim/mesh/background_state.hpp"

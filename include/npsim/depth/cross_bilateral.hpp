@@ -39,6 +39,7 @@
 #include "npsim/depth/cross_bilateral_colour.hpp"
 #include "npsim/depth/cross_bilateral_label.hpp"
 #include "npsim/depth/cross_bilateral_params.hpp"
+#include "npsim/depth/valid_depths.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/isa.hpp"
 #include "npsim/simd/math.hpp"
@@ -104,7 +105,7 @@ template <class F>
 [[nodiscard]] F divide_sums(const CrossBilateralParams& params, F numerator, F denominator, F z) noexcept {
   const F d = numerator / denominator;
   auto valid = (denominator > F(kNoWeight)) & simd::is_finite(d);
-  if (params.keep_invalid) valid = valid & valid_depths(z);
+  if (params.keep_invalid) valid = valid & are_valid_depths(z);
   return select(valid, d, F(0.0F));
 }
 

@@ -22,6 +22,7 @@
 #include "npsim/depth/cross_bilateral_label_class.hpp"
 #include "npsim/depth/cross_bilateral_label_grid.hpp"
 #include "npsim/depth/cross_bilateral_label_members.hpp"
+#include "npsim/depth/valid_depths.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/double.hpp"
 
@@ -65,7 +66,7 @@ void find_uniform_chunks(const LabelTerm<LabelPixel>& t, int y) noexcept {
     bool same = begin + kLabelChunkPx <= t.grid.shape.width;
     for (int i = 0; same && i < kLabelChunkPx; i += F::lanes) {
       same =
-          all((load_labels<F>(t.labels, begin + i, y) == first) & valid_depths(load_depths<F>(t.depth, begin + i, y)));
+          all((load_labels<F>(t.labels, begin + i, y) == first) & are_valid_depths(load_depths<F>(t.depth, begin + i, y)));
     }
     out[k] = same ? std::int32_t{labels[begin]} : -1;
   }

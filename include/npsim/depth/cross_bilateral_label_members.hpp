@@ -13,6 +13,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/depth/cross_bilateral_label_grid.hpp"
+#include "npsim/depth/valid_depths.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/fixed.hpp"
 
@@ -70,10 +71,6 @@ template <class F, class LabelPixel>
   } else {
     return n >= F::lanes ? I::load_u16(p) : I::load_u16(p, n);
   }
-}
-template <class F>
-[[nodiscard]] NPSIM_ALWAYS_INLINE typename F::MaskType valid_depths(F z) noexcept {
-  return (z > F(0.0F)) & simd::is_finite(z);
 }
 
 struct TileClass {
@@ -215,7 +212,7 @@ class ClassMembers {
     std::uint32_t word = 0;
     for (int i = 0; i < kLabelChunkPx; i += F::lanes) {
       const int x = k * kLabelChunkPx + i;
-      const auto mine = (load_labels<F>(t_.labels, x, y) == label) & valid_depths(load_depths<F>(t_.depth, x, y));
+      const auto mine = (load_labels<F>(t_.labels, x, y) == label) & are_valid_depths(load_depths<F>(t_.depth, x, y));
       word |= bits(mine) << static_cast<unsigned>(i);
     }
     return static_cast<std::int32_t>(word);

@@ -33,6 +33,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/valid_depths.hpp"
 #include "npsim/simd/batch.hpp"
 
 namespace npsim {
@@ -67,11 +68,6 @@ struct Neighbour {
   F step;   // 1: the next pixel, -1: the previous one
   typename F::MaskType found;
 };
-
-template <class F>
-[[nodiscard]] typename F::MaskType are_valid_depths(F z) noexcept {
-  return (z > F(0.0F)) & simd::is_finite(z);
-}
 
 // The next pixel along an axis, the previous one where that is missing.
 template <class F>

@@ -22,6 +22,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/depth/uncertainty_labels.hpp"
 #include "npsim/depth/uncertainty_moments.hpp"
+#include "npsim/depth/valid_depths.hpp"
 #include "npsim/simd/bytes.hpp"
 
 namespace npsim {
@@ -195,7 +196,7 @@ class CountedMoments {
   NPSIM_ALWAYS_INLINE Pixel pixel(ImageView<const float> depth, int x, int y, int available) const noexcept {
     const float* p = depth.row(y) + x;
     const F z = available == F::lanes ? F::load(p) : F::load(p, available);
-    const auto valid = (z > F(0.0F)) & simd::is_finite(z);
+    const auto valid = are_valid_depths(z);
     return {select(valid, z, centre_), valid};
   }
   // About the centre.

@@ -22,6 +22,7 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/depth/uncertainty_labels.hpp"
+#include "npsim/depth/valid_depths.hpp"
 #include "npsim/simd/batch.hpp"
 
 namespace npsim {
@@ -92,7 +93,7 @@ class WindowSums {
       for (int i = 0; i < columns_; i += F::lanes) {
         const int n = columns_ - i < F::lanes ? columns_ - i : F::lanes;
         const F own = n == F::lanes ? F::load(z + i) : F::load(z + i, n);
-        const auto valid = are_valid(own);
+        const auto valid = are_valid_depths(own);
         low = min(select(valid, own, none), low);
         high = max(select(valid, own, F(0.0F)), high);
         holes = holes || any(F::MaskType::first(n) & ~valid);
@@ -136,8 +137,6 @@ class WindowSums {
   }
 
  private:
-  [[nodiscard]] static typename F::MaskType are_valid(F z) noexcept { return (z > F(0.0F)) & simd::is_finite(z); }
-
   static constexpr std::size_t kColumns = kTileWindows + kMaxWindow + simd::kMaxLanes;
 
   // z as it counts: the shift where it is not valid.
@@ -145,7 +144,7 @@ class WindowSums {
     if (!holes_) return z;
     for (int i = 0; i < columns_; i += F::lanes) {
       const F own = columns_ - i < F::lanes ? F::load(z + i, columns_ - i) : F::load(z + i);
-      const auto is_valid = are_valid(own);
+      const auto is_valid = are_valid_depths(own);
       select(is_valid, own, F(shift_)).store(clean + i);
       select(is_valid, F(1.0F), F(0.0F)).store(valid + i);
     }

@@ -85,13 +85,6 @@ template <unsigned W>
   return t_enter;
 }
 
-template <unsigned W>
-NPSIM_ALWAYS_INLINE void prefetch_child(const BvhNode<W>* nodes, std::uint32_t child) noexcept {
-  if ((child & kBvhLeaf) != 0) return;
-  const auto* line = reinterpret_cast<const unsigned char*>(nodes + child);
-  for (std::size_t i = 0; i < sizeof(BvhNode<W>); i += 64) simd::prefetch(line + i);
-}
-
 }  // namespace bvh_detail
 
 // Calls leaf(pack index) on the packs that the ray may cross, roughly from near to far if `in_order`; leaf returns the

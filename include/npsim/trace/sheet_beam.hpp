@@ -208,27 +208,36 @@ template <class F>
   return kept;
 }
 
+// As Crossing of a ray; m and n are where a cell starts.
+template <class F>
+struct BeamCrossing {
+  F m, n, enter, leave;
+
+  NPSIM_ALWAYS_INLINE BeamCrossing(const Beam& beam, float x, float y, float size, int part) noexcept {
+    const F columns = fma(simd::block_columns<F>(part), F(size), F(x));
+    const F rows = fma(simd::block_rows<F>(part), F(size), F(y));
+    m = beam.along_v ? rows : columns;
+    n = beam.along_v ? columns : rows;
+    const F lower = fma(n, F(beam.i[0]), F(beam.c[0] + size * beam.i[0]));
+    const F upper = fma(n, F(beam.i[1]), F(beam.c[1]));
+    enter = max(max(fma(m, F(beam.near_i), F(beam.near_m)), F(kBeforeStart)),
+                max(min(lower, F(beam.enter[0])), min(upper, F(beam.enter[1]))));
+    leave = min(min(fma(m, F(beam.near_i), F(beam.far_m + size * beam.near_i)), F(kPastEnd)),
+                min(max(lower, F(beam.leave[0])), max(upper, F(beam.leave[1]))));
+  }
+};
+
 // test_node() for a beam.
 template <class F>
 [[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t test_beam(const SheetNode& node, const Beam& beam, float x, float y,
                                                           float size) noexcept {
   std::uint32_t mask = 0;
-  const float size_m = size * beam.near_i;
   for (int part = 0; part < simd::kBlockElements / F::lanes; ++part) {
     const int k = part * F::lanes;
-    const F columns = fma(simd::block_columns<F>(part), F(size), F(x));
-    const F rows = fma(simd::block_rows<F>(part), F(size), F(y));
-    const F m = beam.along_v ? rows : columns;
-    const F n = beam.along_v ? columns : rows;
-    const F lower = fma(n, F(beam.i[0]), F(beam.c[0] + size * beam.i[0]));
-    const F upper = fma(n, F(beam.i[1]), F(beam.c[1]));
-    const F enter = max(max(fma(m, F(beam.near_i), F(beam.near_m)), F(kBeforeStart)),
-                        max(min(lower, F(beam.enter[0])), min(upper, F(beam.enter[1]))));
-    const F leave = min(min(fma(m, F(beam.near_i), F(beam.far_m + size_m)), F(kPastEnd)),
-                        min(max(lower, F(beam.leave[0])), max(upper, F(beam.leave[1]))));
-    const F low = min(fma(enter, F(beam.low_dw), F(beam.low_w)), fma(leave, F(beam.low_dw), F(beam.low_w)));
-    const F high = max(fma(enter, F(beam.high_dw), F(beam.high_w)), fma(leave, F(beam.high_dw), F(beam.high_w)));
-    const auto found = (enter <= leave) & (low <= F::load(node.high + k)) & (high >= F::load(node.low + k));
+    const BeamCrossing<F> c(beam, x, y, size, part);
+    const F low = min(fma(c.enter, F(beam.low_dw), F(beam.low_w)), fma(c.leave, F(beam.low_dw), F(beam.low_w)));
+    const F high = max(fma(c.enter, F(beam.high_dw), F(beam.high_w)), fma(c.leave, F(beam.high_dw), F(beam.high_w)));
+    const auto found = (c.enter <= c.leave) & (low <= F::load(node.high + k)) & (high >= F::load(node.low + k));
     mask |= bits(found) << static_cast<unsigned>(k);
   }
   return mask;
@@ -239,20 +248,9 @@ template <class F>
 [[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t test_beam_tiles(const SheetTiles& tiles, const Beam& beam, float x,
                                                                 float y) noexcept {
   std::uint32_t mask = 0;
-  const float size = 4.0F;
-  const float size_m = size * beam.near_i;
   for (int part = 0; part < simd::kBlockElements / F::lanes; ++part) {
     const int k = part * F::lanes;
-    const F columns = fma(simd::block_columns<F>(part), F(size), F(x));
-    const F rows = fma(simd::block_rows<F>(part), F(size), F(y));
-    const F m = beam.along_v ? rows : columns;
-    const F n = beam.along_v ? columns : rows;
-    const F lower = fma(n, F(beam.i[0]), F(beam.c[0] + size * beam.i[0]));
-    const F upper = fma(n, F(beam.i[1]), F(beam.c[1]));
-    const F enter = max(max(fma(m, F(beam.near_i), F(beam.near_m)), F(kBeforeStart)),
-                        max(min(lower, F(beam.enter[0])), min(upper, F(beam.enter[1]))));
-    const F leave = min(min(fma(m, F(beam.near_i), F(beam.far_m + size_m)), F(kPastEnd)),
-                        min(max(lower, F(beam.leave[0])), max(upper, F(beam.leave[1]))));
+    const BeamCrossing<F> c(beam, x, y, 4.0F, part);
     const F gx = F::load(tiles.gx + k);
     const F gy = F::load(tiles.gy + k);
     const F gm = beam.along_v ? gy : gx;
@@ -261,22 +259,28 @@ template <class F>
     F low[2];
     F high[2];
     for (int e = 0; e < 2; ++e) {
-      const F from = fma(-gm, F(beam.end_m[e]) - m, -F::load(tiles.base + k));
-      const F at_low = fma(-gn, F(beam.end_low_n[e]) - n, from + F(beam.low_w_at_low_n[e]));
-      const F at_high = fma(-gn, F(beam.end_high_n[e]) - n, from + F(beam.low_w_at_high_n[e]));
+      const F from = fma(-gm, F(beam.end_m[e]) - c.m, -F::load(tiles.base + k));
+      const F at_low = fma(-gn, F(beam.end_low_n[e]) - c.n, from + F(beam.low_w_at_low_n[e]));
+      const F at_high = fma(-gn, F(beam.end_high_n[e]) - c.n, from + F(beam.low_w_at_high_n[e]));
       low[e] = min(at_low, at_high);
       high[e] = max(at_low, at_high) + F(beam.thickness[e]);
     }
     const F low_change = low[1] - low[0];
     const F high_change = high[1] - high[0];
-    const F lowest = min(fma(enter, low_change, low[0]), fma(leave, low_change, low[0]));
-    const F highest = max(fma(enter, high_change, high[0]), fma(leave, high_change, high[0]));
+    const F lowest = min(fma(c.enter, low_change, low[0]), fma(c.leave, low_change, low[0]));
+    const F highest = max(fma(c.enter, high_change, high[0]), fma(c.leave, high_change, high[0]));
     const F tolerance = fma(abs(gx) + abs(gy), F(beam.pad_px), F::load(tiles.half + k) + F(beam.pad_w));
-    const auto found = (enter <= leave) & (lowest <= tolerance) & (highest >= -tolerance);
+    const auto found = (c.enter <= c.leave) & (lowest <= tolerance) & (highest >= -tolerance);
     mask |= bits(found) << static_cast<unsigned>(k);
   }
   return mask;
 }
+
+// What meets_slab() asks of a ray, of many.
+template <class F>
+struct RaysAtCell {
+  F w, du, dv, dw, pad_px, pad_w;
+};
 
 // The rays that meet the slab of the tile at (x, y), as test_tiles() says of each.
 template <class F>
@@ -293,14 +297,10 @@ template <class F>
     const F far_v = fma(F(y), iv, F::load(rays.far_v + k) + four * F::load(rays.ahead_v + k));
     const F enter = max(max(near_u, near_v), F(kBeforeStart));
     const F leave = min(min(far_u, far_v), F(kPastEnd));
-    const F at =
-        fma(F(-gx), F::load(rays.u + k) - F(x), fma(F(-gy), F::load(rays.v + k) - F(y), F::load(rays.w + k) - F(base)));
-    const F change = fma(F(-gx), F::load(rays.du + k), fma(F(-gy), F::load(rays.dv + k), F::load(rays.dw + k)));
-    const F first = fma(enter, change, at);
-    const F last = fma(leave, change, at);
-    const F tolerance =
-        fma(F(std::fabs(gx) + std::fabs(gy)), F::load(rays.pad_px + k), F(half) + F::load(rays.pad_w + k));
-    const auto m = (enter <= leave) & (min(first, last) <= tolerance) & (max(first, last) >= -tolerance);
+    const RaysAtCell<F> cell{F::load(rays.w + k),  F::load(rays.du + k),     F::load(rays.dv + k),
+                             F::load(rays.dw + k), F::load(rays.pad_px + k), F::load(rays.pad_w + k)};
+    const auto m = meets_slab(cell, enter, leave, F::load(rays.u + k) - F(x), F::load(rays.v + k) - F(y), F(base),
+                              F(gx), F(gy), F(half));
     mask |= bits(m) << static_cast<unsigned>(k);
   }
   return mask;

@@ -16,6 +16,7 @@
 #include "npsim/trace/ray.hpp"
 #include "npsim/trace/sheet_layout.hpp"
 #include "npsim/trace/sheet_ray_lanes.hpp"
+#include "npsim/trace/sheet_test.hpp"
 #include "npsim/trace/triangle.hpp"
 
 namespace npsim {
@@ -73,11 +74,6 @@ struct QuadMet {
     }
   }
 };
-
-[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t number_of_quad(const SheetTrace& sheet, int x, int y) noexcept {
-  return 2U * (static_cast<std::uint32_t>(y) * static_cast<std::uint32_t>(sheet.quads.width()) +
-               static_cast<std::uint32_t>(x));
-}
 
 // The rays among `asked` that a face of quad (x, y) with accept(face) blocks for sure, and in `open` those that one may
 // block. Bits 0 and 16 of `faces`: which there are.

@@ -123,20 +123,8 @@ class Packet {
 
   void walk(const SheetTrace& sheet, const Beam& beam, std::uint32_t alike) noexcept {
     members_ = alike;
-    const auto tile = [](float at, int quads) {
-      const float last = static_cast<float>((quads - 1) / 4);
-      return static_cast<int>(std::min(std::max(at * 0.25F, 0.0F), last));
-    };
-    const int x0 = tile(beam.least_u, sheet.quads.width());
-    const int x1 = tile(beam.most_u, sheet.quads.width());
-    const int y0 = tile(beam.least_v, sheet.quads.height());
-    const int y1 = tile(beam.most_v, sheet.quads.height());
-    const auto differ = static_cast<std::uint32_t>((x0 ^ x1) | (y0 ^ y1));
     SheetWalk w;
-    w.level = std::max(highest_set_bit(differ * 4U + 2U) / 2 - 1, 0);
-    w.x = x0 >> (2 * w.level + 2);
-    w.y = y0 >> (2 * w.level + 2);
-    w.pending = 0;
+    start_at(sheet, beam.least_u, beam.most_u, beam.least_v, beam.most_v, 0, w);
     // From the end, where the rays are close and a face blocks many: those do not get to their starts, where each is
     // on its own.
     const int one = lowest_set_bit(alike);

@@ -66,17 +66,18 @@ struct Crossing {
   }
 };
 
-// Lanes whose crossing comes within `half` (and the pads) of the plane w = base + gx (u - x) + gy (v - y).
+// Lanes that come within `half` (and the pads) of the plane w = base + gx (u - x) + gy (v - y) between s = enter and
+// leave. Lanes are cells, or rays where R has lanes.
 template <class F, class R>
-[[nodiscard]] NPSIM_ALWAYS_INLINE typename F::MaskType meets_slab(const R& ray, const Crossing<F>& c, F from_x,
-                                                                  F from_y, F base, F gx, F gy, F half) noexcept {
+[[nodiscard]] NPSIM_ALWAYS_INLINE typename F::MaskType meets_slab(const R& ray, F enter, F leave, F from_x, F from_y,
+                                                                  F base, F gx, F gy, F half) noexcept {
   // The difference at s = 0, and its change to s = 1.
   const F at = fma(-gx, from_x, fma(-gy, from_y, F(ray.w) - base));
   const F change = fma(-gx, F(ray.du), fma(-gy, F(ray.dv), F(ray.dw)));
-  const F first = fma(c.enter, change, at);
-  const F last = fma(c.leave, change, at);
+  const F first = fma(enter, change, at);
+  const F last = fma(leave, change, at);
   const F tolerance = fma(abs(gx) + abs(gy), F(ray.pad_px), half + F(ray.pad_w));
-  return (c.enter <= c.leave) & (min(first, last) <= tolerance) & (max(first, last) >= -tolerance);
+  return (enter <= leave) & (min(first, last) <= tolerance) & (max(first, last) >= -tolerance);
 }
 
 // Children of a node of nodes that matter; they are `size` quads wide, the first one's first quad is (x, y).
@@ -106,7 +107,7 @@ template <class F>
     const Crossing<F> c(ray, x, y, 4.0F, part);
     const F from_x = fma(simd::block_columns<F>(part), F(-4.0F), F(ray.u - x));
     const F from_y = fma(simd::block_rows<F>(part), F(-4.0F), F(ray.v - y));
-    const auto m = meets_slab<F>(ray, c, from_x, from_y, F::load(tiles.base + k), F::load(tiles.gx + k),
+    const auto m = meets_slab<F>(ray, c.enter, c.leave, from_x, from_y, F::load(tiles.base + k), F::load(tiles.gx + k),
                                  F::load(tiles.gy + k), F::load(tiles.half + k));
     mask |= bits(m) << static_cast<unsigned>(k);
   }
@@ -148,7 +149,8 @@ struct QuadSlabs {
     const Crossing<F> cell(ray, x, y, 1.0F, part);
     const F from_x = F(ray.u - x) - simd::block_columns<F>(part);
     const F from_y = F(ray.v - y) - simd::block_rows<F>(part);
-    return bits(meets_slab<F>(ray, cell, from_x, from_y, base, gx, gy, half)) << static_cast<unsigned>(part * F::lanes);
+    return bits(meets_slab<F>(ray, cell.enter, cell.leave, from_x, from_y, base, gx, gy, half))
+           << static_cast<unsigned>(part * F::lanes);
   }
 };
 
@@ -162,6 +164,12 @@ template <class F>
     mask |= QuadSlabs<F>(tiles, k, relief, part).test(ray, x, y, part);
   }
   return mask & (relief.faces | relief.faces >> 16U);
+}
+
+// Of its upper face; the lower one has one more.
+[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t number_of_quad(const SheetTrace& sheet, int x, int y) noexcept {
+  return 2U * (static_cast<std::uint32_t>(y) * static_cast<std::uint32_t>(sheet.quads.width()) +
+               static_cast<std::uint32_t>(x));
 }
 
 // Calls hit(face, triangle hit) for what intersect_triangle() says is hit in one quad; true: stop.
@@ -191,8 +199,7 @@ template <class OnHit>
   upper = upper && !misses(across, anti ? edge(1, 0) : edge(0, 1), anti ? edge(0, 2) : edge(1, 3));
   lower = lower && !misses(-across, anti ? edge(2, 3) : edge(3, 2), anti ? edge(3, 1) : edge(2, 0));
   if (!upper && !lower) return false;
-  const std::uint32_t number = 2U * (static_cast<std::uint32_t>(y) * static_cast<std::uint32_t>(sheet.quads.width()) +
-                                     static_cast<std::uint32_t>(x));
+  const std::uint32_t number = number_of_quad(sheet, x, y);
   for (const bool is_upper : {true, false}) {
     if (!(is_upper ? upper : lower)) continue;
     const Face face = quad_face(anti, is_upper, 0, 1, 2, 3);
@@ -206,17 +213,29 @@ template <class OnHit>
   return false;
 }
 
+[[nodiscard]] NPSIM_ALWAYS_INLINE std::size_t node_index(const SheetTrace& sheet, int level, int x, int y) noexcept {
+  return static_cast<std::size_t>(y) * static_cast<std::size_t>(sheet.across[level]) + static_cast<std::size_t>(x);
+}
+
+// Where a tile is found.
+struct TilePlace {
+  std::size_t group;
+  unsigned k;
+};
+[[nodiscard]] NPSIM_ALWAYS_INLINE TilePlace place_of_tile(const SheetTrace& sheet, int x, int y) noexcept {
+  return {node_index(sheet, 0, x / 4, y / 4), static_cast<unsigned>(4 * (y % 4) + x % 4)};
+}
+[[nodiscard]] NPSIM_ALWAYS_INLINE const SheetRelief& relief_at(const SheetTrace& sheet, TilePlace tile) noexcept {
+  return sheet.relief[16 * tile.group + tile.k];
+}
+
 // Every face in turn; true: stop.
 template <class OnHit>
 [[nodiscard]] bool test_everything(const SheetTrace& sheet, const SheetRay& ray, OnHit& on_hit) noexcept {
   for (int y = 0; y < sheet.quads.height(); ++y) {
     for (int x = 0; x < sheet.quads.width(); ++x) {
-      const std::size_t group =
-          static_cast<std::size_t>(y / kSheetGroupQuads) * static_cast<std::size_t>(sheet.across[0]) +
-          static_cast<std::size_t>(x / kSheetGroupQuads);
       const std::uint32_t faces =
-          sheet.relief[16 * group + static_cast<std::size_t>(4 * (y / 4 % 4) + x / 4 % 4)].faces >>
-          static_cast<unsigned>(4 * (y % 4) + x % 4);
+          relief_at(sheet, place_of_tile(sheet, x / 4, y / 4)).faces >> static_cast<unsigned>(4 * (y % 4) + x % 4);
       if (test_faces(sheet, ray, x, y, (faces & 1U) != 0, (faces & 0x10000U) != 0, on_hit)) return true;
     }
   }

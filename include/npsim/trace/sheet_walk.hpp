@@ -41,25 +41,32 @@ struct SheetWalk {
 
 [[nodiscard]] NPSIM_ALWAYS_INLINE Step step_at(int level) noexcept { return static_cast<Step>(std::min(level, 1) + 1); }
 
-// The smallest node that holds what the projection may touch.
-template <bool ordered>
-[[nodiscard]] NPSIM_ALWAYS_INLINE Step begin_walk(const SheetTrace& sheet, const SheetRay& ray,
-                                                  SheetWalk& walk) noexcept {
+// The smallest node of level `lowest` or above that holds these columns and rows, as far as they lie in the layer.
+NPSIM_ALWAYS_INLINE void start_at(const SheetTrace& sheet, float least_u, float most_u, float least_v, float most_v,
+                                  int lowest, SheetWalk& walk) noexcept {
   const auto tile = [](float at, int quads) {
     const float last = static_cast<float>((quads - 1) / 4);
     return static_cast<int>(std::min(std::max(at * 0.25F, 0.0F), last));
   };
-  const float end_u = ray.u + ray.du;
-  const float end_v = ray.v + ray.dv;
-  const int x0 = tile(std::min(ray.u, end_u) - ray.pad_px, sheet.quads.width());
-  const int x1 = tile(std::max(ray.u, end_u) + ray.pad_px, sheet.quads.width());
-  const int y0 = tile(std::min(ray.v, end_v) - ray.pad_px, sheet.quads.height());
-  const int y1 = tile(std::max(ray.v, end_v) + ray.pad_px, sheet.quads.height());
+  const int x0 = tile(least_u, sheet.quads.width());
+  const int x1 = tile(most_u, sheet.quads.width());
+  const int y0 = tile(least_v, sheet.quads.height());
+  const int y1 = tile(most_v, sheet.quads.height());
   const auto differ = static_cast<std::uint32_t>((x0 ^ x1) | (y0 ^ y1));
-  walk.level = highest_set_bit(differ * 4U + 2U) / 2 - 1;
+  walk.level = std::max(highest_set_bit(differ * 4U + 2U) / 2 - 1, lowest);
   walk.x = x0 >> (2 * walk.level + 2);
   walk.y = y0 >> (2 * walk.level + 2);
   walk.pending = 0;
+}
+
+// The smallest node that holds what the projection may touch.
+template <bool ordered>
+[[nodiscard]] NPSIM_ALWAYS_INLINE Step begin_walk(const SheetTrace& sheet, const SheetRay& ray,
+                                                  SheetWalk& walk) noexcept {
+  const float end_u = ray.u + ray.du;
+  const float end_v = ray.v + ray.dv;
+  start_at(sheet, std::min(ray.u, end_u) - ray.pad_px, std::max(ray.u, end_u) + ray.pad_px,
+           std::min(ray.v, end_v) - ray.pad_px, std::max(ray.v, end_v) + ray.pad_px, -1, walk);
   walk.flip = ordered ? flip_of(ray) : 0;
   return step_at(walk.level);
 }
@@ -78,10 +85,6 @@ template <bool ordered>
   walk.y = 4 * (walk.y >> up) + static_cast<int>(k >> 2U);
   walk.level = level - 1;
   return step_at(walk.level);
-}
-
-[[nodiscard]] NPSIM_ALWAYS_INLINE std::size_t node_index(const SheetTrace& sheet, int level, int x, int y) noexcept {
-  return static_cast<std::size_t>(y) * static_cast<std::size_t>(sheet.across[level]) + static_cast<std::size_t>(x);
 }
 
 // The children of node (x, y) of level 0 that matter.
@@ -133,17 +136,6 @@ void forget_beyond(const SheetTrace& sheet, const SheetRay& ray, SheetWalk& walk
   }
 }
 
-// Where a tile is found.
-struct TilePlace {
-  std::size_t group;
-  unsigned k;
-};
-[[nodiscard]] NPSIM_ALWAYS_INLINE TilePlace place_of_tile(const SheetTrace& sheet, int x, int y) noexcept {
-  return {node_index(sheet, 0, x / 4, y / 4), static_cast<unsigned>(4 * (y % 4) + x % 4)};
-}
-[[nodiscard]] NPSIM_ALWAYS_INLINE const SheetRelief& relief_at(const SheetTrace& sheet, TilePlace tile) noexcept {
-  return sheet.relief[16 * tile.group + tile.k];
-}
 NPSIM_ALWAYS_INLINE void prefetch_relief(const SheetTrace& sheet, TilePlace tile) noexcept {
   const SheetRelief& relief = relief_at(sheet, tile);
   simd::prefetch(relief.left);  // every other one lies across two lines
