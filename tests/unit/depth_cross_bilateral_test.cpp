@@ -122,6 +122,12 @@ struct Scene {
   double rmse_m = 0;  // set by worst()
 };
 
+// How far from 0 scaled colours may be where depths differ by `ratio`.
+float scaled_near_of(const CrossBilateralParams& p, Shape shape, double ratio) {
+  using namespace cross_bilateral_detail;
+  return scaled_near(p, colour_grid(shape, cross_bilateral_radius(p, shape)), cross_bilateral_plan(p, shape), ratio);
+}
+
 }  // namespace
 
 TEST_CASE("cross-bilateral at the thesis' settings is far nearer to double precision than the bound") {
@@ -186,7 +192,34 @@ TEST_CASE("cross-bilateral: colours that hardly differ, far from 0, keep the bou
     CrossBilateralParams p;
     p.sigma_c = 0.02F;
     p.radius_px = 12;
-    CHECK(cross_bilateral_detail::cross_bilateral_plan(p, s.shape).near > 1.0F);
+    CHECK(scaled_near_of(p, s.shape, 1000) > 1.0F);
+    REQUIRE(s.run(p).ok());
+    CHECK(s.worst(p) < 3e-6);
+  }
+}
+
+TEST_CASE("cross-bilateral scales the more colours the nearer the depths lie to each other, and keeps the bound") {
+  // Nearly all blocks lie between what depths that differ by 1000 allow, and depths that differ by 2.
+  CrossBilateralParams p;
+  p.radius_px = 30;
+  const float at_2 = scaled_near_of(p, {100, 60}, 2);
+  const float at_1000 = scaled_near_of(p, {100, 60}, 1000);
+  CHECK(at_1000 > 2.0F);
+  CHECK(at_2 > 3.0F * at_1000);
+  CHECK(scaled_near_of(p, {100, 60}, 1) > at_2);
+  CHECK(scaled_near_of(p, {100, 60}, 1e30) == at_1000);  // beyond the promise
+  p.max_relative_error = 1.3e-5F;
+  CHECK(scaled_near_of(p, {100, 60}, 1000) < at_1000);
+  p = {};
+  for (const float outlier : {1.0F, 1000.0F}) {
+    Scene<std::uint8_t> s({100, 60});
+    RandomStream random(43, RandomPurpose::test, 0, 0, 0, 0);
+    for (std::size_t i = 0; i < s.depth.size(); ++i) {
+      s.depth[i] = random.uniform(20.0F, 40.0F);
+      s.lab[i] = {random.uniform(20.0F, 80.0F), random.uniform(-20.0F, 20.0F), random.uniform(-20.0F, 20.0F)};
+    }
+    s.depth[s.at(50, 30)] *= outlier;
+    p.use_labels = false;
     REQUIRE(s.run(p).ok());
     CHECK(s.worst(p) < 3e-6);
   }

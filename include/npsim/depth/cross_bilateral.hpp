@@ -14,8 +14,8 @@
 // The bound is relative and holds for every pixel with depth and colour, or whose weights sum to mu, where depths in
 // one window differ by a factor of 1000 at most; per further factor of 2 in either it grows by 3e-7. At R = 30 and the
 // default bound of 2e-5, measured against double: at most 1.4e-6. Label term alone: bound 9.6e-7, measured 3e-7.
-// Tightest bound that can be asked at R = 30: 1.3e-5, with labels alone 9.6e-7. It grows with R: where labels are
-// used, the default can be kept up to R = 1506 at 2048x1024. Depths outside 1e-25..1e25 are outside the promise.
+// Tightest bound that can be asked at R = 30: 1.22e-5, with labels alone 9.6e-7. It grows with R: the default can be
+// kept up to R = 1100 in images of any size. Depths outside 1e-25..1e25 are outside the promise.
 // Cost: see those headers; colour makes nearly all of it. Memory at R = 30: 54 bytes per pixel, 12 with
 // labels alone, 41 with colour alone.
 // The same bits for every number of lanes and threads.
@@ -67,37 +67,47 @@ template <class T>
   return {};
 }
 
+// The least and the largest of some depths.
+struct DepthRange {
+  float low = std::numeric_limits<float>::max();
+  float high = 0.0F;
+};
+
 // Samples of one row as the colour term reads them, padding included.
-template <class LabelPixel>
-void load_row(const CrossBilateralParams& params, ImageView<const float> depth, ImageView<const Vec3f> lab,
-              const CrossBilateralState<LabelPixel>& s, int y) noexcept {
-  const int width = s.grid.shape.width;
-  const int end = s.grid.sample_stride - s.grid.padding;
-  const auto no_colour = [&](int x) {
-    s.samples.l.row(y)[x] = 0.0F;
-    s.samples.a.row(y)[x] = kNoColour * static_cast<float>(x + s.grid.padding + 1);
-    s.samples.b.row(y)[x] = kNoColour * static_cast<float>(y + 1);
-  };
-  const auto none = [&](int x) {
-    s.samples.depth.row(y)[x] = 0.0F;
-    no_colour(x);
-  };
-  for (int x = -s.grid.padding; x < 0; ++x) none(x);
-  for (int x = width; x < end; ++x) none(x);
-  for (int x = 0; x < width; ++x) {
-    const float z = depth(x, y);
-    const bool valid = is_valid_depth(z);
-    s.samples.depth.row(y)[x] = valid ? z : 0.0F;
-    const Vec3f c = lab(x, y);
-    const auto in_range = [](float v) { return v >= -kMaxColour && v <= kMaxColour; };
-    if ((valid || !params.keep_invalid) && in_range(c.x) && in_range(c.y) && in_range(c.z)) {
-      s.samples.l.row(y)[x] = c.x;
-      s.samples.a.row(y)[x] = c.y;
-      s.samples.b.row(y)[x] = c.z;
-    } else {
-      no_colour(x);
-    }
+template <class F>
+[[nodiscard]] DepthRange load_row(const CrossBilateralParams& params, const ColourGrid& g, ImageView<const float> depth,
+                                  ImageView<const Vec3f> lab, const ColourSamples& s, int y) noexcept {
+  const F zero(0.0F);
+  const F most(kMaxColour);
+  const float no_colour_b = kNoColour * static_cast<float>(y + 1);
+  const auto no_colour_a = [&](auto x) { return decltype(x)(kNoColour) * (x + decltype(x)(1.0F)); };
+  const int width = g.shape.width;
+  DepthRange range;
+  F low(range.low);
+  F high(range.high);
+  for (int x = 0; x < width; x += F::lanes) {
+    const int n = width - x < F::lanes ? width - x : F::lanes;
+    const F z = F::load(depth.row(y) + x, n);
+    const simd::F32x3<F> c = simd::load3<F>(&lab.row(y)[x].x, n);
+    const auto valid = are_valid_depths(z);
+    auto coloured = (abs(c.x) <= most) & (abs(c.y) <= most) & (abs(c.z) <= most);
+    if (params.keep_invalid) coloured = coloured & valid;
+    low = select(valid, min(low, z), low);
+    high = select(valid, max(high, z), high);
+    select(valid, z, zero).store(s.depth.row(y) + x);
+    select(coloured, c.x, zero).store(s.l.row(y) + x);
+    select(coloured, c.y, no_colour_a(F(static_cast<float>(x + g.padding)) + F::iota())).store(s.a.row(y) + x);
+    select(coloured, c.z, F(no_colour_b)).store(s.b.row(y) + x);
   }
+  const auto none = [&](int x) {
+    s.depth.row(y)[x] = 0.0F;
+    s.l.row(y)[x] = 0.0F;
+    s.a.row(y)[x] = no_colour_a(static_cast<float>(x + g.padding));
+    s.b.row(y)[x] = no_colour_b;
+  };
+  for (int x = -g.padding; x < 0; ++x) none(x);
+  for (int x = width; x < g.sample_stride - g.padding; ++x) none(x);
+  return {least_lane(low), -least_lane(-high)};
 }
 
 // The depth of a batch of pixels from both sums; z is what they had.
@@ -196,10 +206,9 @@ template <class LabelPixel>
       t.spatial[at++] = other_way || exponent < -1e30 ? -1e30F : static_cast<float>(exponent);
     }
   }
-  t.spatial[at] = -1e30F;
+  t.spatial[at] = t.spatial[at + 1] = -1e30F;
   t.scale = static_cast<float>(0.5 * kLog2E / (sigma_c * sigma_c));
   t.root_scale = static_cast<float>(root_scale(params));
-  t.near = simd::kFusedFma ? plan.near : -1.0F;
   // Rounded up, by more than what the logarithms of the blocks and the exponents of the pairs can be off.
   const double taps = static_cast<double>(2 * g.rx + 1) * static_cast<double>(2 * g.ry + 1);
   t.prune.on = plan.prune_error > 0;
@@ -232,7 +241,11 @@ template <class F, class LabelPixel, class Executor>
     NPSIM_RETURN_IF_ERROR(allocate_label_term(label_grid(shape, radius), radius, static_cast<double>(params.sigma_s_px),
                                               !colour, workspace, s.label));
   }
-  if (colour) NPSIM_RETURN_IF_ERROR(allocate_colour_term(params, plan, s, workspace));
+  Span<DepthRange> ranges;  // by row
+  if (colour) {
+    NPSIM_RETURN_IF_ERROR(allocate_colour_term(params, plan, s, workspace));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(shape.height), ranges));
+  }
 
   const auto rows = static_cast<std::size_t>(shape.height);
   const auto for_each = [&](std::size_t count, std::size_t chunk, auto&& f) {
@@ -244,7 +257,7 @@ template <class F, class LabelPixel, class Executor>
   const bool in_place = !colour && overlap(depth, output);
   if (in_place) s.label.depth = s.samples.depth;
   for_each(rows, 16, [&](int y) {
-    if (colour) load_row(params, depth, lab, s, y);
+    if (colour) ranges[static_cast<std::size_t>(y)] = load_row<F>(params, s.grid, depth, lab, s.samples, y);
     for (int x = 0; in_place && x < shape.width; ++x) s.samples.depth(x, y) = depth(x, y);
     if (params.use_labels) find_uniform_chunks<F>(s.label, y);
   });
@@ -258,6 +271,13 @@ template <class F, class LabelPixel, class Executor>
     });
   }
   if (colour) {
+    DepthRange whole;
+    for (const DepthRange& r : ranges) {
+      whole.low = r.low < whole.low ? r.low : whole.low;
+      whole.high = r.high > whole.high ? r.high : whole.high;
+    }
+    const double ratio = whole.high > 0 ? static_cast<double>(whole.high) / static_cast<double>(whole.low) : 1.0;
+    s.colour.near = simd::kFusedFma ? scaled_near(params, s.grid, plan, ratio) : -1.0F;
     for_each(static_cast<std::size_t>(s.grid.block_rows()), 8, [&](int row) {
       measure_block_row<F>(s.grid, s.samples, params.mu, params.use_labels ? s.label.numerator : ImageView<float>(),
                            params.use_labels ? s.label.denominator : ImageView<float>(), row, s.colour.blocks);

@@ -132,6 +132,14 @@ struct PruneRule {
   float log_threshold = 0;  // log2 of mu times the taps of a window over the error that pruning may make
 };
 
+template <class F>
+[[nodiscard]] float least_lane(F a) noexcept {
+  float lanes[F::lanes];
+  a.store(lanes);
+  for (int i = 1; i < F::lanes; ++i) lanes[0] = lanes[0] < lanes[i] ? lanes[0] : lanes[i];
+  return lanes[0];
+}
+
 // numerator and denominator: what is known of the filter's sums; without pixels: nothing.
 template <class F>
 void measure_block_row(const ColourGrid& g, const ColourSamples& samples, float mu, ImageView<float> numerator,
@@ -139,12 +147,6 @@ void measure_block_row(const ColourGrid& g, const ColourSamples& samples, float 
   const F zero(0.0F);
   const F most(std::numeric_limits<float>::max());
   const int y_end = (row + 1) * kGroupRows < g.shape.height ? (row + 1) * kGroupRows : g.shape.height;
-  const auto least_lane = [](F a) {
-    float lanes[F::lanes];
-    a.store(lanes);
-    for (int i = 1; i < F::lanes; ++i) lanes[0] = lanes[0] < lanes[i] ? lanes[0] : lanes[i];
-    return lanes[0];
-  };
   for (int plane = 0; plane < kBlockPlanes; ++plane) {
     float* all = out.at(plane, -out.padding, row);
     for (std::ptrdiff_t i = 0; i < out.stride; ++i) all[i] = 0.0F;

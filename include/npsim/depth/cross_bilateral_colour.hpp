@@ -28,6 +28,7 @@
 #include "npsim/depth/cross_bilateral_blocks.hpp"
 #include "npsim/depth/cross_bilateral_pairs.hpp"
 #include "npsim/simd/batch.hpp"
+#include "npsim/simd/fixed.hpp"
 
 namespace npsim {
 inline namespace v1 {
@@ -124,6 +125,24 @@ struct ScaledColours {
   return out;
 }
 
+// What a tile reads of the next row of q, and adds to of this one.
+inline void prefetch_rows(const ColourTerm& term, int strip, int first_column, int columns, int qy) noexcept {
+  constexpr int kLineFloats = 16;
+  const ColourSamples& s = term.samples;
+  const int next = qy + 1 < term.grid.shape.height ? qy + 1 : qy;
+  const int last = first_column + columns;
+  for (int x = first_column; x < last; x += kLineFloats) {
+    simd::prefetch(s.l.row(next) + x);
+    simd::prefetch(s.a.row(next) + x);
+    simd::prefetch(s.b.row(next) + x);
+    simd::prefetch(s.depth.row(next) + x);
+  }
+  const float* sums = term.sums_row(strip, qy);
+  for (int x = first_column > 0 ? first_column : 0; x < last && x < term.grid.width; x += kLineFloats) {
+    for (int i = 0; i < 4; ++i) simd::prefetch(sums + i * term.grid.width + x);
+  }
+}
+
 template <class F, int kDegree, bool kScaled>
 void weigh_some_rows(PairRows& s, std::uint32_t work, int n) noexcept {
   if (work == 0) return;
@@ -159,6 +178,7 @@ void weigh_tile(const ColourTerm& term, int strip, int x0, int y0, int rows, flo
                                         qy / kGroupRows, sweep, sweep_end);
         }
       }
+      prefetch_rows(term, strip, x0 + sweep * kChunkPx, (sweep_end - sweep + kTileBlocks) * kChunkPx, qy);
       bool touched = false;
       for (int i = 0; i < kTileBlocks; ++i) {
         const int block_x = x0 + i * kChunkPx;

@@ -65,8 +65,8 @@ void find_uniform_chunks(const LabelTerm<LabelPixel>& t, int y) noexcept {
     const I first(std::int32_t{labels[begin]});
     bool same = begin + kLabelChunkPx <= t.grid.shape.width;
     for (int i = 0; same && i < kLabelChunkPx; i += F::lanes) {
-      same =
-          all((load_labels<F>(t.labels, begin + i, y) == first) & are_valid_depths(load_depths<F>(t.depth, begin + i, y)));
+      same = all((load_labels<F>(t.labels, begin + i, y) == first) &
+                 are_valid_depths(load_depths<F>(t.depth, begin + i, y)));
     }
     out[k] = same ? std::int32_t{labels[begin]} : -1;
   }

@@ -3,10 +3,11 @@
 //
 // A few rows of neighbouring p meet one row of q at every offset dx. What a pair gives to p stays in registers for a
 // chunk of offsets; what it gives to q is added to one of 16 rows of sums, by dx mod 16, at an aligned place.
-// Error of a weight, relative: of 2^x kExp2Error[degree], and 7 2^-24 ln 2 per unit of its binary exponent x. Colours
-// are subtracted before anything is scaled, so that it does not grow with their size. The scaled form takes colours as
-// root_scale c + minus_centre and saves one multiplication in ten; it adds (2 r x + 4 u sqrt(x)) 2^-24 ln 2, where
-// r 2^-24 is how far root_scale is off, and p's scaled colours are at most u from 0.
+// Error of a weight 2^-(s + c), s by distance and c by colour, relative: of the power kExp2Error[degree], and
+// (4 s + 7 c) 2^-24 ln 2. Colours are subtracted before anything is scaled, so that it does not grow with their size. The
+// scaled form takes colours as root_scale c + minus_centre and saves one multiplication in ten; it adds
+// (2 r c + 4 u sqrt(c)) 2^-24 ln 2, where r 2^-24 is how far root_scale is off, and p's scaled colours are at most u
+// from 0.
 // Cost: 20 instructions per pair and batch, 10 of them fma (degree 4). No memory.
 #ifndef NPSIM_DEPTH_CROSS_BILATERAL_PAIRS_HPP
 #define NPSIM_DEPTH_CROSS_BILATERAL_PAIRS_HPP
@@ -85,18 +86,18 @@ struct PairRows {
   std::uint32_t work, holes;  // by chunk, from first_chunk
 };
 
+// All offsets of the chunks first_chunk .. end_chunk - 1. Three offsets are under way at a time: the exponents of one,
+// the weights of the one before, the sums of the one before that. So nothing waits for what has just begun, and the few
+// instructions that a core looks ahead suffice. What runs ahead at the end is not used.
 template <class F, std::size_t N, int kDegree, bool kScaled, bool kHoles>
-NPSIM_ALWAYS_INLINE void weigh_chunk(const PairRows& s, int chunk, const F (&lp)[N], const F (&ap)[N], const F (&bp)[N],
-                                     const F (&zp)[N], F (&num)[N], F (&den)[N]) noexcept {
+NPSIM_ALWAYS_INLINE void weigh_chunks(const PairRows& s, int first_chunk, int end_chunk, const F (&lp)[N],
+                                      const F (&ap)[N], const F (&bp)[N], const F (&zp)[N], F (&num)[N],
+                                      F (&den)[N]) noexcept {
   const F zero(0.0F);
   const F one(1.0F);
   const F minus_scale(s.minus_scale);
-  const int begin = -s.rx - chunk * kChunkPx;
-  const int last = s.rx - chunk * kChunkPx;
-  F n[N], d[N];
   const float* spatial[N];
   unrolled<N>([&](std::size_t i) { spatial[i] = s.spatial - static_cast<std::ptrdiff_t>(i) * s.spatial_stride; });
-  unrolled<N>([&](std::size_t i) { n[i] = d[i] = zero; });
   const auto exponent = [&](std::size_t i, F lq, F aq, F bq, int dx) {
     const F dl = lq - lp[i];
     const F da = aq - ap[i];
@@ -107,52 +108,52 @@ NPSIM_ALWAYS_INLINE void weigh_chunk(const PairRows& s, int chunk, const F (&lp)
       return fma(fma(db, db, fma(da, da, dl * dl)), minus_scale, F(spatial[i][dx]));
     }
   };
-  const int first = begin > 0 ? begin : 0;
-  const int end = last + 1 < kChunkPx ? last + 1 : kChunkPx;
-  F t[N];
-  {
-    const int dx = chunk * kChunkPx + first;
-    unrolled<N>(
-        [&](std::size_t i) { t[i] = exponent(i, F::load(s.ql + dx), F::load(s.qa + dx), F::load(s.qb + dx), dx); });
-  }
-  for (int k = first; k < end; ++k) {
-    // The exponents of the next offset fill the wait for the weights of this one. The last of them are not used.
-    const int dx = chunk * kChunkPx + k;
-    const F lq = F::load(s.ql + dx + 1);
-    const F aq = F::load(s.qa + dx + 1);
-    const F bq = F::load(s.qb + dx + 1);
-    const F zq = F::load(s.qz + dx);
-    F w[N];
-    unrolled<N>([&](std::size_t i) {
-      const F x = t[i];
-      t[i] = exponent(i, lq, aq, bq, dx + 1);
-      w[i] = fast_exp2<kDegree>(x);
-      n[i] = fma(w[i], zq, n[i]);
-      if constexpr (kHoles) {
-        d[i] = fma(w[i], select(zq > zero, one, zero), d[i]);
-      } else {
-        d[i] = d[i] + w[i];
-      }
-    });
-    F to_n = w[0] * zp[0];
-    if constexpr (kHoles) {
-      unrolled<N>([&](std::size_t i) { w[i] = select(zp[i] > zero, w[i], zero); });
+  const auto exponents = [&](F(&x)[N], int dx) {
+    const F lq = F::load(s.ql + dx);
+    const F aq = F::load(s.qa + dx);
+    const F bq = F::load(s.qb + dx);
+    unrolled<N>([&](std::size_t i) { x[i] = exponent(i, lq, aq, bq, dx); });
+  };
+  int dx = first_chunk * kChunkPx > -s.rx ? first_chunk * kChunkPx : -s.rx;
+  const int end = end_chunk * kChunkPx - 1 < s.rx ? end_chunk * kChunkPx : s.rx + 1;
+  F x[N], w[N];  // of dx + 1, of dx
+  exponents(x, dx);
+  unrolled<N>([&](std::size_t i) { w[i] = fast_exp2<kDegree>(x[i]); });
+  exponents(x, dx + 1);
+  for (int chunk = first_chunk; chunk < end_chunk; ++chunk) {
+    const int stop = (chunk + 1) * kChunkPx < end ? (chunk + 1) * kChunkPx : end;
+    F n[N], d[N];
+    unrolled<N>([&](std::size_t i) { n[i] = d[i] = zero; });
+    float* skew = s.skew + 2 * (dx - chunk * kChunkPx) * s.skew_stride + chunk * kChunkPx;
+    for (; dx < stop; ++dx, skew += 2 * s.skew_stride) {
+      const F zq = F::load(s.qz + dx);
+      const F lq = F::load(s.ql + dx + 2);
+      const F aq = F::load(s.qa + dx + 2);
+      const F bq = F::load(s.qb + dx + 2);
+      F to_n, to_d, keep[N];
+      unrolled<N>([&](std::size_t i) {
+        const F next = fast_exp2<kDegree>(x[i]);
+        x[i] = exponent(i, lq, aq, bq, dx + 2);
+        n[i] = fma(w[i], zq, n[i]);
+        if constexpr (kHoles) {
+          d[i] = fma(w[i], select(zq > zero, one, zero), d[i]);
+          keep[i] = select(zp[i] > zero, w[i], zero);
+        } else {
+          d[i] = d[i] + w[i];
+          keep[i] = w[i];
+        }
+        to_n = i == 0 ? w[i] * zp[i] : fma(w[i], zp[i], to_n);
+        to_d = i == 0 ? keep[i] : to_d + keep[i];
+        w[i] = next;
+      });
+      (F::load(skew) + to_n).store(skew);
+      (F::load(skew + s.skew_stride) + to_d).store(skew + s.skew_stride);
     }
-    F to_d = w[0];
-    if constexpr (N > 1) to_d = to_d + w[1];
-    if constexpr (N == 3) to_d = to_d + w[2];
-    if constexpr (N == 4) to_d = to_d + (w[2] + w[3]);
-    if constexpr (N > 1) to_n = fma(w[1], zp[1], to_n);
-    if constexpr (N > 2) to_n = fma(w[2], zp[2], to_n);
-    if constexpr (N > 3) to_n = fma(w[3], zp[3], to_n);
-    float* skew = s.skew + (2 * k) * s.skew_stride + chunk * kChunkPx;
-    (F::load(skew) + to_n).store(skew);
-    (F::load(skew + s.skew_stride) + to_d).store(skew + s.skew_stride);
+    unrolled<N>([&](std::size_t i) {
+      num[i] = num[i] + n[i];
+      den[i] = den[i] + d[i];
+    });
   }
-  unrolled<N>([&](std::size_t i) {
-    num[i] = num[i] + n[i];
-    den[i] = den[i] + d[i];
-  });
 }
 
 template <class F, std::size_t N, int kDegree, bool kScaled>
@@ -171,14 +172,21 @@ void weigh_rows(const PairRows& s) noexcept {
       bp[i] = fma(bp[i], F(s.root_scale), F(s.minus_centre[2]));
     }
   });
-  for (int chunk = s.first_chunk; chunk < s.end_chunk; ++chunk) {
-    const std::uint32_t bit = 1U << static_cast<unsigned>(chunk - s.first_chunk);
-    if ((s.work & bit) == 0) continue;
-    if (!kScaled && (s.holes & bit) != 0) {
-      weigh_chunk<F, N, kDegree, false, !kScaled>(s, chunk, lp, ap, bp, zp, num, den);
-    } else {
-      weigh_chunk<F, N, kDegree, kScaled, false>(s, chunk, lp, ap, bp, zp, num, den);
+  const auto at = [&](std::uint32_t bits, int chunk) {
+    return chunk < s.end_chunk && (bits >> static_cast<unsigned>(chunk - s.first_chunk) & 1U) != 0;
+  };
+  for (int chunk = s.first_chunk; chunk < s.end_chunk;) {
+    int end = chunk + 1;
+    if (at(s.work, chunk)) {
+      const bool holes = !kScaled && at(s.holes, chunk);
+      while (at(s.work, end) && (kScaled || at(s.holes, end) == holes)) ++end;
+      if (holes) {
+        weigh_chunks<F, N, kDegree, false, !kScaled>(s, chunk, end, lp, ap, bp, zp, num, den);
+      } else {
+        weigh_chunks<F, N, kDegree, kScaled, false>(s, chunk, end, lp, ap, bp, zp, num, den);
+      }
     }
+    chunk = end;
   }
   constexpr std::ptrdiff_t kPlane = kColourBandRows * kColourTilePx;
   unrolled<N>([&](std::size_t i) {

@@ -35,7 +35,7 @@ struct CrossBilateralParams {
   bool use_colour = true;
   bool keep_invalid = false;  // leave pixels without depth (the sky) without depth
   // What the result may differ from equation (3.2) evaluated without rounding, relative to the result, for the pixels
-  // and depths that cross_bilateral.hpp names. At R = 30 no less than 1.3e-5 can be asked, with labels alone 9.6e-7.
+  // and depths that cross_bilateral.hpp names. At R = 30 no less than 1.22e-5 can be asked, with labels alone 9.6e-7.
   float max_relative_error = 2e-5F;
 };
 
@@ -86,9 +86,9 @@ namespace cross_bilateral_detail {
 
 struct CrossBilateralPlan {
   bool possible = false;
-  int degree = 0;          // of the polynomial for 2^x; 0 without colour
-  double prune_error = 0;  // of either sum, relative; 0: nothing is left out
-  float near = -1;         // how far from 0 scaled colours of p may be; -1: none
+  int degree = 0;           // of the polynomial for 2^x; 0 without colour
+  double prune_error = 0;   // of either sum, relative; 0: nothing is left out
+  double scaled_error = 0;  // of the mean, relative: what pairs in the scaled form may do, all errors together
   CrossBilateralResult result;
 };
 
@@ -103,47 +103,79 @@ struct CrossBilateralPlan {
 // What errors of weights can do to a mean of depths z: each weight w = 2^-x counts in the shares p of the denominator
 // and r of the numerator, its error e with r - p, so that the mean is off by at most sum |r - p| e. Where r < p let A
 // be the sum of w, elsewhere B that of w z, in units of the least z; z <= ratio. With a weight of 1 at the centre the
-// denominator is at least 1 + A and the numerator 1 + A + B, and by concavity
-//   sum |r - p| x <= A log2(n / A) / (1 + A) + B log2(ratio n / B) / (1 + A + B),
-// and with square roots of x and of the logarithms alike. Without the centre, but weights of sum 1 or more, A >= 1 and
-// nothing is added to it. Largest over A and B; the grid misses less than the 1 % that is added.
+// denominator is at least 1 + A and the numerator 1 + A + B. x = s + c, of which s is known, by the distance, and c is
+// the colour's: w = G 2^-c. An error of 4 s + 7 c is 7 log2(G^(3/7) / w), so that by concavity
+//   sum |r - p| (4 s + 7 c) <= 7 A log2(n / A) / (1 + A) + 7 B log2(ratio n / B) / (1 + A + B),   n = sum G^(3/7),
+// and with square roots of c and of the logarithms alike, n = sum G. Without the centre, but weights of sum 1 or more,
+// A >= 1 and nothing is added to it. Largest over A and B; the grid misses less than the 1 % that is added.
 struct MeanExponents {
-  double mean = 0, mean_root = 0, mean_without_centre = 0;
+  double mean = 0;                 // of (4 s + 7 c) / 7, with which errors grow that come from roundings
+  double mean_root = 0;            // of sqrt(c)
+  double mean_without_centre = 0;  // as mean
 };
 
-[[nodiscard]] inline MeanExponents mean_exponents(double n, double ratio) noexcept {
-  constexpr double kStep = 1.4142135623730951;
+// What all weights of a window sum to where no colour differs, with Gs to some power.
+[[nodiscard]] inline double sum_of_taps(const ColourGrid& g, double sigma_s, double power) noexcept {
+  const auto along = [&](int r) {
+    double sum = 1;
+    for (int i = 1; i <= r; ++i) sum += 2 * std::exp(-0.5 * power * (double(i) / sigma_s) * (double(i) / sigma_s));
+    return sum;
+  };
+  return along(g.rx) * along(g.ry);
+}
+
+[[nodiscard]] inline MeanExponents mean_exponents(const ColourGrid& g, double sigma_s, double ratio) noexcept {
+  const double taps = sum_of_taps(g, sigma_s, 1);
+  const double n = sum_of_taps(g, sigma_s, 3.0 / 7.0);
   MeanExponents out;
   const auto raise = [](double& most, double x) { most = x > most ? x : most; };
-  for (double b = 0x1p-6; b <= ratio * n; b *= kStep) {
-    const double log_b = std::log2(ratio * n / b);
-    const double root_b = std::sqrt(log_b);
-    for (double a = 0x1p-6; a <= n; a *= kStep) {
+  const auto on_grid = [](double last, auto&& f) {
+    for (double x = 0x1p-6; x < last; x *= 1.4142135623730951) f(x);
+    f(last);
+  };
+  on_grid(ratio * taps, [&](double b) {
+    const double of_b = b * std::log2(ratio * n / b);
+    const double root_of_b = b * std::sqrt(std::log2(ratio * taps / b));
+    on_grid(taps, [&](double a) {
       const double log_a = std::log2(n / a);
-      raise(out.mean, a * log_a / (1 + a) + b * log_b / (1 + a + b));
-      raise(out.mean_root, a * std::sqrt(log_a) / (1 + a) + b * root_b / (1 + a + b));
-      if (a >= 1) raise(out.mean_without_centre, log_a + b * log_b / (a + b));
-    }
-  }
+      raise(out.mean, a * log_a / (1 + a) + of_b / (1 + a + b));
+      raise(out.mean_root, a * std::sqrt(std::log2(taps / a)) / (1 + a) + root_of_b / (1 + a + b));
+      if (a >= 1) raise(out.mean_without_centre, log_a + of_b / (a + b));
+    });
+  });
   out.mean *= 1.01;
   out.mean_root *= 1.01;
   out.mean_without_centre *= 1.01;
   return out;
 }
 
+inline constexpr double kRounding = 0x1p-24;
+inline constexpr double kExponentRounding = kRounding * 0.6931471805599453;
+inline constexpr double kMostDepthRatio = 1000;  // of the depths in a window, as far as the bound is promised
+inline constexpr double kMostNear = 64;          // far beyond all colours that there are
+
 // Of a colour, so that squared distances are powers of two.
 [[nodiscard]] inline double root_scale(const CrossBilateralParams& params) noexcept {
   return std::sqrt(0.5 * 1.4426950408889634) / static_cast<double>(params.sigma_c);
 }
 
+// What a mean of depths within `ratio` of each other is off by, where each pixel has a weight of its own: what all
+// pairs do, and what the scaled form adds once, and per unit of the distance of p's scaled colours from 0.
+struct PairErrors {
+  double all = 0, scaled = 0, per_near = 0;
+};
+
+[[nodiscard]] inline PairErrors pair_errors(const CrossBilateralParams& params, const ColourGrid& g, int degree,
+                                            const MeanExponents& exponents, double ratio) noexcept {
+  // The most that the shares of numerator and denominator differ: errors between -e and e make 2 e of it.
+  const double spread = 2 * (std::sqrt(ratio) - 1) / (std::sqrt(ratio) + 1);
+  const double of_scale = root_scale(params);
+  const double scale_error = std::fabs(static_cast<double>(static_cast<float>(of_scale)) / of_scale - 1) * 2;
+  return {spread * kExp2Error[degree] + 2 * colour_chain(g) * kRounding + 7 * kExponentRounding * exponents.mean,
+          scale_error * 0.6931471805599453 * exponents.mean, 4 * kExponentRounding * exponents.mean_root};
+}
+
 [[nodiscard]] inline CrossBilateralPlan cross_bilateral_plan(const CrossBilateralParams& params, Shape shape) noexcept {
-  constexpr double kRounding = 0x1p-24;
-  constexpr double kExponentRounding = kRounding * 0.6931471805599453;
-  constexpr double kDepthRatio = 1000;  // of the depths in a window
-  // The most that the shares of numerator and denominator differ with that ratio: errors between -e and e make 2 e of
-  // it.
-  constexpr double kSpread = 2 * 0.93870;
-  constexpr double kMostNear = 64;  // far beyond all colours that there are
   const int radius = cross_bilateral_radius(params, shape);
   const ColourGrid g = colour_grid(shape, radius);
   const double allowed = static_cast<double>(params.max_relative_error);
@@ -160,32 +192,24 @@ struct MeanExponents {
     return plan;
   }
   const double taps = static_cast<double>(2 * g.rx + 1) * static_cast<double>(2 * g.ry + 1);
-  const MeanExponents exponents = mean_exponents(taps, kDepthRatio);
-  const double of_scale = root_scale(params);
-  const double scale_error = std::fabs(static_cast<double>(static_cast<float>(of_scale)) / of_scale - 1) * 2;
+  const MeanExponents exponents = mean_exponents(g, static_cast<double>(params.sigma_s_px), kMostDepthRatio);
   for (int degree = kMinDegree; degree <= kMaxDegree; ++degree) {
-    const double of_weights = kSpread * kExp2Error[degree] + 2 * colour_chain(g) * kRounding;
-    const double with_centre = of_weights + 7 * kExponentRounding * exponents.mean;
-    const double without = of_weights + 7 * kExponentRounding * exponents.mean_without_centre;
+    const PairErrors pairs = pair_errors(params, g, degree, exponents, kMostDepthRatio);
+    const double without_centre = pairs.all + 7 * kExponentRounding * (exponents.mean_without_centre - exponents.mean);
     // Labels in one of the sums, colours in the other.
     const double mixed = label_sum + kExp2Error[degree] + colour_chain(g) * kRounding +
-                         7 * kExponentRounding * mean_exponent(taps * kDepthRatio);
-    double worst = without > with_centre ? without : with_centre;
+                         7 * kExponentRounding * mean_exponent(taps * kMostDepthRatio);
+    double worst = without_centre > pairs.all ? without_centre : pairs.all;
     if (label > worst) worst = label;
     if (params.use_labels && mixed > worst) worst = mixed;
     const double grown = 1 + 4 * kExp2Error[degree];
     bound = worst * grown + last;
     if (bound > (degree < kMaxDegree ? 0.95 : 1.0) * allowed) continue;
     // Three quarters of what is left may go to the scaled form, the rest to what is left out.
-    const double spare = (worst - with_centre) + 0.75 * (allowed - bound) / grown;
-    const double by_scale = scale_error * 0.6931471805599453 * exponents.mean;
-    double near = (spare - by_scale) / (4 * kExponentRounding * exponents.mean_root);
-    if (near > kMostNear) near = kMostNear;
-    if (near > 0.5) {
-      plan.near = static_cast<float>(0.999 * near);
-      const double scaled = with_centre + by_scale + 4 * kExponentRounding * exponents.mean_root * near;
-      if (scaled > worst) bound = scaled * grown + last;
-    }
+    const double most_scaled = pairs.all + pairs.scaled + pairs.per_near * kMostNear;
+    plan.scaled_error = worst + 0.75 * (allowed - bound) / grown;
+    if (plan.scaled_error > most_scaled) plan.scaled_error = most_scaled;
+    if (plan.scaled_error > worst) bound = plan.scaled_error * grown + last;
     const double left = (allowed - bound) / (1 + allowed);
     plan.possible = true;
     plan.degree = degree;
@@ -199,8 +223,21 @@ struct MeanExponents {
   return plan;
 }
 
+// How far from 0 scaled colours of p may be in an image whose depths differ by a factor of `ratio`; -1: none may be.
+// The nearer the depths lie to each other, the less errors of weights matter.
+[[nodiscard]] inline float scaled_near(const CrossBilateralParams& params, const ColourGrid& g,
+                                       const CrossBilateralPlan& plan, double ratio) noexcept {
+  if (!(ratio < kMostDepthRatio)) ratio = kMostDepthRatio;
+  const MeanExponents exponents = mean_exponents(g, static_cast<double>(params.sigma_s_px), ratio);
+  const PairErrors pairs = pair_errors(params, g, plan.degree, exponents, ratio);
+  const double most = kMostNear * pairs.per_near;
+  const double spare = plan.scaled_error - pairs.all - pairs.scaled;
+  const double near = 0.999 * (spare < most ? spare : most) / pairs.per_near;
+  return near > 0.5 ? static_cast<float>(near) : -1.0F;
+}
+
 [[nodiscard]] inline std::size_t spatial_elements(const ColourGrid& g) noexcept {
-  return static_cast<std::size_t>(2 * g.rx + 1) * static_cast<std::size_t>(g.ry + 1) + 1;  // one is read beyond
+  return static_cast<std::size_t>(2 * g.rx + 1) * static_cast<std::size_t>(g.ry + 1) + 2;  // two are read beyond
 }
 [[nodiscard]] inline std::size_t colour_sums_elements(const ColourGrid& g) noexcept {
   return g.sums_rows() * 4 * static_cast<std::size_t>(g.width);
@@ -224,7 +261,8 @@ struct MeanExponents {
   if (uses_colour(params)) {
     bytes += 3 * allocation_bytes<float>(g.samples()) + allocation_bytes<float>(block_elements(g)) +
              allocation_bytes<float>(spatial_elements(g)) + allocation_bytes<float>(colour_sums_elements(g)) +
-             allocation_bytes<float>(colour_scratch_elements(g));
+             allocation_bytes<float>(colour_scratch_elements(g)) +
+             allocation_bytes<float>(2 * static_cast<std::size_t>(shape.height));
   }
   return bytes;
 }
