@@ -74,6 +74,7 @@
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/depth/uncertainty_bits.hpp"
 #include "npsim/depth/uncertainty_counted.hpp"
+#include "npsim/depth/uncertainty_edges.hpp"
 #include "npsim/depth/uncertainty_labels.hpp"
 #include "npsim/depth/uncertainty_moments.hpp"
 #include "npsim/depth/uncertainty_search.hpp"

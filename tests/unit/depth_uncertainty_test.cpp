@@ -5,12 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <vector>
 
+#include "backward_executor.hpp"
 #include "npsim/core/random.hpp"
 #include "reference/uncertainty.hpp"
-#include "backward_executor.hpp"
 
 using namespace npsim;
 
@@ -356,7 +357,7 @@ TEST_CASE("merged moments know the standard deviation within the stated bound, a
     const reference::Uncertainty exact =
         reference::uncertainty({im.depth.data(), shape}, {im.labels.data(), shape}, 8, 0, LabelSet::all());
     depth_detail::MergedMoments<F> moments;
-    REQUIRE(moments.read({im.depth.data(), shape}, {2, 0, 128, 16}, {~std::uint64_t{0}, ~std::uint64_t{0}}));
+    REQUIRE(moments.read({im.depth.data(), shape}, {2, 0, 128, 16}, {~std::uint64_t{0}, ~std::uint64_t{0}}, false));
     int doubts = 0;
     int wrong = 0;
     int thresholds = 0;
@@ -373,8 +374,9 @@ TEST_CASE("merged moments know the standard deviation within the stated bound, a
           depth_detail::VarianceBits bits;
           moments.decide(y, 0, 127, bits);
           const auto bit = [x](const std::uint64_t(&word)[2]) { return (word[x / 64] >> (x % 64) & 1U) != 0; };
-          doubts += bit(bits.doubtful) ? 1 : 0;
-          wrong += !bit(bits.doubtful) && bit(bits.above) != (side < 0) ? 1 : 0;
+          const bool is_sure = bit(bits.above) != bit(bits.below);
+          doubts += is_sure ? 0 : 1;
+          wrong += is_sure && bit(bits.above) != (side < 0) ? 1 : 0;
           ++thresholds;
         }
       }
@@ -522,4 +524,40 @@ TEST_CASE("uncertainty refuses bad arguments") {
   CHECK(uncertainty(p, {im.depth.data(), im.shape}, {im.labels.data(), {16, 15}}, {}, none, executor).code() ==
         StatusCode::shape_mismatch);
   CHECK(uncertainty(p, {}, {im.labels.data(), {16, 15}}, {}, none, executor).code() == StatusCode::no_valid_input);
+}
+
+// What bits of neighbours say against the least and the greatest code of each window, a few odd pixels in each tile.
+TEST_CASE("uncertainty: edges by neighbours are those by extremes") {
+  using F = simd::F32;
+  RandomStream random(14, RandomPurpose::test, 0, 0, 0, 0);
+  const auto below = [&](int n) { return static_cast<int>(random.uniform(0.0F, static_cast<float>(n) - 0.001F)); };
+  static depth_detail::StripCodes codes;
+  int found = 0;
+  int missing = 0;
+  int wrong = 0;
+  for (int round = 0; round < 200; ++round) {
+    for (auto& row : codes.row) std::fill(std::begin(row), std::end(row), std::uint8_t{7});
+    for (int i = below(60); i >= 0; --i)
+      codes.row[below(23)][below(640)] = static_cast<std::uint8_t>(below(2) == 0 ? 8 : depth_detail::kForegroundCode);
+    const int column = 128 * below(4);
+    const int height = 1 + below(16);
+    const int count = below(3) == 0 ? 1 + below(64) : 64;
+    const std::uint64_t columns[2] = {static_cast<std::uint64_t>(below(4)), 1};
+    const depth_detail::EdgeWindows<F> windows(codes, column, height, columns);
+    for (int w = 0; w < 2; ++w) {
+      if (columns[w] == 0) continue;
+      std::uint64_t edges[depth_detail::EdgeWindows<F>::kHeight];
+      windows.word(w, count, edges);
+      const auto row = [&](int y) { return codes.row[y] + column + 64 * w; };
+      std::uint64_t expected[16];
+      depth_detail::edge_windows_8<F>(row, row, count, height, expected);
+      for (int y = 0; y < height; ++y) {
+        wrong += edges[y] == expected[y] ? 0 : 1;
+        (expected[y] != 0 ? found : missing) += 1;
+      }
+    }
+  }
+  CHECK(wrong == 0);
+  CHECK(found > 500);
+  CHECK(missing > 100);
 }

@@ -15,7 +15,7 @@
 // Error: every decision is that of the variance in double, which is within 1e-12 relative at any depth with the default
 // window (uncertainty_variance.hpp has wider ones: 2e-9 at 256); variance_m2 is within 5e-7 relative, and never
 // negative. Same bytes for every instruction set and every number of threads.
-// Cost: with the default window, one to two copies of the depth, with holes or without; four to five where every pixel
+// Cost: with the default window, one to two copies of the depth, with holes or without; about four where every pixel
 // is a class of its own, nine with holes as well. Memory: one bit per pixel, and 50 KiB of stack (150 KiB for windows
 // above 16).
 #ifndef NPSIM_DEPTH_UNCERTAINTY_HPP

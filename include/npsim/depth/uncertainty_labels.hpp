@@ -19,6 +19,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/simd/bytes.hpp"
+#include "npsim/simd/fixed.hpp"
 
 namespace npsim {
 inline namespace v1 {
@@ -118,9 +119,11 @@ void edge_columns(const LabelCodes& codes, ImageView<const Label> labels, const 
   for (; c < filled; c += U::lanes) {
     const Label* p = labels.row(block.y) + block.x + c;
     const int available = labels.width() - block.x - c;
+    const std::ptrdiff_t ahead = available > 128 ? 128 : 0;  // two cache lines
     U low = load_labels<U>(p, available);
     U high = low;
     for (int y = 1; y < block.height + l - 1; ++y) {
+      simd::prefetch(p + y * labels.stride() + ahead);
       const U own = load_labels<U>(p + y * labels.stride(), available);
       low = min(low, own);
       high = max(high, own);

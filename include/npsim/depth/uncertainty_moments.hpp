@@ -25,16 +25,17 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/depth/uncertainty_labels.hpp"
 #include "npsim/simd/bytes.hpp"
+#include "npsim/simd/fixed.hpp"
 
 namespace npsim {
 inline namespace v1 {
 inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
-// What is known about the windows of a row: certainly above the threshold, or in doubt; the others are below.
+// What is known about the windows of a row: certainly above the threshold, or certainly below; the others are in doubt.
 struct VarianceBits {
   std::uint64_t above[kTileWords] = {};
-  std::uint64_t doubtful[kTileWords] = {};
+  std::uint64_t below[kTileWords] = {};
 };
 
 // Sums of squares per pixel beyond which a variance is certainly above, or below, a threshold.
@@ -75,7 +76,7 @@ template <class F>
 template <class F>
 [[nodiscard]] NPSIM_ALWAYS_INLINE Moments<F> merge_to_sum(const Moments<F>& a, const Moments<F>& b) noexcept {
   const F apart = b.mean - a.mean;
-  return {a.mean + b.mean, fma(apart + apart, apart, a.spread + b.spread)};
+  return {a.mean + b.mean, fma(apart * F(2.0F), apart, a.spread + b.spread)};
 }
 
 template <class F>
@@ -85,31 +86,31 @@ class MergedMoments {
   static constexpr std::size_t kRows = kBandRows<kWindow> + kWindow + 1;  // read in fours, the last beyond the block
 
   // Reads the columns of 8 pixels that the windows of `block` are made of, in those columns of windows that `wanted`
-  // has a bit for. False if a depth is missing, or so large or so small that squares might over- or underflow; then
-  // nothing else may be called.
+  // has a bit for, and asks for those of the next tile to the right if `next_is_wanted`. False if a depth is missing,
+  // or so large or so small that squares might over- or underflow; then nothing else may be called.
   [[nodiscard]] bool read(ImageView<const float> depth, const WindowBlock& block,
-                          const std::uint64_t (&wanted)[kTileWords]) noexcept {
+                          const std::uint64_t (&wanted)[kTileWords], bool next_is_wanted) noexcept {
+    ahead_ = next_is_wanted ? kTileWindows : 0;
     batches_ = (block.width + kWindow - 1 + F::lanes - 1) / F::lanes;
     Column column;
     bool begun = false;
     for (int c = 0; c < batches_; ++c) {
       if (!is_wanted(wanted, c)) continue;
       const int x = block.x + c * F::lanes;
-      const int available = depth.width() - x < F::lanes ? depth.width() - x : F::lanes;
-      if (!begun) column.centre = F(depth(x, block.y));
+      const float* p = depth.row(block.y) + x;
+      if (!begun) column.centre = F(*p);
       begun = true;
-      column.begin(load(depth, x, block.y, available));
-      const int last_row = depth.height() - 1;
-      for (int y = 1; y < block.height + kWindow - 1; y += 4) {
-        const auto next = [&](int i) {
-          const int row = block.y + y + i;
-          return load(depth, x, row < last_row ? row : last_row, available);
+      const int rows_below = depth.height() - 1 - block.y;
+      if (depth.width() - x >= F::lanes) {
+        read_down(
+            column, [](const float* z) { return F::load(z); }, p, depth.stride(), rows_below, block.height, c);
+      } else {
+        // Lanes beyond the image repeat the first one: they change neither extreme.
+        const int available = depth.width() - x;
+        const auto load = [available](const float* z) {
+          return select(F::MaskType::first(available), F::load(z, available), F(*z));
         };
-        column.template step<0>(next(0), &mean_[y - 1][c * F::lanes], &spread_[y - 1][c * F::lanes]);
-        column.template step<1>(next(1), &mean_[y][c * F::lanes], &spread_[y][c * F::lanes]);
-        column.template step<2>(next(2), &mean_[y + 1][c * F::lanes], &spread_[y + 1][c * F::lanes]);
-        column.template step<3>(next(3), &mean_[y + 2][c * F::lanes], &spread_[y + 2][c * F::lanes]);
-        column.check = column.check + column.eight;
+        read_down(column, load, p, depth.stride(), rows_below, block.height, c);
       }
       if (!all((column.low > F(0.0F)) & simd::is_finite(column.check))) return false;
     }
@@ -143,10 +144,8 @@ class MergedMoments {
     const float* spread = spread_[row + kLead];
     const auto put = [&](int batch, F s) {
       const auto at = static_cast<unsigned>(batch * F::lanes);
-      const auto above = s > F(limits_.above);
-      const auto doubtful = ~(above | (s < F(limits_.below)));
-      bits.above[at >> 6] |= std::uint64_t{simd_bits(above)} << (at & 63U);
-      bits.doubtful[at >> 6] |= std::uint64_t{simd_bits(doubtful)} << (at & 63U);
+      bits.above[at >> 6] |= std::uint64_t{simd_bits(s > F(limits_.above))} << (at & 63U);
+      bits.below[at >> 6] |= std::uint64_t{simd_bits(s < F(limits_.below))} << (at & 63U);
     };
     if constexpr (F::lanes >= 4) {
       // A batch of results needs the batches of columns to its right; what lies beyond the last column reaches no
@@ -232,11 +231,25 @@ class MergedMoments {
     }
     return false;
   }
-  // Lanes beyond the image repeat the first one: they change neither extreme.
-  static NPSIM_ALWAYS_INLINE F load(ImageView<const float> depth, int x, int y, int available) noexcept {
-    const float* p = depth.row(y) + x;
-    if (available == F::lanes) return F::load(p);
-    return select(F::MaskType::first(available), F::load(p, available), F(*p));
+  // Takes the pixels that the windows of `height` rows are made of, from p down.
+  template <class Load>
+  NPSIM_ALWAYS_INLINE void read_down(Column& column, const Load& load, const float* p, std::ptrdiff_t stride,
+                                     int rows_below, int height, int c) noexcept {
+    column.begin(load(p));
+    for (int y = 1; y < height + kWindow - 1; y += 4) {
+      float* mean = &mean_[y - 1][c * F::lanes];
+      float* spread = &spread_[y - 1][c * F::lanes];
+      const auto next = [&](int i) {
+        if (y + i <= rows_below) p += stride;
+        simd::prefetch(p + ahead_);
+        return load(p);
+      };
+      column.template step<0>(next(0), mean, spread);
+      column.template step<1>(next(1), mean + kColumns, spread + kColumns);
+      column.template step<2>(next(2), mean + 2 * kColumns, spread + 2 * kColumns);
+      column.template step<3>(next(3), mean + 3 * kColumns, spread + 3 * kColumns);
+      column.check = column.check + column.eight;
+    }
   }
   template <int K>
   static NPSIM_ALWAYS_INLINE Moments<F> ahead(const Moments<F>& a, const Moments<F>& b) noexcept {
@@ -245,6 +258,7 @@ class MergedMoments {
   static std::uint32_t simd_bits(typename F::MaskType m) noexcept { return bits(m); }
 
   int batches_ = 0;
+  std::ptrdiff_t ahead_ = 0;  // from the depth that is read to that which the next tile needs
   double range_ = 0;
   VarianceLimits limits_{};
   alignas(64) float mean_[kRows][kColumns];

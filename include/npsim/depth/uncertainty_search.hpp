@@ -13,6 +13,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/depth/uncertainty_bits.hpp"
 #include "npsim/depth/uncertainty_counted.hpp"
+#include "npsim/depth/uncertainty_edges.hpp"
 #include "npsim/depth/uncertainty_labels.hpp"
 #include "npsim/depth/uncertainty_moments.hpp"
 #include "npsim/depth/uncertainty_variance.hpp"
@@ -49,7 +50,8 @@ struct WindowSearch {
         } else if ((columns[t / 64] | columns[t / 64 + 1]) == 0) {
           continue;
         } else if (l == MergedMoments<F>::kWindow) {
-          tile_of_eights({x + t, y, width, end - y}, columns + t / 64, kept, t);
+          tile_of_eights({x + t, y, width, end - y}, columns + t / 64, kept, t,
+                         t + kTileWindows < strip.width && (columns[t / 64 + 2] | columns[t / 64 + 3]) != 0);
         } else {
           tile_in_double({x + t, y, width, end - y});
         }
@@ -61,17 +63,17 @@ struct WindowSearch {
   static constexpr std::size_t kRows = kBandRows<kMaxWindow>;
 
   // Windows of 8 x 8. Depth is read for the smallest block that holds all windows with edges.
-  void tile_of_eights(const WindowBlock& block, const std::uint64_t* columns, const StripCodes& kept,
-                      int x_in_strip) const noexcept {
-    std::uint64_t edges[kTileWords][kRows] = {};
+  void tile_of_eights(const WindowBlock& block, const std::uint64_t* columns, const StripCodes& kept, int x_in_strip,
+                      bool next_is_wanted) const noexcept {
+    std::uint64_t edges[kTileWords][EdgeWindows<F>::kHeight] = {};
     std::uint64_t any[kTileWords] = {};
     int first = block.height;
     int last = -1;
+    const EdgeWindows<F> windows(kept, x_in_strip, block.height, columns);
     for (int w = 0; w < kTileWords; ++w) {
       if (columns[w] == 0) continue;
       const int count = block.width - 64 * w < 64 ? block.width - 64 * w : 64;
-      const auto codes_of = [&](int y) { return kept.row[y] + x_in_strip + 64 * w; };
-      edge_windows_8<F>(codes_of, codes_of, count, block.height, edges[w]);
+      windows.word(w, count, edges[w]);
       for (int y = 0; y < block.height; ++y) {
         if (edges[w][y] == 0) continue;
         any[w] |= edges[w][y];
@@ -81,7 +83,7 @@ struct WindowSearch {
     }
     if (last < 0) return;
     const WindowBlock trimmed{block.x, block.y + first, highest_set_bit(any) + 1, last - first + 1};
-    if (block_without_holes(trimmed, any, &edges[0][first], &edges[1][first])) return;
+    if (block_without_holes(trimmed, any, &edges[0][first], &edges[1][first], next_is_wanted)) return;
     for (int w = 0; w < kTileWords; ++w) {
       if (any[w] == 0) continue;
       const int count = block.width - 64 * w < 64 ? block.width - 64 * w : 64;
@@ -94,9 +96,9 @@ struct WindowSearch {
   // Decides the windows of the block that have a bit in their row's left or right word; `any` is all rows' together.
   // False, and nothing is done, if a depth is missing or out of range.
   bool block_without_holes(const WindowBlock& block, const std::uint64_t (&any)[kTileWords], const std::uint64_t* left,
-                           const std::uint64_t* right) const noexcept {
+                           const std::uint64_t* right, bool next_is_wanted) const noexcept {
     MergedMoments<F> moments;
-    if (!moments.read(depth, block, any)) return false;
+    if (!moments.read(depth, block, any, next_is_wanted)) return false;
     if (moments.all_below(threshold)) return true;
     moments.set_threshold(threshold);
     for (int y = 0; y < block.height; ++y) {
@@ -108,7 +110,8 @@ struct WindowSearch {
         const std::uint64_t edge = row[w];
         if (edge == 0) continue;
         fires(block.x / 64 + w, block.y + y) =
-            (edge & bits.above[w]) | decide_exactly(block.x + 64 * w, block.y + y, edge & bits.doubtful[w]);
+            (edge & bits.above[w]) |
+            decide_exactly(block.x + 64 * w, block.y + y, edge & ~(bits.above[w] | bits.below[w]));
       }
     }
     return true;

@@ -8,7 +8,8 @@
 //   u.store(p), u.store(p, n), & |, min, max, less_bits(a, b) (a < b), equal_bits(a, b), lookup(U::Table(p), index):
 //   p[min(index, 63)] from 64 bytes p, which the table keeps.
 // slide<K>(a, b), 0 < K <= lanes: lanes K, K + 1, ... of a followed by b; neighbours without going through memory.
-// Cost: about one instruction each, lookup about ten (plain SSE2, which has no byte shuffle: a loop). No error.
+// Cost: about one instruction each, lookup about ten (two with AVX-512 VBMI; plain SSE2, which has no byte shuffle: a
+// loop). No error.
 #ifndef NPSIM_SIMD_BYTES_HPP
 #define NPSIM_SIMD_BYTES_HPP
 
@@ -103,7 +104,9 @@ struct U8 {
 
   struct Table {
     explicit Table(const std::uint8_t* p) noexcept;
-#if defined(NPSIM_SIMD_SSE2)
+#if defined(NPSIM_SIMD_AVX512) && defined(__AVX512VBMI__)
+    ByteRegister all;
+#elif defined(NPSIM_SIMD_SSE2)
     std::uint8_t bytes[64];
 #else
     ByteRegister part[4];  // 16 bytes each, in every quarter of the register
@@ -129,6 +132,13 @@ inline U8 min(U8 a, U8 b) noexcept { return U8(_mm512_min_epu8(a.value, b.value)
 inline U8 max(U8 a, U8 b) noexcept { return U8(_mm512_max_epu8(a.value, b.value)); }
 inline std::uint64_t less_bits(U8 a, U8 b) noexcept { return _mm512_cmplt_epu8_mask(a.value, b.value); }
 inline std::uint64_t equal_bits(U8 a, U8 b) noexcept { return _mm512_cmpeq_epi8_mask(a.value, b.value); }
+#if defined(__AVX512VBMI__)
+inline U8::Table::Table(const std::uint8_t* p) noexcept : all(_mm512_loadu_si512(p)) {}
+inline U8 lookup(const U8::Table& table, U8 index) noexcept {
+  const __m512i at = _mm512_min_epu8(index.value, _mm512_set1_epi8(63));
+  return U8(_mm512_maskz_permutexvar_epi8(~__mmask64{0}, at, table.all));
+}
+#else
 inline U8::Table::Table(const std::uint8_t* p) noexcept {
   for (__m512i& r : part) {
     r = _mm512_maskz_broadcast_i32x4(kAllLanes, _mm_loadu_si128(reinterpret_cast<const __m128i*>(p)));
@@ -143,6 +153,7 @@ inline U8 lookup(const U8::Table& table, U8 index) noexcept {
   const __m512i high = _mm512_mask_shuffle_epi8(_mm512_shuffle_epi8(table.part[2], at), odd, table.part[3], at);
   return U8(_mm512_mask_blend_epi8(upper, low, high));
 }
+#endif
 
 #elif defined(NPSIM_SIMD_AVX2)
 
