@@ -3,8 +3,7 @@
 // by Gauss-Newton in log depth (gauss_newton.hpp, the default) or Adam (adam.hpp, the reference).
 //
 // Invariant: pixels without a usable depth (1e-3..1e5 m) come out as they went in; no other leaves a factor of 4 of its
-// input. On a Status other than ok the output is untouched. The loss of the output is not above the input's with
-// Gauss-Newton; Adam may raise it.
+// input. On a Status other than ok the output is untouched; the loss of the output is not above that of the input.
 //
 // Presets. thesis_refine_params(): its tangents, metric depth term in (d/80)^2, lambda (1, 5, 1). Those tangents are
 // biased, so depth gets worse the better the loss is minimised: on a road with boxes between two walls, relative error
@@ -42,7 +41,8 @@ inline namespace v1 {
 inline namespace NPSIM_ISA_NAMESPACE {
 
 // output: the shape of the depth, may be the same memory. loss_curve: gets the total loss before each step and at the
-// end, as far as it reaches; unused elements are left alone. Status not_finite if the first loss is not finite.
+// end, as far as it reaches; unused elements are left alone. Status not_finite if a loss is not finite, or Adam ends
+// with a larger one than it began with.
 // V: the batch; the result is the same for all.
 template <class V = simd::F32, class Executor>
 [[nodiscard]] Status refine_with_normals(const RefineParams& params, const LossInput<float>& input,
