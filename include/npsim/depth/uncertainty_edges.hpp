@@ -6,7 +6,7 @@
 // 8 rows by 7 columns of the differences along rows, 7 rows by 8 columns of those down columns. Each or is built from
 // overlapping halves; the loops run over the rows of a band and are plain ones, which compilers turn into vector code.
 //
-// Exact. Cost: a third of that by extremes (uncertainty_labels.hpp), which serve where pixels are left out. Memory: 4
+// Exact. Cost: half of that by extremes (uncertainty_labels.hpp), which serve where pixels are left out. Memory: 2.3
 // KiB of stack.
 #ifndef NPSIM_DEPTH_UNCERTAINTY_EDGES_HPP
 #define NPSIM_DEPTH_UNCERTAINTY_EDGES_HPP
