@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -151,16 +152,27 @@ void cross_bilateral_label_term(benchmark::State& state) {
   filter(state, params);
 }
 
-void uncertainty_mask(benchmark::State& state) {
-  run(state, [](const Scene& s, Shape shape) {
-    return [&s, out = std::make_shared<io::Image<std::uint8_t>>(shape),
+void variance_filter(benchmark::State& state, bool all_outputs) {
+  struct Planes {
+    explicit Planes(Shape shape) : variance(shape), windows(shape), mask(shape) {}
+    io::Image<float> variance;
+    io::Image<std::uint8_t> windows, mask;
+  };
+  run(state, [&](const Scene& s, Shape shape) {
+    return [&s, all_outputs, out = std::make_shared<Planes>(shape),
             arena = std::make_shared<Arena>(uncertainty_workspace_bytes({}, shape))](ThreadPool& pool) {
       UncertaintyOutput output;
-      output.mask = out->view();
+      output.mask = out->mask.view();
+      if (all_outputs) {
+        output.windows = out->windows.view();
+        output.variance_m2 = out->variance.view();
+      }
       must(uncertainty({}, s.depth.view(), s.labels.view(), output, arena->workspace(), pool));
     };
   });
 }
+void uncertainty_mask(benchmark::State& state) { variance_filter(state, false); }
+void uncertainty_all_outputs(benchmark::State& state) { variance_filter(state, true); }
 
 void lab_from_8_bits(benchmark::State& state) {
   run(state, [](const Scene& s, Shape shape) {
@@ -178,13 +190,19 @@ void lab_from_float(benchmark::State& state) {
   });
 }
 
-void normals(benchmark::State& state) {
-  run(state, [](const Scene& s, Shape shape) {
-    return [&s, out = std::make_shared<io::Image<Vec3f>>(shape),
-            arena = std::make_shared<Arena>(normals_workspace_bytes({}, shape))](ThreadPool& pool) {
-      must(normals_from_depth({}, s.depth.view(), s.intrinsics, out->view(), arena->workspace(), pool));
+void normals_with(benchmark::State& state, const NormalsParams& params) {
+  run(state, [&](const Scene& s, Shape shape) {
+    return [&s, &params, out = std::make_shared<io::Image<Vec3f>>(shape),
+            arena = std::make_shared<Arena>(normals_workspace_bytes(params, shape))](ThreadPool& pool) {
+      must(normals_from_depth(params, s.depth.view(), s.intrinsics, out->view(), arena->workspace(), pool));
     };
   });
+}
+void normals(benchmark::State& state) { normals_with(state, {}); }
+void normals_thesis(benchmark::State& state) {
+  NormalsParams params;
+  params.tangents = TangentForm::thesis;
+  normals_with(state, params);
 }
 
 [[nodiscard]] LossInput<float> loss_input(const Scene& s) {
@@ -196,17 +214,17 @@ void normals(benchmark::State& state) {
   return input;
 }
 
-void losses_and_gradient(benchmark::State& state) {
+void evaluate(benchmark::State& state, const LossParams& params) {
   struct Problem {
     explicit Problem(std::size_t bytes) : arena(bytes) {}
     Arena arena;
     depth_detail::LossProblem<float> problem;
     ImageView<float> depth, gradient;
   };
-  run(state, [](const Scene& s, Shape shape) {
-    const auto p = std::make_shared<Problem>(depth_losses_workspace_bytes<float>({}, shape));
+  run(state, [&](const Scene& s, Shape shape) {
+    const auto p = std::make_shared<Problem>(depth_losses_workspace_bytes<float>(params, shape));
     SerialExecutor executor;
-    must(depth_detail::prepare_losses({}, loss_input(s), p->arena.workspace(), executor, p->problem));
+    must(depth_detail::prepare_losses(params, loss_input(s), p->arena.workspace(), executor, p->problem));
     must(depth_detail::allocate_loss_plane(shape, p->arena.workspace(), p->depth));
     must(depth_detail::allocate_loss_plane(shape, p->arena.workspace(), p->gradient));
     std::copy_n(p->problem.estimate.data(), loss_plane_elements(shape), p->depth.data());
@@ -215,6 +233,13 @@ void losses_and_gradient(benchmark::State& state) {
       depth_detail::evaluate_losses<float>(p->problem, p->depth, p->gradient, values, pool);
     };
   });
+}
+
+void losses_and_gradient(benchmark::State& state) { evaluate(state, {}); }
+void losses_and_gradient_thesis(benchmark::State& state) {
+  LossParams params;
+  params.tangents = TangentForm::thesis;
+  evaluate(state, params);
 }
 
 void losses_with_preparation(benchmark::State& state) {
@@ -227,8 +252,7 @@ void losses_with_preparation(benchmark::State& state) {
   });
 }
 
-void refine_default(benchmark::State& state) {
-  const RefineParams params;
+void refine(benchmark::State& state, const RefineParams& params) {
   run(state, [&](const Scene& s, Shape shape) {
     return [&s, &params, out = std::make_shared<io::Image<float>>(shape),
             arena = std::make_shared<Arena>(refine_workspace_bytes(params, shape))](ThreadPool& pool) {
@@ -237,9 +261,17 @@ void refine_default(benchmark::State& state) {
     };
   });
 }
+void refine_default(benchmark::State& state) { refine(state, {}); }
+void refine_10_steps_of_adam(benchmark::State& state) {
+  RefineParams params = thesis_refine_params();
+  params.adam.steps = 10;
+  refine(state, params);
+}
 
+// 1, 2, 4 .. threads, at least two, and as many as there are.
 void sizes(benchmark::internal::Benchmark* b) {
-  for (const int threads : {1, 2}) {
+  const int most = std::max(2, static_cast<int>(std::thread::hardware_concurrency()));
+  for (int threads = 1; threads <= most; threads = threads < most && 2 * threads > most ? most : 2 * threads) {
     for (const Shape shape : {Shape{424, 240}, Shape{960, 540}, Shape{1920, 1080}, Shape{3840, 2160}}) {
       b->Args({shape.width, shape.height, threads});
     }
@@ -251,12 +283,16 @@ BENCHMARK(cross_bilateral_exact)->Apply(sizes);
 BENCHMARK(cross_bilateral_within_1e_3)->Apply(sizes);
 BENCHMARK(cross_bilateral_label_term)->Apply(sizes);
 BENCHMARK(uncertainty_mask)->Apply(sizes);
+BENCHMARK(uncertainty_all_outputs)->Apply(sizes);
 BENCHMARK(lab_from_8_bits)->Apply(sizes);
 BENCHMARK(lab_from_float)->Apply(sizes);
 BENCHMARK(normals)->Apply(sizes);
+BENCHMARK(normals_thesis)->Apply(sizes);
 BENCHMARK(losses_and_gradient)->Apply(sizes);
+BENCHMARK(losses_and_gradient_thesis)->Apply(sizes);
 BENCHMARK(losses_with_preparation)->Apply(sizes);
 BENCHMARK(refine_default)->Apply(sizes);
+BENCHMARK(refine_10_steps_of_adam)->Apply(sizes);
 
 }  // namespace
 
