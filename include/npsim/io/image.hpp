@@ -1,8 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Image: an owning, contiguous image for hosts. Kernels see it through view().
+//
+// Pixels begin at a multiple of 64 bytes: vectors of rows that are a multiple of it too never lie across two lines of
+// the cache.
 #ifndef NPSIM_IO_IMAGE_HPP
 #define NPSIM_IO_IMAGE_HPP
 
+#include <cstddef>
+#include <new>
 #include <utility>
 #include <vector>
 
@@ -11,6 +16,28 @@
 namespace npsim {
 inline namespace v1 {
 namespace io {
+
+template <class T>
+struct CacheLineAllocator {
+  using value_type = T;
+  static constexpr std::align_val_t kAlignment{64};
+
+  CacheLineAllocator() = default;
+  template <class U>
+  CacheLineAllocator(const CacheLineAllocator<U>&) noexcept {}
+
+  [[nodiscard]] T* allocate(std::size_t n) { return static_cast<T*>(::operator new(n * sizeof(T), kAlignment)); }
+  void deallocate(T* p, std::size_t) noexcept { ::operator delete(p, kAlignment); }
+
+  template <class U>
+  friend bool operator==(const CacheLineAllocator&, const CacheLineAllocator<U>&) noexcept {
+    return true;
+  }
+  template <class U>
+  friend bool operator!=(const CacheLineAllocator&, const CacheLineAllocator<U>&) noexcept {
+    return false;
+  }
+};
 
 template <class T>
 class Image {
@@ -30,7 +57,7 @@ class Image {
   [[nodiscard]] const T& operator()(int x, int y) const { return view()(x, y); }
 
  private:
-  std::vector<T> pixels_;
+  std::vector<T, CacheLineAllocator<T>> pixels_;
   Shape shape_{};
 };
 
