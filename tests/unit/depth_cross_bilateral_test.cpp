@@ -211,6 +211,11 @@ TEST_CASE("cross-bilateral scales the more colours the nearer the depths lie to 
   p.max_relative_error = 1.3e-5F;
   CHECK(scaled_near_of(p, {100, 60}, 1000) < at_1000);
   p = {};
+  p.radius_px = 1000;  // long sums of labels beside those of colours
+  const float beside_labels = scaled_near_of(p, {2048, 2048}, 1000);
+  p.use_labels = false;
+  CHECK(beside_labels < scaled_near_of(p, {2048, 2048}, 1000));
+  p = {};
   for (const float outlier : {1.0F, 1000.0F}) {
     Scene<std::uint8_t> s({100, 60});
     RandomStream random(43, RandomPurpose::test, 0, 0, 0, 0);

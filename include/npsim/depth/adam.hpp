@@ -3,8 +3,8 @@
 //
 // The variable is x = d / depth_scale_m, and L_depth is measured in the same unit. With metres (scale 1) a rate of 1e-4
 // moves no depth by more than about 0.1 m in 1000 steps; with 80 it moves up to 8 m.
-// Invariant: no pixel leaves a factor of 4 of its input. A run that ends above the loss of its input has diverged, and
-// is a Status: the rate was too large, or nothing was to be gained.
+// Invariant: no pixel leaves a factor of 4 of its input, and no loss is above the input's: a run that ends higher has
+// the input as its output. Its rate, which every pixel moves by at first, was too large for what was to be gained.
 //
 // Error: after 60 steps within a tenth of one step of the textbook in double. Cost: one evaluation of the losses and 15
 // operations per pixel and step. Memory: 4 floats per pixel, and the problem's.
@@ -109,13 +109,18 @@ template <class Executor>
       done.reason = StopReason::all_steps;
     } else if (params.stop_relative_decrease > 0 && step >= params.stop_window) {
       const double before = history[index - static_cast<std::size_t>(params.stop_window)];
-      if (before - done.last.total < static_cast<double>(params.stop_relative_decrease) * before) {
+      const double decrease = before - done.last.total;
+      if (decrease >= 0 && decrease < static_cast<double>(params.stop_relative_decrease) * before) {
         done.reason = StopReason::small_decrease;
       }
     }
     if (done.reason != StopReason::none) {
-      if (done.last.total <= done.first.total) return {};
-      return {StatusCode::not_finite, "refine: Adam diverged, the loss rose above that of the input; lower its rate"};
+      if (done.last.total > done.first.total) {
+        done.reason = StopReason::no_descent;
+        done.last = done.first;
+        depth = problem.estimate;
+      }
+      return {};
     }
     executor.for_chunks(rows, kLossChunkRows, [&](std::size_t begin, std::size_t end) {
       adam_rows(params, problem, s, step + 1, static_cast<int>(begin), static_cast<int>(end));

@@ -97,7 +97,7 @@ struct ScaledColours {
 [[nodiscard]] inline ScaledColours scaled_colours(const ColourTerm& term, int column, int first_row,
                                                   int groups) noexcept {
   ScaledColours out{};
-  float squared[kColourBandRows / kGroupRows] = {};
+  double squared[kColourBandRows / kGroupRows] = {};  // exact enough where colours are large beside sigma_c
   for (int i = 0; i < 3; ++i) {
     float low = 0;
     float high = 0;
@@ -113,14 +113,19 @@ struct ScaledColours {
     const float centre = (0.5F * low + 0.5F * high) * term.root_scale;
     out.minus_centre[i] = -centre;
     for (int group = 0; group < groups; ++group) {
-      const float above = *term.blocks.at(kBlockHigh + i, column, first_row + group) * term.root_scale - centre;
-      const float below = centre - *term.blocks.at(kBlockLow + i, column, first_row + group) * term.root_scale;
-      const float farthest = above > below ? above : below;
-      squared[group] = squared[group] + farthest * farthest;
+      const auto from_centre = [&](int plane) {
+        const float colour = *term.blocks.at(plane + i, column, first_row + group);
+        return static_cast<double>(colour) * static_cast<double>(term.root_scale) - static_cast<double>(centre);
+      };
+      const double above = from_centre(kBlockHigh);
+      const double below = -from_centre(kBlockLow);
+      const double farthest = above > below ? above : below;
+      squared[group] += farthest * farthest;
     }
   }
   for (int group = 0; group < groups; ++group) {
-    out.near[group] = term.near > 0 && squared[group] <= term.near * term.near;
+    const double near = static_cast<double>(term.near);
+    out.near[group] = near > 0 && squared[group] <= near * near;
   }
   return out;
 }

@@ -6,6 +6,7 @@
 #ifndef NPSIM_DEPTH_CROSS_BILATERAL_PARAMS_HPP
 #define NPSIM_DEPTH_CROSS_BILATERAL_PARAMS_HPP
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -50,7 +51,7 @@ enum class CrossBilateralMethod {
 struct CrossBilateralResult {
   CrossBilateralMethod method = CrossBilateralMethod::label_sums;
   // Holds for every pixel with depth and colour, or whose weights sum to mu, where depths in one window differ by a
-  // factor of 1000 at most and lie in 1e-25..1e25; per further factor of 2 in either it grows by 3e-7.
+  // factor of 1000 at most and lie in 1e-25..1e25; beyond, it grows by 7 %, and by 3e-7 per further factor of 2.
   float relative_error_bound = 0.0F;
 };
 
@@ -107,7 +108,8 @@ struct CrossBilateralPlan {
 // the colour's: w = G 2^-c. An error of 4 s + 7 c is 7 log2(G^(3/7) / w), so that by concavity
 //   sum |r - p| (4 s + 7 c) <= 7 A log2(n / A) / (1 + A) + 7 B log2(ratio n / B) / (1 + A + B),   n = sum G^(3/7),
 // and with square roots of c and of the logarithms alike, n = sum G. Without the centre, but weights of sum 1 or more,
-// A >= 1 and nothing is added to it. Largest over A and B; the grid misses less than the 1 % that is added.
+// the denominators are at least 1 and A or A + B. Largest over A and B; the grid misses less than the 1 % that is
+// added.
 struct MeanExponents {
   double mean = 0;                 // of (4 s + 7 c) / 7, with which errors grow that come from roundings
   double mean_root = 0;            // of sqrt(c)
@@ -140,7 +142,7 @@ struct MeanExponents {
       const double log_a = std::log2(n / a);
       raise(out.mean, a * log_a / (1 + a) + of_b / (1 + a + b));
       raise(out.mean_root, a * std::sqrt(std::log2(taps / a)) / (1 + a) + root_of_b / (1 + a + b));
-      if (a >= 1) raise(out.mean_without_centre, log_a + of_b / (a + b));
+      raise(out.mean_without_centre, a * log_a / std::max(a, 1.0) + of_b / std::max(a + b, 1.0));
     });
   });
   out.mean *= 1.01;
@@ -159,20 +161,39 @@ inline constexpr double kMostNear = 64;          // far beyond all colours that 
   return std::sqrt(0.5 * 1.4426950408889634) / static_cast<double>(params.sigma_c);
 }
 
-// What a mean of depths within `ratio` of each other is off by, where each pixel has a weight of its own: what all
-// pairs do, and what the scaled form adds once, and per unit of the distance of p's scaled colours from 0.
+// What a mean of depths is off by, relative: what all pairs do, and what the scaled form adds once, and per unit of the
+// distance of p's scaled colours from 0.
 struct PairErrors {
   double all = 0, scaled = 0, per_near = 0;
 };
 
+// How far the square of the float of root_scale is off, relative.
+[[nodiscard]] inline double scale_error(const CrossBilateralParams& params) noexcept {
+  const double exact = root_scale(params);
+  return std::fabs(static_cast<double>(static_cast<float>(exact)) / exact - 1) * 2;
+}
+
+// Of depths within `ratio` of each other, where each pixel has a weight of its own.
 [[nodiscard]] inline PairErrors pair_errors(const CrossBilateralParams& params, const ColourGrid& g, int degree,
                                             const MeanExponents& exponents, double ratio) noexcept {
   // The most that the shares of numerator and denominator differ: errors between -e and e make 2 e of it.
   const double spread = 2 * (std::sqrt(ratio) - 1) / (std::sqrt(ratio) + 1);
-  const double of_scale = root_scale(params);
-  const double scale_error = std::fabs(static_cast<double>(static_cast<float>(of_scale)) / of_scale - 1) * 2;
   return {spread * kExp2Error[degree] + 2 * colour_chain(g) * kRounding + 7 * kExponentRounding * exponents.mean,
-          scale_error * 0.6931471805599453 * exponents.mean, 4 * kExponentRounding * exponents.mean_root};
+          scale_error(params) * 0.6931471805599453 * exponents.mean, 4 * kExponentRounding * exponents.mean_root};
+}
+
+// Likewise where one of the sums is all labels, the other all colours. A mean of square roots is at most the root of
+// the mean.
+[[nodiscard]] inline PairErrors mixed_errors(const CrossBilateralParams& params, const ColourGrid& g, int degree,
+                                             double label_sum, double ratio) noexcept {
+  const double taps = static_cast<double>(2 * g.rx + 1) * static_cast<double>(2 * g.ry + 1);
+  const double mean = mean_exponent(taps * ratio);
+  return {label_sum + kExp2Error[degree] + colour_chain(g) * kRounding + 7 * kExponentRounding * mean,
+          scale_error(params) * 0.6931471805599453 * mean, 4 * kExponentRounding * std::sqrt(mean)};
+}
+
+[[nodiscard]] inline double label_sum_error(const CrossBilateralParams& params, const LabelGrid& g) noexcept {
+  return params.use_labels ? label_sum_roundings(g) * kRounding : 0.0;
 }
 
 [[nodiscard]] inline CrossBilateralPlan cross_bilateral_plan(const CrossBilateralParams& params, Shape shape) noexcept {
@@ -181,7 +202,6 @@ struct PairErrors {
   const double allowed = static_cast<double>(params.max_relative_error);
   const LabelGrid label_sums = label_grid(shape, radius);
   const double label = params.use_labels ? label_roundings(label_sums) * kRounding : 0.0;
-  const double label_sum = params.use_labels ? label_sum_roundings(label_sums) * kRounding : 0.0;
   const double last = 8 * kRounding;  // both terms together, mu, the division
   CrossBilateralPlan plan;
   double bound = label + last;
@@ -191,14 +211,11 @@ struct PairErrors {
     plan.result = {CrossBilateralMethod::label_sums, static_cast<float>(bound)};
     return plan;
   }
-  const double taps = static_cast<double>(2 * g.rx + 1) * static_cast<double>(2 * g.ry + 1);
   const MeanExponents exponents = mean_exponents(g, static_cast<double>(params.sigma_s_px), kMostDepthRatio);
   for (int degree = kMinDegree; degree <= kMaxDegree; ++degree) {
     const PairErrors pairs = pair_errors(params, g, degree, exponents, kMostDepthRatio);
     const double without_centre = pairs.all + 7 * kExponentRounding * (exponents.mean_without_centre - exponents.mean);
-    // Labels in one of the sums, colours in the other.
-    const double mixed = label_sum + kExp2Error[degree] + colour_chain(g) * kRounding +
-                         7 * kExponentRounding * mean_exponent(taps * kMostDepthRatio);
+    const double mixed = mixed_errors(params, g, degree, label_sum_error(params, label_sums), kMostDepthRatio).all;
     double worst = without_centre > pairs.all ? without_centre : pairs.all;
     if (label > worst) worst = label;
     if (params.use_labels && mixed > worst) worst = mixed;
@@ -229,11 +246,13 @@ struct PairErrors {
                                        const CrossBilateralPlan& plan, double ratio) noexcept {
   if (!(ratio < kMostDepthRatio)) ratio = kMostDepthRatio;
   const MeanExponents exponents = mean_exponents(g, static_cast<double>(params.sigma_s_px), ratio);
-  const PairErrors pairs = pair_errors(params, g, plan.degree, exponents, ratio);
-  const double most = kMostNear * pairs.per_near;
-  const double spare = plan.scaled_error - pairs.all - pairs.scaled;
-  const double near = 0.999 * (spare < most ? spare : most) / pairs.per_near;
-  return near > 0.5 ? static_cast<float>(near) : -1.0F;
+  const auto most_near = [&](const PairErrors& e) { return (plan.scaled_error - e.all - e.scaled) / e.per_near; };
+  double near = std::min(kMostNear, most_near(pair_errors(params, g, plan.degree, exponents, ratio)));
+  if (params.use_labels) {
+    const double label_sum = label_sum_error(params, label_grid(g.shape, std::max(g.rx, g.ry)));
+    near = std::min(near, most_near(mixed_errors(params, g, plan.degree, label_sum, ratio)));
+  }
+  return near > 0.5 ? static_cast<float>(0.999 * near) : -1.0F;
 }
 
 [[nodiscard]] inline std::size_t spatial_elements(const ColourGrid& g) noexcept {

@@ -41,8 +41,7 @@ inline namespace v1 {
 inline namespace NPSIM_ISA_NAMESPACE {
 
 // output: the shape of the depth, may be the same memory. loss_curve: gets the total loss before each step and at the
-// end, as far as it reaches; unused elements are left alone. Status not_finite if a loss is not finite, or Adam ends
-// with a larger one than it began with.
+// end, as far as it reaches; unused elements are left alone. Status not_finite if a loss is not finite.
 // V: the batch; the result is the same for all.
 template <class V = simd::F32, class Executor>
 [[nodiscard]] Status refine_with_normals(const RefineParams& params, const LossInput<float>& input,

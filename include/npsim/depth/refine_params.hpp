@@ -44,7 +44,7 @@ struct RefineParams {
   LossParams loss = default_refine_losses();  // its depth_unit_m is replaced by depth_scale_m
   AdamParams adam;
   float depth_scale_m = 80;
-  // Adam stops when the loss fell by less than this share of itself over the last stop_window steps; 0: never.
+  // Adam stops when the loss fell, but by less than this share of itself, over the last stop_window steps; 0: never.
   float stop_relative_decrease = 1e-3F;
   int stop_window = 50;
   RefineSolver solver = RefineSolver::gauss_newton;
@@ -68,7 +68,8 @@ struct RefineParams {
   return steps > 0 ? steps : 0;
 }
 
-// no_descent: no fraction of the last step lowered the loss; what was reached before is the output.
+// no_descent: no fraction of the last step lowered the loss, or all of Adam's together did not; what was reached before
+// is the output, of Adam the input.
 enum class StopReason : std::uint8_t { none, all_steps, small_decrease, target_reached, no_descent };
 
 struct RefineResult {

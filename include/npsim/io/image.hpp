@@ -21,6 +21,7 @@ template <class T>
 struct CacheLineAllocator {
   using value_type = T;
   static constexpr std::align_val_t kAlignment{64};
+  static_assert(alignof(T) <= 64);
 
   CacheLineAllocator() = default;
   template <class U>
