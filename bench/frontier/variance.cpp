@@ -151,10 +151,8 @@ void add_scene(const Options& options, const std::string& name, ImageView<const 
   ours("mask", false, false);
   ours("mask windows variance", true, false);
   copy("depth plane", false);
-  if (name == "street") {
-    ours("mask, from memory", false, true);
-    copy("depth plane, from memory", true);
-  }
+  ours("mask, from memory", false, true);
+  copy("depth plane, from memory", true);
   const auto peer = [&](const std::string& method, const std::string& setting, auto filter) {
     if (!wanted(options, method)) return;
     if (!opencv::available()) {
