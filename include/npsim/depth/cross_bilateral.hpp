@@ -16,8 +16,10 @@
 // 30 and the default bound of 2e-5, measured against double: at most 5.4e-6, on images made to be hard; 2.9e-7 on a
 // street. Label term alone: bound 9.6e-7, measured 3e-7. Tightest bound that can be asked at R = 30: 1.22e-5, with
 // labels alone 9.6e-7. It grows with R: the default can be kept up to R = 1100 in images of any size. Depths outside
-// 1e-25..1e25 are outside the promise. Cost: see those headers; colour makes nearly all of it. Memory at R = 30: 54
-// bytes per pixel, 12 with labels alone, 41 with colour alone. The same bits for every number of lanes and threads.
+// 1e-25..1e25 are outside the promise.
+// Cost: see those headers; colour makes nearly all of it. Memory at R = 30: 54 bytes per pixel, 12 with labels alone,
+// 41 with colour alone.
+// The same bits for every number of lanes and threads.
 #ifndef NPSIM_DEPTH_CROSS_BILATERAL_HPP
 #define NPSIM_DEPTH_CROSS_BILATERAL_HPP
 
@@ -106,7 +108,7 @@ template <class F>
   };
   for (int x = -g.padding; x < 0; ++x) none(x);
   for (int x = width; x < g.sample_stride - g.padding; ++x) none(x);
-  return {least_lane(low), -least_lane(-high)};
+  return {simd::least_lane(low), -simd::least_lane(-high)};
 }
 
 // The depth of a batch of pixels from both sums; z is what they had.
@@ -209,13 +211,12 @@ template <class LabelPixel>
   t.scale = static_cast<float>(0.5 * kLog2E / (sigma_c * sigma_c));
   t.root_scale = static_cast<float>(root_scale(params));
   // Rounded up, by more than what the logarithms of the blocks and the exponents of the pairs can be off.
-  const double taps = static_cast<double>(2 * g.rx + 1) * static_cast<double>(2 * g.ry + 1);
   t.prune.on = plan.prune_error > 0;
   t.prune.scale = t.scale;
   t.prune.spatial_scale = static_cast<float>(0.5 * kLog2E / (sigma_s * sigma_s));
   if (t.prune.on) {
     t.prune.log_threshold =
-        log2_of(static_cast<float>(static_cast<double>(params.mu) * taps / plan.prune_error)) + 0.01F;
+        log2_of(static_cast<float>(static_cast<double>(params.mu) * g.taps() / plan.prune_error)) + 0.01F;
   }
   return {};
 }

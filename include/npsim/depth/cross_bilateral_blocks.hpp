@@ -42,6 +42,9 @@ struct ColourGrid {
 
   [[nodiscard]] int block_columns() const noexcept { return width / kChunkPx; }
   [[nodiscard]] int block_rows() const noexcept { return round_up(shape.height, kGroupRows) / kGroupRows; }
+  [[nodiscard]] double taps() const noexcept {
+    return static_cast<double>(2 * rx + 1) * static_cast<double>(2 * ry + 1);
+  }
   [[nodiscard]] std::size_t samples() const noexcept {
     return static_cast<std::size_t>(sample_stride) * static_cast<std::size_t>(shape.height);
   }
@@ -132,14 +135,6 @@ struct PruneRule {
   float log_threshold = 0;  // log2 of mu times the taps of a window over the error that pruning may make
 };
 
-template <class F>
-[[nodiscard]] float least_lane(F a) noexcept {
-  float lanes[F::lanes];
-  a.store(lanes);
-  for (int i = 1; i < F::lanes; ++i) lanes[0] = lanes[0] < lanes[i] ? lanes[0] : lanes[i];
-  return lanes[0];
-}
-
 // numerator and denominator: what is known of the filter's sums; without pixels: nothing.
 template <class F>
 void measure_block_row(const ColourGrid& g, const ColourSamples& samples, float mu, ImageView<float> numerator,
@@ -180,16 +175,16 @@ void measure_block_row(const ColourGrid& g, const ColourSamples& samples, float 
         shallowest = select(coloured, min(shallowest, z), shallowest);
       }
     }
-    const float least_depth = least_lane(shallowest);
+    const float least_depth = simd::least_lane(shallowest);
     if (!(least_depth < std::numeric_limits<float>::max())) continue;
-    const float most_depth = -least_lane(-deepest);
+    const float most_depth = -simd::least_lane(-deepest);
     for (int i = 0; i < 3; ++i) {
-      *out.at(kBlockLow + i, column, row) = least_lane(low[i]);
-      *out.at(kBlockHigh + i, column, row) = -least_lane(-high[i]);
+      *out.at(kBlockLow + i, column, row) = simd::least_lane(low[i]);
+      *out.at(kBlockHigh + i, column, row) = -simd::least_lane(-high[i]);
     }
     *out.at(kBlockLogDepth, column, row) = log2_of(most_depth);
-    *out.at(kBlockLogSums, column, row) = log2_of(least_lane(sums));
-    *out.at(kBlockLogWeight, column, row) = log2_of(least_lane(weight));
+    *out.at(kBlockLogSums, column, row) = log2_of(simd::least_lane(sums));
+    *out.at(kBlockLogWeight, column, row) = log2_of(simd::least_lane(weight));
     *out.at(kBlockAny, column, row) = 1.0F;
     *out.at(kBlockSource, column, row) = most_depth > 0 ? 1.0F : 0.0F;
     *out.at(kBlockHoles, column, row) = least_depth > 0 ? 0.0F : 1.0F;

@@ -5,9 +5,10 @@
 // chunk of offsets; what it gives to q is added to one of 16 rows of sums, by dx mod 16, at an aligned place.
 // Error of a weight 2^-(s + c), s by distance and c by colour, relative: of the power kExp2Error[degree], and
 // (4 s + 7 c) 2^-24 ln 2. Colours are subtracted before anything is scaled, so that it does not grow with their size.
-// The scaled form takes colours as root_scale c + minus_centre and saves one multiplication in ten; it adds (2 r c + 4
-// u sqrt(c)) 2^-24 ln 2, where r 2^-24 is how far root_scale is off, and p's scaled colours are at most u from 0. Cost:
-// 20 instructions per pair and batch, 10 of them fma (degree 4). No memory.
+// The scaled form takes colours as root_scale c + minus_centre and saves one multiplication in ten; it adds
+// (2 r c + 4 u sqrt(c)) 2^-24 ln 2, where r 2^-24 is how far root_scale is off, and p's scaled colours are at most u
+// from 0.
+// Cost: 20 instructions per pair and batch, 10 of them fma (degree 4). No memory.
 #ifndef NPSIM_DEPTH_CROSS_BILATERAL_PAIRS_HPP
 #define NPSIM_DEPTH_CROSS_BILATERAL_PAIRS_HPP
 

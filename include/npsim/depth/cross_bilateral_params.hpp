@@ -93,9 +93,10 @@ struct CrossBilateralPlan {
   CrossBilateralResult result;
 };
 
+inline constexpr double kLn2 = 0.6931471805599453;
+
 // The largest mean of -x over n weights 2^x next to one of weight 1: x0 - 1 / ln 2 with n 2^-x0 = x0 ln 2 - 1.
 [[nodiscard]] inline double mean_exponent(double n) noexcept {
-  constexpr double kLn2 = 0.6931471805599453;
   double x = 4 + std::log2(n + 1);
   for (int i = 0; i < 20; ++i) x = std::log2((n + 1) / (x * kLn2 > 1.1 ? x * kLn2 - 1 : 0.1));
   return (x > 2 ? x - 1 / kLn2 : 1.0) + 0.1;
@@ -152,7 +153,7 @@ struct MeanExponents {
 }
 
 inline constexpr double kRounding = 0x1p-24;
-inline constexpr double kExponentRounding = kRounding * 0.6931471805599453;
+inline constexpr double kExponentRounding = kRounding * kLn2;
 inline constexpr double kMostDepthRatio = 1000;  // of the depths in a window, as far as the bound is promised
 inline constexpr double kMostNear = 64;          // far beyond all colours that there are
 
@@ -179,17 +180,16 @@ struct PairErrors {
   // The most that the shares of numerator and denominator differ: errors between -e and e make 2 e of it.
   const double spread = 2 * (std::sqrt(ratio) - 1) / (std::sqrt(ratio) + 1);
   return {spread * kExp2Error[degree] + 2 * colour_chain(g) * kRounding + 7 * kExponentRounding * exponents.mean,
-          scale_error(params) * 0.6931471805599453 * exponents.mean, 4 * kExponentRounding * exponents.mean_root};
+          scale_error(params) * kLn2 * exponents.mean, 4 * kExponentRounding * exponents.mean_root};
 }
 
 // Likewise where one of the sums is all labels, the other all colours. A mean of square roots is at most the root of
 // the mean.
 [[nodiscard]] inline PairErrors mixed_errors(const CrossBilateralParams& params, const ColourGrid& g, int degree,
                                              double label_sum, double ratio) noexcept {
-  const double taps = static_cast<double>(2 * g.rx + 1) * static_cast<double>(2 * g.ry + 1);
-  const double mean = mean_exponent(taps * ratio);
+  const double mean = mean_exponent(g.taps() * ratio);
   return {label_sum + kExp2Error[degree] + colour_chain(g) * kRounding + 7 * kExponentRounding * mean,
-          scale_error(params) * 0.6931471805599453 * mean, 4 * kExponentRounding * std::sqrt(mean)};
+          scale_error(params) * kLn2 * mean, 4 * kExponentRounding * std::sqrt(mean)};
 }
 
 [[nodiscard]] inline double label_sum_error(const CrossBilateralParams& params, const LabelGrid& g) noexcept {

@@ -114,16 +114,9 @@ class MergedMoments {
       }
       if (!all((column.low > F(0.0F)) & simd::is_finite(column.check))) return false;
     }
-    float low[F::lanes];
-    float high[F::lanes];
-    column.low.store(low);
-    column.high.store(high);
-    for (int i = 1; i < F::lanes; ++i) {
-      low[0] = low[i] < low[0] ? low[i] : low[0];
-      high[0] = high[i] > high[0] ? high[i] : high[0];
-    }
-    range_ = static_cast<double>(high[0]) - static_cast<double>(low[0]);
-    return moments_are_safe(high[0]);
+    const float high = -simd::least_lane(-column.high);
+    range_ = static_cast<double>(high) - static_cast<double>(simd::least_lane(column.low));
+    return moments_are_safe(high);
   }
 
   // No variance exceeds a quarter of the squared range.

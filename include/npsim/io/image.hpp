@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/workspace.hpp"
 
 namespace npsim {
 inline namespace v1 {
@@ -20,8 +21,8 @@ namespace io {
 template <class T>
 struct CacheLineAllocator {
   using value_type = T;
-  static constexpr std::align_val_t kAlignment{64};
-  static_assert(alignof(T) <= 64);
+  static constexpr std::align_val_t kAlignment{kWorkspaceAlignment};
+  static_assert(alignof(T) <= kWorkspaceAlignment);
 
   CacheLineAllocator() = default;
   template <class U>

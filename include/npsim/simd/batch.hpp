@@ -74,6 +74,15 @@ template <class F>
   return clamp(x, F(low), F(high));
 }
 
+// Of lanes without a NaN.
+template <class F>
+[[nodiscard]] float least_lane(F x) noexcept {
+  float lanes[F::lanes];
+  x.store(lanes);
+  for (int i = 1; i < F::lanes; ++i) lanes[0] = lanes[0] < lanes[i] ? lanes[0] : lanes[i];
+  return lanes[0];
+}
+
 template <class F>
 [[nodiscard]] typename F::MaskType is_nan(F x) noexcept {
   return x != x;
