@@ -9,7 +9,7 @@
 
 #include "host.hpp"
 #include "npsim/exec/thread_pool.hpp"
-#include "npsim/loading.hpp"
+#include "tool/loading.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
 

@@ -21,7 +21,7 @@
 #include "../host.hpp"
 #include "../named_scene.hpp"
 #include "npsim/exec/thread_pool.hpp"
-#include "npsim/kept_night.hpp"
+#include "tool/kept_night.hpp"
 #include "npsim/pipeline/night.hpp"
 
 namespace {

@@ -13,7 +13,7 @@
 
 #include "layers.hpp"
 #include "npsim/core/span.hpp"
-#include "npsim/core/triangle_mesh.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/trace/ray.hpp"
 
 namespace npsim::bench {

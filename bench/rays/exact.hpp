@@ -16,7 +16,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "npsim/core/triangle_mesh.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/trace/ray.hpp"
 

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "npsim/core/camera.hpp"
-#include "npsim/core/triangle_mesh.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/mesh/layer.hpp"
+#include "npsim/mesh/detail/layer.hpp"
 
 namespace npsim::bench {
 

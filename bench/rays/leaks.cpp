@@ -31,9 +31,9 @@
 #include "exact.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/obj.hpp"
-#include "npsim/simd/scalar.hpp"
-#include "npsim/trace/sheet_packet.hpp"
-#include "npsim/trace/sheet_stream.hpp"
+#include "npsim/simd/detail/scalar.hpp"
+#include "npsim/trace/detail/sheet/packet.hpp"
+#include "npsim/trace/detail/sheet/stream.hpp"
 #include "subjects.hpp"
 
 namespace {

@@ -12,7 +12,7 @@
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
-#include "npsim/core/triangle_mesh.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/labels/cityscapes.hpp"

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "dice.hpp"
-#include "npsim/core/triangle_mesh.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/labels/light_classes.hpp"

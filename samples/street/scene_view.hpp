@@ -4,7 +4,7 @@
 #ifndef NPSIM_SAMPLES_STREET_SCENE_VIEW_HPP
 #define NPSIM_SAMPLES_STREET_SCENE_VIEW_HPP
 
-#include "npsim/pipeline/scene_view.hpp"
+#include "npsim/core/scene_view.hpp"
 #include "params.hpp"
 
 namespace npsim {

@@ -19,7 +19,7 @@
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/mesh/complete_foreground.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
-#include "npsim/mesh/layer.hpp"
+#include "npsim/mesh/detail/layer.hpp"
 #include "npsim/mesh/prune.hpp"
 #include "npsim/mesh/sheet.hpp"
 

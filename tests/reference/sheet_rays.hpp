@@ -12,8 +12,8 @@
 
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/trace/sheet_build.hpp"
-#include "npsim/trace/triangle.hpp"
+#include "npsim/trace/detail/sheet/build.hpp"
+#include "npsim/trace/detail/triangle/triangle.hpp"
 
 namespace npsim::reference {
 

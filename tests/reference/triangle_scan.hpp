@@ -12,9 +12,9 @@
 #include <vector>
 
 #include "npsim/core/random.hpp"
-#include "npsim/core/triangle_mesh.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/trace/ray.hpp"
-#include "npsim/trace/triangle.hpp"
+#include "npsim/trace/detail/triangle/triangle.hpp"
 
 namespace npsim::reference {
 

@@ -7,6 +7,7 @@
 #include <cctype>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <map>
 #include <regex>
 #include <set>
@@ -28,17 +29,21 @@ std::string area_of(const std::string& name) {
   return second == std::string::npos ? std::string() : name.substr(first + 1, second - first - 1);
 }
 
+std::string text_of(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
 const std::vector<Header>& headers() {
   static const std::vector<Header> all = [] {
     std::vector<Header> found;
     const std::filesystem::path root = std::filesystem::path(NPSIM_SOURCE_DIR) / "include";
     for (const auto& entry : std::filesystem::recursive_directory_iterator(root)) {
       if (!entry.is_regular_file() || entry.path().extension() != ".hpp") continue;
-      std::ifstream file(entry.path());
-      std::ostringstream text;
-      text << file.rdbuf();
       const std::string name = std::filesystem::relative(entry.path(), root).generic_string();
-      found.push_back({name, area_of(name), text.str()});
+      found.push_back({name, area_of(name), text_of(entry.path())});
     }
     std::sort(found.begin(), found.end(), [](const Header& a, const Header& b) { return a.name < b.name; });
     return found;
@@ -114,8 +119,8 @@ std::string guard_of(const std::string& name) {
   return guard;
 }
 
-const std::set<std::string> kCoreAreas = {"core",  "simd",     "color",  "labels", "depth",   "mesh",    "trace",
-                                          "light", "material", "render", "sensor", "metrics", "pipeline"};
+const std::set<std::string> kCoreAreas = {"core",  "geometry", "simd",   "color",  "labels",  "depth",   "mesh",
+                                          "trace", "light",    "material", "render", "sensor", "metrics", "pipeline"};
 
 std::map<std::string, std::set<std::string>> allowed_includes() {
   std::map<std::string, std::set<std::string>> allowed = {
@@ -123,16 +128,17 @@ std::map<std::string, std::set<std::string>> allowed_includes() {
       {"simd", {"core"}},
       {"color", {"core", "simd"}},
       {"labels", {"core"}},
-      {"depth", {"core", "simd", "color", "labels"}},
-      {"mesh", {"core", "simd", "labels"}},
-      {"trace", {"core", "simd", "labels"}},
-      {"light", {"core", "simd", "color", "labels"}},
+      {"geometry", {"core", "labels"}},
+      {"depth", {"core", "simd", "color", "labels", "geometry"}},
+      {"mesh", {"core", "simd", "labels", "geometry"}},
+      {"trace", {"core", "simd", "geometry"}},
+      {"light", {"core", "simd", "color", "labels", "geometry"}},
       {"material", {"core", "simd", "color", "labels"}},
-      {"render", {"core", "simd", "color", "labels", "trace", "light", "material"}},
+      {"render", {"core", "simd", "color", "labels", "geometry", "trace", "light", "material"}},
       {"sensor", {"core", "simd", "color"}},
       {"metrics", {"core", "simd"}},
       {"exec", {"core"}},
-      {"io", {"core", "labels", "depth", "mesh", "light"}},  // light: a reader fills its light-source set
+      {"io", {"core", "labels", "geometry", "depth", "light"}},  // light: a reader fills its light-source set
       {"pipeline", kCoreAreas},
       {"", kCoreAreas},  // npsim.hpp
   };
@@ -156,6 +162,47 @@ TEST_CASE("includes run one way, from the foundation upwards") {
       CHECK(std::filesystem::exists(std::filesystem::path(NPSIM_SOURCE_DIR) / "include" / name));
     }
   }
+}
+
+TEST_CASE("what stands in an area's detail/ is included by that area alone, tests of it excepted") {
+  static const std::regex inside(R"(npsim/([a-z]+)/detail/.*)");
+  const std::filesystem::path root(NPSIM_SOURCE_DIR);
+  for (const char* folder : {"include", "samples", "bench"}) {
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(root / folder)) {
+      const std::string extension = entry.path().extension().string();
+      if (!entry.is_regular_file() || (extension != ".hpp" && extension != ".cpp")) continue;
+      const std::string name = std::filesystem::relative(entry.path(), root / "include").generic_string();
+      CAPTURE(name);
+      for (const std::string& other : included(text_of(entry.path()))) {
+        std::smatch match;
+        if (!std::regex_match(other, match, inside)) continue;
+        CAPTURE(other);
+        CHECK(match[1].str() == (std::string(folder) == "include" ? area_of(name) : std::string()));
+      }
+    }
+  }
+}
+
+TEST_CASE("no header includes itself by way of others") {
+  std::map<std::string, std::vector<std::string>> next;
+  for (const Header& header : headers()) next[header.name] = included(header.text);
+  std::map<std::string, int> state;  // 1: on the way, 2: done
+  std::vector<std::string> way;
+  const std::function<void(const std::string&)> visit = [&](const std::string& name) {
+    if (next.count(name) == 0 || state[name] == 2) return;
+    way.push_back(name);
+    if (state[name] == 1) {
+      CAPTURE(name);
+      CAPTURE(way.size());
+      CHECK_MESSAGE(false, "a circle of includes ends here");
+    } else {
+      state[name] = 1;
+      for (const std::string& other : next[name]) visit(other);
+      state[name] = 2;
+    }
+    way.pop_back();
+  };
+  for (const Header& header : headers()) visit(header.name);
 }
 
 TEST_CASE("only npsim/simd sees xsimd and intrinsics") {
@@ -240,7 +287,7 @@ TEST_CASE("every header has licence line, first comment and guard") {
   }
 }
 
-TEST_CASE("npsim.hpp includes every header of the core and none for hosts") {
+TEST_CASE("npsim.hpp lists every public header of the core, and nothing else") {
   std::set<std::string> listed;
   for (const Header& header : headers()) {
     if (header.area.empty()) {
@@ -251,11 +298,8 @@ TEST_CASE("npsim.hpp includes every header of the core and none for hosts") {
     if (header.area.empty()) continue;
     const bool detail = header.name.find("/detail/") != std::string::npos;
     CAPTURE(header.name);
-    if (for_hosts(header)) {
-      CHECK(listed.count(header.name) == 0);
-    } else if (!detail) {
-      CHECK_MESSAGE(listed.count(header.name) == 1, "missing in npsim.hpp");
-    }
+    CHECK_MESSAGE(listed.count(header.name) == (for_hosts(header) || detail ? 0U : 1U),
+                  "public headers of the core, and only these, stand in npsim.hpp");
   }
 }
 
@@ -275,10 +319,8 @@ TEST_CASE("the whole of npsim.hpp, followed include by include, reaches no host 
 }
 
 TEST_CASE("one version number") {
-  std::ifstream changelog(std::filesystem::path(NPSIM_SOURCE_DIR) / "CHANGELOG.md");
-  std::ostringstream text;
-  text << changelog.rdbuf();
-  CHECK(text.str().find("## " NPSIM_PROJECT_VERSION) != std::string::npos);
+  const std::string text = text_of(std::filesystem::path(NPSIM_SOURCE_DIR) / "CHANGELOG.md");
+  CHECK(text.find("## " NPSIM_PROJECT_VERSION) != std::string::npos);
 }
 
 TEST_CASE("blanking of comments and literals, which the checks above rest on") {

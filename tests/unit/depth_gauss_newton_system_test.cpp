@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/gauss_newton_system.hpp"
+#include "npsim/depth/detail/refine/system.hpp"
 
 #include <doctest/doctest.h>
 
@@ -11,7 +11,7 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/loss_kernel.hpp"
+#include "npsim/depth/detail/refine/loss_kernel.hpp"
 
 using namespace npsim;
 using namespace npsim::depth_detail;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/gauss_newton.hpp"
+#include "npsim/depth/detail/refine/gauss_newton.hpp"
 
 #include <doctest/doctest.h>
 

@@ -8,7 +8,7 @@
 
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/depth/extend_field.hpp"
+#include "npsim/depth/detail/extend_field.hpp"
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/depth/sharpen_edges.hpp"
 #include "npsim/exec/thread_pool.hpp"

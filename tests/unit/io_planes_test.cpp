@@ -9,10 +9,10 @@
 #include <string>
 
 #include "io_fixture.hpp"
-#include "npsim/io/camera.hpp"
-#include "npsim/io/depth.hpp"
-#include "npsim/io/labels.hpp"
-#include "npsim/io/normals.hpp"
+#include "npsim/io/detail/camera.hpp"
+#include "npsim/io/detail/depth.hpp"
+#include "npsim/io/detail/labels.hpp"
+#include "npsim/io/detail/normals.hpp"
 
 namespace {
 

@@ -8,7 +8,7 @@
 
 #include "npsim/core/random.hpp"
 #include "npsim/light/activation.hpp"
-#include "npsim/light/ground.hpp"
+#include "npsim/geometry/ground.hpp"
 #include "npsim/light/headlamps.hpp"
 
 namespace {

@@ -7,7 +7,7 @@
 
 #include "npsim/core/random.hpp"
 #include "npsim/light/emitter.hpp"
-#include "npsim/light/low_beam.hpp"
+#include "npsim/light/detail/low_beam.hpp"
 #include "npsim/light/photometry.hpp"
 
 namespace {

@@ -10,7 +10,7 @@
 #include "npsim/core/random.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/pipeline/anchor_ground.hpp"
+#include "npsim/depth/anchor_ground.hpp"
 
 using namespace npsim;
 

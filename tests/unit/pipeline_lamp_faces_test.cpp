@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which faces are whose lamp: by the marks of their corners' pixels, and by reach on solid objects.
-#include "npsim/pipeline/lamp_faces.hpp"
+#include "npsim/pipeline/detail/lamp_faces.hpp"
 
 #include <doctest/doctest.h>
 

@@ -9,7 +9,7 @@
 
 #include "night_of_street.hpp"
 #include "npsim/exec/thread_pool.hpp"
-#include "npsim/kept_night.hpp"
+#include "tool/kept_night.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"

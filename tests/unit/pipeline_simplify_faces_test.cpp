@@ -10,10 +10,10 @@
 #include "night_of_street.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/exec/thread_pool.hpp"
-#include "npsim/kept_night.hpp"
+#include "tool/kept_night.hpp"
 #include "npsim/mesh/check.hpp"
 #include "npsim/pipeline/night.hpp"
-#include "npsim/pipeline/point_of_hit.hpp"
+#include "npsim/pipeline/detail/point_of_hit.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
 

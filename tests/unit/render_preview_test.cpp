@@ -15,7 +15,7 @@
 #include "npsim/core/random.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/render/coverage.hpp"
+#include "npsim/render/detail/coverage.hpp"
 #include "npsim/render/preview.hpp"
 #include "unit/backward_executor.hpp"
 

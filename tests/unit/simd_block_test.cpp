@@ -5,7 +5,7 @@
 
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/block.hpp"
-#include "npsim/simd/scalar.hpp"
+#include "npsim/simd/detail/scalar.hpp"
 
 namespace {
 

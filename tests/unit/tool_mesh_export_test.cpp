@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/mesh_export.hpp"
+#include "tool/mesh_export.hpp"
 
 #include <string>
 #include <vector>

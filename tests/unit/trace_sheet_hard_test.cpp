@@ -12,11 +12,11 @@
 #include <vector>
 
 #include "npsim/core/random.hpp"
-#include "npsim/simd/scalar.hpp"
-#include "npsim/trace/sheet_build.hpp"
-#include "npsim/trace/sheet_packet.hpp"
-#include "npsim/trace/sheet_stream.hpp"
-#include "npsim/trace/sheet_traverse.hpp"
+#include "npsim/simd/detail/scalar.hpp"
+#include "npsim/trace/detail/sheet/build.hpp"
+#include "npsim/trace/detail/sheet/packet.hpp"
+#include "npsim/trace/detail/sheet/stream.hpp"
+#include "npsim/trace/detail/sheet/traverse.hpp"
 #include "reference/sheet_rays.hpp"
 #include "reference/triangle_scan.hpp"
 

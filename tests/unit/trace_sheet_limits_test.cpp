@@ -9,10 +9,10 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/trace/sheet_build.hpp"
-#include "npsim/trace/sheet_packet.hpp"
-#include "npsim/trace/sheet_stream.hpp"
-#include "npsim/trace/sheet_traverse.hpp"
+#include "npsim/trace/detail/sheet/build.hpp"
+#include "npsim/trace/detail/sheet/packet.hpp"
+#include "npsim/trace/detail/sheet/stream.hpp"
+#include "npsim/trace/detail/sheet/traverse.hpp"
 
 namespace {
 

@@ -12,10 +12,10 @@
 #include <vector>
 
 #include "npsim/core/random.hpp"
-#include "npsim/simd/scalar.hpp"
-#include "npsim/trace/sheet_join.hpp"
-#include "npsim/trace/sheet_packet.hpp"
-#include "npsim/trace/sheet_traverse.hpp"
+#include "npsim/simd/detail/scalar.hpp"
+#include "npsim/trace/detail/sheet/join.hpp"
+#include "npsim/trace/detail/sheet/packet.hpp"
+#include "npsim/trace/detail/sheet/traverse.hpp"
 #include "reference/sheet_rays.hpp"
 
 namespace {

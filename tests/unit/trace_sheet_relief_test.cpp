@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "npsim/core/random.hpp"
-#include "npsim/simd/scalar.hpp"
-#include "npsim/trace/sheet_build.hpp"
-#include "npsim/trace/sheet_ray.hpp"
-#include "npsim/trace/sheet_test.hpp"
+#include "npsim/simd/detail/scalar.hpp"
+#include "npsim/trace/detail/sheet/build.hpp"
+#include "npsim/trace/detail/sheet/ray.hpp"
+#include "npsim/trace/detail/sheet/test.hpp"
 #include "reference/sheet_rays.hpp"
 
 namespace {

@@ -12,10 +12,10 @@
 
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/simd/scalar.hpp"
-#include "npsim/trace/sheet_build.hpp"
-#include "npsim/trace/sheet_store.hpp"
-#include "npsim/trace/sheet_traverse.hpp"
+#include "npsim/simd/detail/scalar.hpp"
+#include "npsim/trace/detail/sheet/build.hpp"
+#include "npsim/trace/detail/sheet/store.hpp"
+#include "npsim/trace/detail/sheet/traverse.hpp"
 #include "reference/sheet_rays.hpp"
 #include "trace_tree.hpp"
 

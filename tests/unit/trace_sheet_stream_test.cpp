@@ -11,10 +11,10 @@
 
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/simd/scalar.hpp"
-#include "npsim/trace/sheet_build.hpp"
-#include "npsim/trace/sheet_packet.hpp"
-#include "npsim/trace/sheet_stream.hpp"
+#include "npsim/simd/detail/scalar.hpp"
+#include "npsim/trace/detail/sheet/build.hpp"
+#include "npsim/trace/detail/sheet/packet.hpp"
+#include "npsim/trace/detail/sheet/stream.hpp"
 
 namespace {
 

@@ -19,7 +19,7 @@
 #include "npsim/core/vec.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 // Luminance-1 linear sRGB of a chromaticity with 0 <= x, 1e-3 <= y, x + y <= 1.
 [[nodiscard]] constexpr Result<Vec3f> xy_to_linear_srgb(const Chromaticity& xy) noexcept {
@@ -96,7 +96,7 @@ enum class Locus : std::uint8_t {
   return Chromaticity{static_cast<float>(x), static_cast<float>(y)};
 }
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_COLOR_CHROMATICITY_HPP

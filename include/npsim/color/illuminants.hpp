@@ -10,7 +10,7 @@
 #include "npsim/core/config.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct Chromaticity {
   float x = 0.3127F;
@@ -37,7 +37,7 @@ inline constexpr Chromaticity kMercury{0.3112F, 0.3829F};
 
 }  // namespace illuminant
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_COLOR_ILLUMINANTS_HPP

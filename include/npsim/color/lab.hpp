@@ -26,8 +26,7 @@
 #include "npsim/simd/math.hpp"
 
 namespace npsim {
-inline namespace v1 {
-inline namespace NPSIM_ISA_NAMESPACE {
+inline namespace NPSIM_ABI {
 
 namespace color_detail {
 
@@ -163,8 +162,7 @@ Status linear_to_lab(const ImageView<const Vec3f>& in, const ImageView<Vec3f>& o
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_COLOR_LAB_HPP

@@ -22,7 +22,7 @@
 #include "npsim/simd/math.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 namespace color_detail {
 
@@ -69,7 +69,6 @@ inline constexpr SrgbTables kSrgbTables = make_srgb_tables();
 
 }  // namespace color_detail
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 template <class F>
 [[nodiscard]] F srgb_decode(F v) noexcept {
@@ -165,8 +164,7 @@ Status linear_to_srgb8(const ImageView<const Vec3f>& in, const ImageView<Rgb8>& 
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_COLOR_SRGB_HPP

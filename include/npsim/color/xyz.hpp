@@ -12,7 +12,7 @@
 #include "npsim/core/vec.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 // Row-major: out = m * in.
 struct Matrix3d {
@@ -74,7 +74,7 @@ inline constexpr Matrix3d kXyzToLinearSrgb = color_detail::inverse(kLinearSrgbTo
 [[nodiscard]] constexpr Vec3d linear_srgb_to_xyz(const Vec3d& rgb) noexcept { return kLinearSrgbToXyz * rgb; }
 [[nodiscard]] constexpr Vec3d xyz_to_linear_srgb(const Vec3d& xyz) noexcept { return kXyzToLinearSrgb * xyz; }
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_COLOR_XYZ_HPP

@@ -12,7 +12,7 @@
 #include "npsim/core/config.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 inline constexpr int kWordBits = 64;
 
@@ -72,7 +72,7 @@ void for_set_bits(std::uint64_t word, F&& f) {
   for (; word != 0; word &= word - 1) f(lowest_set_bit(word));
 }
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_CORE_BITS_HPP

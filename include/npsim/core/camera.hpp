@@ -14,7 +14,7 @@
 #include "npsim/core/vec.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct Intrinsics {
   float fx = 0;  // px
@@ -60,7 +60,7 @@ struct Intrinsics {
 // A depth sample that may be used: finite and in front of the camera. NaN, infinity, zero and negative are "missing".
 [[nodiscard]] inline bool is_valid_depth(float z_m) noexcept { return std::isfinite(z_m) && z_m > 0.0F; }
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_CORE_CAMERA_HPP

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Version and floating-point contract, included by every other header.
+// Version, floating-point contract and the namespace of the instruction set; included by every other header.
 //
 // Invariant: results depend on the source alone. Value-changing optimisation breaks the error bounds that the
 // headers state (NaN tests vanish, sums are reordered), so compiling under fast-math is refused rather than
@@ -27,5 +27,7 @@
 #else
 #define NPSIM_ALWAYS_INLINE inline
 #endif
+
+#include "npsim/core/detail/abi.hpp"
 
 #endif  // NPSIM_CORE_CONFIG_HPP

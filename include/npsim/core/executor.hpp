@@ -14,7 +14,7 @@
 #include "npsim/core/config.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct SerialExecutor {
   template <class F>
@@ -33,7 +33,7 @@ struct SerialExecutor {
   return chunk == 0 ? count : count / chunk + (count % chunk != 0 ? 1 : 0);
 }
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_CORE_EXECUTOR_HPP

@@ -13,7 +13,7 @@
 #include "npsim/core/span.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct Shape {
   int width = 0;   // px
@@ -78,7 +78,7 @@ constexpr void copy_pixels(const ImageView<From>& from, const ImageView<To>& to)
   }
 }
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_CORE_IMAGE_VIEW_HPP

@@ -15,7 +15,7 @@
 #include "npsim/core/image_view.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 enum class Stage : std::uint8_t {
   fill, sharpen, ground, cross_bilateral, uncertainty, refine, sheet, prune, complete, material, lights, build_trace,
@@ -52,7 +52,7 @@ struct NullObserver {
   [[nodiscard]] constexpr bool cancelled() const noexcept { return false; }
 };
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_CORE_OBSERVE_HPP

@@ -14,7 +14,7 @@
 #include "npsim/core/config.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 // What a stream is for; keeps the streams of different stages apart.
 enum class RandomPurpose : std::uint32_t { generic, activation, direct, bounce, noise, street, sensor, test };
@@ -60,7 +60,7 @@ class RandomStream {
   std::uint32_t cursor_ = 4;
 };
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_CORE_RANDOM_HPP

@@ -14,7 +14,7 @@
 #include "npsim/core/config.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 inline constexpr int kMaxSlots = 32;  // one word of bits that machines of 32 bits swap without a lock
 
@@ -45,7 +45,7 @@ class SlotPool {
   std::atomic<std::uint32_t> open_;
 };
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_CORE_SLOT_POOL_HPP

@@ -11,7 +11,7 @@
 #include "npsim/core/config.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 template <class T>
 class Span {
@@ -43,7 +43,7 @@ class Span {
   std::size_t size_ = 0;
 };
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_CORE_SPAN_HPP

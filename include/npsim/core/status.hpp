@@ -12,7 +12,7 @@
 #include "npsim/core/config.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 enum class StatusCode : std::uint8_t {
   ok,
@@ -78,7 +78,7 @@ class [[nodiscard]] Result {
   Status status_{};
 };
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 // Returns early from a function that itself returns Status (or Result).

@@ -10,7 +10,7 @@
 #include "npsim/core/config.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 template <class T>
 struct Vec2 {
@@ -85,7 +85,7 @@ template <class To, class From>
   return 0.2126F * rgb.x + 0.7152F * rgb.y + 0.0722F * rgb.z;
 }
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_CORE_VEC_HPP

@@ -17,7 +17,7 @@
 #include "npsim/core/status.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 inline constexpr std::size_t kWorkspaceAlignment = 64;
 
@@ -90,7 +90,7 @@ class WorkspaceScope {
   std::size_t mark_;
 };
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_CORE_WORKSPACE_HPP

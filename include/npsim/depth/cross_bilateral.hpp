@@ -36,18 +36,16 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/cross_bilateral_blocks.hpp"
-#include "npsim/depth/cross_bilateral_colour.hpp"
-#include "npsim/depth/cross_bilateral_label.hpp"
-#include "npsim/depth/cross_bilateral_params.hpp"
-#include "npsim/depth/valid_depths.hpp"
+#include "npsim/depth/detail/cross_bilateral/blocks.hpp"
+#include "npsim/depth/detail/cross_bilateral/colour.hpp"
+#include "npsim/depth/detail/cross_bilateral/label.hpp"
+#include "npsim/depth/detail/cross_bilateral/params.hpp"
+#include "npsim/depth/detail/valid_depths.hpp"
 #include "npsim/simd/batch.hpp"
-#include "npsim/simd/isa.hpp"
 #include "npsim/simd/math.hpp"
 
 namespace npsim {
-inline namespace v1 {
-inline namespace NPSIM_ISA_NAMESPACE {
+inline namespace NPSIM_ABI {
 namespace depth_detail {
 
 inline constexpr float kNoWeight = 1e-12F;
@@ -322,8 +320,7 @@ template <class AnyLabel, class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_DEPTH_CROSS_BILATERAL_HPP

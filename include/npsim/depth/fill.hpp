@@ -28,12 +28,11 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/fill_class.hpp"
+#include "npsim/depth/detail/fill_class.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct FillParams {
   LabelSet no_surface = kNoSurfaceLabels;
@@ -53,7 +52,6 @@ inline constexpr std::size_t kFillChunkRows = 16;
          allocation_bytes<std::uint8_t>(chunk_count(static_cast<std::size_t>(shape.height), kFillChunkRows));
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
 enum FillFlag : std::uint8_t { kLeft = 1, kRight = 2, kUp = 4, kDown = 8, kOrphan = 16 };
@@ -243,8 +241,7 @@ template <class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_DEPTH_FILL_HPP

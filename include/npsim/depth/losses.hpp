@@ -18,20 +18,18 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/loss_kernel.hpp"
-#include "npsim/depth/loss_params.hpp"
-#include "npsim/depth/loss_problem.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/depth/detail/refine/loss_kernel.hpp"
+#include "npsim/depth/detail/refine/loss_params.hpp"
+#include "npsim/depth/detail/refine/loss_problem.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 template <class T>
 [[nodiscard]] constexpr std::size_t depth_losses_workspace_bytes(const LossParams&, Shape shape) noexcept {
   return kWorkspaceAlignment + loss_problem_bytes<T>(shape) + 2 * allocation_bytes<T>(loss_plane_elements(shape));
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
 // Row y of the plane to evaluate at: the depth where depth_est is usable, else 1. False if one of those is not usable.
@@ -96,8 +94,7 @@ template <class T, class V = depth_detail::LossBatch<T>, class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_DEPTH_LOSSES_HPP

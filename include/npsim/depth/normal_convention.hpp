@@ -27,10 +27,9 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/depth/normals.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 // Canonical component i (camera frame, facing the camera) is sign[i] times raw component axis[i].
 struct NormalConvention {
@@ -63,7 +62,6 @@ inline void apply_normal_convention(const NormalConvention& convention, ImageVie
   }
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
 // Smooth second difference of inverse depth, relative to inverse depth itself.
@@ -163,8 +161,7 @@ inline constexpr double kSmoothBend = 0.02;
   return best;
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_DEPTH_NORMAL_CONVENTION_HPP

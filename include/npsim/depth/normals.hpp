@@ -33,11 +33,11 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/valid_depths.hpp"
+#include "npsim/depth/detail/valid_depths.hpp"
 #include "npsim/simd/batch.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 // How the tangents of the depth map are formed; shared by normals_from_depth and by the losses.
 enum class TangentForm : std::uint8_t {
@@ -51,7 +51,6 @@ struct NormalsParams {
 
 [[nodiscard]] constexpr std::size_t normals_workspace_bytes(const NormalsParams&, Shape) noexcept { return 0; }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
 // Normal that faces the camera, from inverse depth and its derivatives per pixel at image coordinates (u, v).
@@ -150,8 +149,7 @@ template <class F = simd::F32, class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_DEPTH_NORMALS_HPP

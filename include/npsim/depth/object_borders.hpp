@@ -13,13 +13,13 @@
 #include <cstdint>
 
 #include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 // Both views may be empty; otherwise they have one shape.
 struct ObjectMap {
@@ -35,7 +35,6 @@ struct ObjectMap {
   }
 };
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 // distance_px: 0.5 beside a border, at most `cap`.
 inline void border_distance(const ObjectMap& objects, float cap, ImageView<float> distance_px) noexcept {
@@ -95,8 +94,7 @@ template <class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_DEPTH_OBJECT_BORDERS_HPP

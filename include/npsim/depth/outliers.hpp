@@ -15,14 +15,14 @@
 #include <cstddef>
 
 #include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct OutlierParams {
   LabelSet ground = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground);
@@ -33,7 +33,6 @@ struct OutlierParams {
   float speck_tolerance = 0.1F;   // relative
 };
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
 [[nodiscard]] inline bool is_speck(const OutlierParams& p, ImageView<const float> depth, int x, int y) noexcept {
@@ -98,8 +97,7 @@ template <class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_DEPTH_OUTLIERS_HPP

@@ -22,23 +22,21 @@
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/adam.hpp"
-#include "npsim/depth/gauss_newton.hpp"
-#include "npsim/depth/loss_params.hpp"
-#include "npsim/depth/loss_problem.hpp"
-#include "npsim/depth/refine_params.hpp"
+#include "npsim/depth/detail/refine/adam.hpp"
+#include "npsim/depth/detail/refine/gauss_newton.hpp"
+#include "npsim/depth/detail/refine/loss_params.hpp"
+#include "npsim/depth/detail/refine/loss_problem.hpp"
+#include "npsim/depth/detail/refine/params.hpp"
 #include "npsim/simd/batch.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 [[nodiscard]] constexpr std::size_t refine_workspace_bytes(const RefineParams& params, Shape shape) noexcept {
   return kWorkspaceAlignment + loss_problem_bytes<float>(shape) +
          (params.solver == RefineSolver::adam ? adam_bytes(params.adam, shape) : gauss_newton_bytes(shape));
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 // output: the shape of the depth, may be the same memory. loss_curve: gets the total loss before each step and at the
 // end, as far as it reaches; unused elements are left alone. Status not_finite if a loss is not finite.
@@ -86,8 +84,7 @@ template <class V = simd::F32, class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_DEPTH_REFINE_HPP

@@ -22,15 +22,15 @@
 #include <cstdint>
 
 #include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct SharpenEdgesParams {
   float radius_px = 6.0F;      // how far mixing reaches, 0..64; below 1 switches the step off
@@ -45,7 +45,6 @@ struct SharpenEdgesParams {
   return kWorkspaceAlignment + 2 * allocation_bytes<float>(shape.pixels());
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
 // Sums of a weighted fit of w = mean + slope . (u - mean u, v - mean v).
@@ -194,8 +193,7 @@ template <class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_DEPTH_SHARPEN_EDGES_HPP

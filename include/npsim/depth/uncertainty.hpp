@@ -31,14 +31,14 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/uncertainty_bits.hpp"
-#include "npsim/depth/uncertainty_labels.hpp"
-#include "npsim/depth/uncertainty_search.hpp"
+#include "npsim/depth/detail/uncertainty/bits.hpp"
+#include "npsim/depth/detail/uncertainty/labels.hpp"
+#include "npsim/depth/detail/uncertainty/search.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/simd/bytes.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct UncertaintyParams {
   int window_px = 8;                        // l of section 3.4.2, 1..256
@@ -58,7 +58,6 @@ struct UncertaintyOutput {
   return kWorkspaceAlignment + allocation_bytes<std::uint64_t>(words * static_cast<std::size_t>(shape.height));
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace depth_detail {
 
 template <class F, int kMaxWindow, class Executor>
@@ -137,8 +136,7 @@ template <class F = simd::F32, class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_DEPTH_UNCERTAINTY_HPP

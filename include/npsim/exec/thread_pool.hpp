@@ -24,7 +24,7 @@
 #include "npsim/core/executor.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 class ThreadPool {
  public:
@@ -138,7 +138,7 @@ class ThreadPool {
   std::vector<std::thread> workers_;
 };
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_EXEC_THREAD_POOL_HPP

@@ -18,7 +18,7 @@
 #include "npsim/io/error.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 
 inline Outcome write_file(const std::string& path, const void* data, std::size_t bytes) {
@@ -53,7 +53,7 @@ inline Outcome write_file(const std::string& path, const std::string& text) {
 }
 
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_ATOMIC_FILE_HPP

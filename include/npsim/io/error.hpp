@@ -10,7 +10,7 @@
 #include "npsim/core/config.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 
 struct Error {
@@ -52,7 +52,7 @@ struct Done {};
 using Outcome = Expected<Done>;
 
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_ERROR_HPP

@@ -23,16 +23,16 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
-#include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/io/atomic_file.hpp"
+#include "npsim/io/detail/file_bytes.hpp"
 #include "npsim/io/error.hpp"
-#include "npsim/io/file_bytes.hpp"
 #include "npsim/io/mesh.hpp"
 #include "npsim/io/ply.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 
 struct GlbTexture {
@@ -256,7 +256,7 @@ inline Outcome write_glb(const std::string& path, Span<const GlbPrimitive> primi
 }
 
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_GLB_HPP

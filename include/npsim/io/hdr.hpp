@@ -17,11 +17,11 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/io/atomic_file.hpp"
+#include "npsim/io/detail/file_bytes.hpp"
 #include "npsim/io/error.hpp"
-#include "npsim/io/file_bytes.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 namespace detail {
 
@@ -97,7 +97,7 @@ inline Outcome write_hdr(const std::string& path, ImageView<const Vec3f> image) 
 }
 
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_HDR_HPP

@@ -15,7 +15,7 @@
 #include "npsim/core/workspace.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 
 template <class T>
@@ -64,7 +64,7 @@ class Image {
 };
 
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_IMAGE_HPP

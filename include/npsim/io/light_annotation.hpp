@@ -19,16 +19,16 @@
 #include <vector>
 
 #include "npsim/core/image_view.hpp"
+#include "npsim/io/detail/json_fields.hpp"
 #include "npsim/io/detail/light_entries.hpp"
+#include "npsim/io/detail/limits.hpp"
 #include "npsim/io/error.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/io/json_fields.hpp"
-#include "npsim/io/limits.hpp"
 #include "npsim/io/png_jpeg.hpp"
 #include "npsim/labels/light_classes.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 
 // Whether a group of one class may hold a source of another: table 3.1's definitions, read as sets.
@@ -220,7 +220,7 @@ inline Expected<LightAnnotation> read_light_annotation(LightAnnotationFormat for
 }
 
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_LIGHT_ANNOTATION_HPP

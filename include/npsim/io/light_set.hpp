@@ -13,14 +13,14 @@
 #include <vector>
 
 #include "npsim/core/vec.hpp"
+#include "npsim/io/detail/json_fields.hpp"
+#include "npsim/io/detail/limits.hpp"
 #include "npsim/io/error.hpp"
-#include "npsim/io/json_fields.hpp"
-#include "npsim/io/limits.hpp"
 #include "npsim/labels/light_classes.hpp"
 #include "npsim/light/light_set.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 namespace detail {
 
@@ -97,7 +97,7 @@ inline Expected<std::vector<LightSetEntry>> read_light_set(const std::string& pa
 }
 
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_LIGHT_SET_HPP

@@ -9,12 +9,12 @@
 #include <string>
 #include <vector>
 
-#include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/io/error.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 
 // What the axes of a written mesh mean. The camera's, as everywhere here: x right, y down, z forward. y_up, which glTF
@@ -64,7 +64,7 @@ inline Outcome expect_per_vertex(const std::string& path, const char* what, std:
 
 }  // namespace detail
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_MESH_HPP

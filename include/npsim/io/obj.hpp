@@ -29,16 +29,16 @@
 
 #include <tiny_obj_loader.h>
 
-#include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
+#include "npsim/io/detail/file_bytes.hpp"
+#include "npsim/io/detail/limits.hpp"
+#include "npsim/io/detail/obj_writer.hpp"
 #include "npsim/io/error.hpp"
-#include "npsim/io/file_bytes.hpp"
-#include "npsim/io/limits.hpp"
 #include "npsim/io/mesh.hpp"
-#include "npsim/io/obj_writer.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 
 namespace detail {
@@ -197,7 +197,7 @@ inline Expected<Mesh> read_obj(const std::string& path, const ReadLimits& limits
 }
 
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_OBJ_HPP

@@ -12,15 +12,15 @@
 #include <string>
 
 #include "npsim/core/span.hpp"
-#include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/io/atomic_file.hpp"
+#include "npsim/io/detail/file_bytes.hpp"
 #include "npsim/io/error.hpp"
-#include "npsim/io/file_bytes.hpp"
 #include "npsim/io/mesh.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 
 struct PlyOptions {
@@ -81,7 +81,7 @@ inline Outcome write_ply(const std::string& path, const TriangleMeshView& mesh, 
 }
 
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_PLY_HPP

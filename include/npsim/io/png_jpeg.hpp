@@ -22,16 +22,16 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/io/atomic_file.hpp"
+#include "npsim/io/detail/file_bytes.hpp"
+#include "npsim/io/detail/limits.hpp"
 #include "npsim/io/detail/picture_structure.hpp"
 #include "npsim/io/detail/png_encode.hpp"
 #include "npsim/io/detail/stb.hpp"
 #include "npsim/io/error.hpp"
-#include "npsim/io/file_bytes.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/io/limits.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 
 using Rgba8 = std::array<std::uint8_t, 4>;
@@ -232,7 +232,7 @@ inline Outcome write_png_rgba(const std::string& path, ImageView<const Rgba8> im
 }
 
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_PNG_JPEG_HPP

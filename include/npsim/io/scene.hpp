@@ -12,16 +12,16 @@
 #include <system_error>
 #include <utility>
 
-#include "npsim/io/camera.hpp"
+#include "npsim/io/detail/camera.hpp"
+#include "npsim/io/detail/json_fields.hpp"
+#include "npsim/io/detail/limits.hpp"
+#include "npsim/io/detail/scene_data.hpp"
 #include "npsim/io/detail/scene_planes.hpp"
 #include "npsim/io/error.hpp"
-#include "npsim/io/json_fields.hpp"
-#include "npsim/io/limits.hpp"
 #include "npsim/io/png_jpeg.hpp"
-#include "npsim/io/scene_data.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 namespace detail {
 
@@ -166,7 +166,7 @@ inline Expected<Image<Vec3f>> read_truth_normals(const Scene& scene, const ReadL
 }
 
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_SCENE_HPP

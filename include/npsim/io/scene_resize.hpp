@@ -22,14 +22,14 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/io/detail/file_bytes.hpp"
+#include "npsim/io/detail/limits.hpp"
+#include "npsim/io/detail/scene_data.hpp"
 #include "npsim/io/error.hpp"
-#include "npsim/io/file_bytes.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/io/limits.hpp"
-#include "npsim/io/scene_data.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 
 // The source coordinate whose pixel holds the centre of new pixel i, in whole numbers so that it is exact.
@@ -183,7 +183,7 @@ inline Outcome resize_scene(Scene& scene, Shape to, const ReadLimits& limits = {
 }
 
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_SCENE_RESIZE_HPP

@@ -10,12 +10,11 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/annotation.hpp"
 #include "npsim/core/config.hpp"
 
 namespace npsim {
-inline namespace v1 {
-
-using Label = std::uint8_t;
+inline namespace NPSIM_ABI {
 
 namespace label {
 inline constexpr Label unlabeled = 0, ego_vehicle = 1, rectification_border = 2, out_of_roi = 3, static_object = 4,
@@ -88,7 +87,7 @@ inline constexpr LabelSet kVehicleLabels = LabelSet::of(label::car, label::truck
 inline constexpr LabelSet kNoSurfaceLabels =
     LabelSet::of(label::sky, label::ego_vehicle, label::rectification_border, label::out_of_roi);
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_LABELS_CITYSCAPES_HPP

@@ -10,18 +10,11 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/annotation.hpp"
 #include "npsim/core/config.hpp"
 
 namespace npsim {
-inline namespace v1 {
-
-enum class LightClass : std::uint8_t {
-  none = 0,
-  window_building, window_parked, parked_front, parked_rear, moving_front, moving_rear, window_transport,
-  street_light_ht, street_light_lt, advertisement, clock, inferred_object,
-  windows_group, car_group, truck_group, bus_group, bicycle_group, motorcycle_group, train_group,
-  traffic_light_group, traffic_sign_group
-};
+inline namespace NPSIM_ABI {
 
 enum class LightCategory : std::uint8_t { none, building, vehicle, object, group };
 
@@ -62,18 +55,7 @@ inline constexpr std::array<LightClassInfo, kLightClassCount> kLightClasses = {{
 }
 [[nodiscard]] constexpr bool is_group(LightClass c) noexcept { return info(c).category == LightCategory::group; }
 
-// What a signal shows by day, where the annotator wrote it down; otherwise it is inferred from the daytime colour.
-enum class SignalState : std::uint8_t { unknown, red, amber, green };
-
-// One annotated object. A light-index plane (std::uint16_t) refers to marks by position + 1; 0 is "no light".
-struct LightMark {
-  std::uint32_t id = 0;        // as in the file
-  LightClass cls = LightClass::none;
-  SignalState state = SignalState::unknown;
-  std::uint16_t group = 0;     // position + 1 of the group's mark; 0 where the source stands alone
-};
-
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_LABELS_LIGHT_CLASSES_HPP

@@ -32,10 +32,9 @@
 #include "npsim/light/emitter.hpp"
 #include "npsim/light/light_set.hpp"
 #include "npsim/light/photometry.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct Activation {
   bool lit = false;
@@ -71,7 +70,6 @@ struct ActivationParams {
   return {};
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace light_detail {
 
 enum class ActivationKey : std::uint32_t { group, alone, source, technology, vehicle, signal, ego };
@@ -304,8 +302,7 @@ struct SignalChoice {
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_LIGHT_ACTIVATION_HPP

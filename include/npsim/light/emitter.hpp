@@ -21,11 +21,10 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/labels/light_classes.hpp"
-#include "npsim/light/low_beam.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/light/detail/low_beam.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 enum class EmissionProfile : std::uint8_t { lambert, street_luminaire, low_beam, signal };
 
@@ -47,7 +46,6 @@ struct Emitter {
 
 inline constexpr float kStreetGlow = 0.01F;  // share of the peak that leaves in every direction, upwards included
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 // `direction` is a unit vector that leaves the emitter.
 [[nodiscard]] inline float relative_intensity(const Emitter& e, const Vec3f& direction) noexcept {
@@ -80,8 +78,7 @@ inline namespace NPSIM_ISA_NAMESPACE {
   return e.centre_m + e.half_u_m * (2.0F * u - 1.0F) + e.half_v_m * (2.0F * v - 1.0F);
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_LIGHT_EMITTER_HPP

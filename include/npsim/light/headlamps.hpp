@@ -12,12 +12,11 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/geometry/ground.hpp"
 #include "npsim/light/emitter.hpp"
-#include "npsim/light/ground.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 inline constexpr std::size_t kEgoHeadlampCount = 2;
 
@@ -29,7 +28,6 @@ struct EgoHeadlampParams {
   float half_height_m = 0.05F;
 };
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 // Writes the left and the right lamp and returns their number, or 0 where `out` has less room or the mounting is not
 // finite and positive.
@@ -61,8 +59,7 @@ inline namespace NPSIM_ISA_NAMESPACE {
   return place_ego_headlamps(EgoHeadlampParams{}, ground, out);
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_LIGHT_HEADLAMPS_HPP

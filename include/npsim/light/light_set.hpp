@@ -20,7 +20,7 @@
 #include "npsim/light/emitter.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 // One measured light source, from a user's data set E (section 3.6.2). Entries of a class replace its default strengths
 // and colours; where there are several, one is drawn.
@@ -80,7 +80,7 @@ inline constexpr float kStopLampCd[2] = {60.0F, 185.0F};
   return {};
 }
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_LIGHT_LIGHT_SET_HPP

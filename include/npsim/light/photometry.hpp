@@ -18,10 +18,9 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/light/emitter.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 // The unit in which the strength of a class is given.
 enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
@@ -89,7 +88,6 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
   return {xy.x, xy.y};
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 // Luminance in cd/m2 of the emitter's pixels for a camera at the origin.
 [[nodiscard]] inline float seen_luminance_cd_m2(const Emitter& e, float peak_cd) noexcept {
@@ -105,8 +103,7 @@ inline namespace NPSIM_ISA_NAMESPACE {
   return value < cap ? value : cap;
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_LIGHT_PHOTOMETRY_HPP

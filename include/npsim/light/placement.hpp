@@ -25,16 +25,15 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/labels/light_classes.hpp"
+#include "npsim/light/detail/region_depth.hpp"
+#include "npsim/light/detail/street_lamp.hpp"
 #include "npsim/light/emitter.hpp"
-#include "npsim/light/ground.hpp"
-#include "npsim/light/region_depth.hpp"
-#include "npsim/light/street_lamp.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct PlacementParams {
   float offset_m = 0.02F;            // patches stand off their surface by this, >= 0
@@ -62,7 +61,6 @@ inline constexpr std::size_t kMaxLightMarks = 65535;  // an index plane can name
   return good ? Status() : Status(StatusCode::invalid_argument, "placement: a parameter lies outside its range");
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace light_detail {
 
 // Mean normal of the region, facing the camera; zero where there is none to trust.
@@ -242,8 +240,7 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_LIGHT_PLACEMENT_HPP

@@ -13,17 +13,15 @@
 
 #include "npsim/core/config.hpp"
 #include "npsim/core/span.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct LightPick {
   std::size_t index = 0;     // meaningful only where probability > 0
   float probability = 0.0F;  // of this index; 0: no candidate has a weight
 };
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 // `u` in [0, 1).
 [[nodiscard]] inline LightPick pick_by_weight(Span<const float> weights, float u) noexcept {
@@ -46,8 +44,7 @@ inline namespace NPSIM_ISA_NAMESPACE {
   return pick;
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_LIGHT_SAMPLER_HPP

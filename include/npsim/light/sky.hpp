@@ -11,10 +11,9 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct SkyParams {
   Vec3f zenith_cd_m2{0.0195F, 0.0177F, 0.0168F};  // linear sRGB; luminance 0.018
@@ -29,7 +28,6 @@ struct SkyParams {
   return good ? Status() : Status(StatusCode::invalid_argument, "sky luminances must be finite and not negative");
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 // cd/m2, linear RGB; `direction` is a unit vector away from the observer.
 [[nodiscard]] inline Vec3f sky_luminance(const SkyParams& p, const Vec3f& direction) noexcept {
@@ -53,8 +51,7 @@ inline namespace NPSIM_ISA_NAMESPACE {
   return p.zenith_cd_m2 * kPi + (p.horizon_cd_m2 - p.zenith_cd_m2) * (kPi / 15.0F);
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_LIGHT_SKY_HPP

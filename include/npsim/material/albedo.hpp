@@ -31,13 +31,12 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/material/class_priors.hpp"
-#include "npsim/material/daylight.hpp"
+#include "npsim/material/detail/class_priors.hpp"
+#include "npsim/material/detail/daylight.hpp"
 #include "npsim/material/roughness.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 [[nodiscard]] constexpr std::size_t estimate_albedo_workspace_bytes(const AlbedoParams& p, Shape shape) noexcept {
   const std::size_t tiles = albedo_tiles(shape.width, p.tile_px) * albedo_tiles(shape.height, p.tile_px);
@@ -47,7 +46,6 @@ inline namespace v1 {
          allocation_bytes<float>(kClasses) * 2 + 2 * allocation_bytes<float>(tiles) + kWorkspaceAlignment;
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 // `labels` may be empty. `albedo` is linear RGB.
 template <class Executor>
@@ -115,8 +113,7 @@ Status estimate_albedo(const AlbedoParams& p, ImageView<const Rgb8> day, ImageVi
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_MATERIAL_ALBEDO_HPP

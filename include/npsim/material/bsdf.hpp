@@ -18,11 +18,10 @@
 
 #include "npsim/core/config.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/material/specular_albedo.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/material/detail/specular_albedo.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 inline constexpr float kMinAlpha = 0.02F;
 
@@ -31,7 +30,6 @@ struct DirectionSample {
   float density = 0.0F;  // per steradian; 0: no sample
 };
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 [[nodiscard]] constexpr float fresnel_schlick(float f0, float cosine) noexcept {
   const float t = cosine < 1.0F ? (cosine > 0.0F ? 1.0F - cosine : 1.0F) : 0.0F;
@@ -100,8 +98,7 @@ inline void tangent_frame(const Vec3f& n, Vec3f& t, Vec3f& b) noexcept {
   return {normalized(t * x + bt * y + n * z), z * 0.31830989F};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_MATERIAL_BSDF_HPP

@@ -11,18 +11,16 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/material/class_priors.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/material/detail/class_priors.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct RoughnessParams {
   float wetness = 0.0F;     // 0 dry .. 1 wet: blends road, parking and pavement towards wet_alpha
   float wet_alpha = 0.12F;  // .05-.2 under a film of water
 };
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 // GGX alpha by class. `labels` may be empty: one class.
 template <class Executor>
@@ -54,8 +52,7 @@ Status estimate_roughness(ImageView<const Label> labels, ImageView<float> alpha,
   return estimate_roughness(RoughnessParams{}, labels, alpha, executor);
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_MATERIAL_ROUGHNESS_HPP

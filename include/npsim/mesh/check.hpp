@@ -25,16 +25,16 @@
 #include <cstdint>
 #include <limits>
 
+#include "npsim/core/config.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
-#include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/mesh/components.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
+#include "npsim/mesh/detail/components.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct MeshReport {
   std::size_t vertices = 0;
@@ -75,7 +75,6 @@ struct MeshReport {
          allocation_bytes<std::uint32_t>(vertices) + 2 * allocation_bytes<std::uint8_t>(vertices) + kWorkspaceAlignment;
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace mesh_detail {
 
 [[nodiscard]] constexpr std::uint32_t next_corner(std::uint32_t corner) noexcept {
@@ -292,8 +291,7 @@ inline void count_pinched(const TriangleMeshView& mesh, CheckSpace& space, MeshR
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_MESH_CHECK_HPP

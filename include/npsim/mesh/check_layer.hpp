@@ -18,16 +18,16 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
 #include "npsim/mesh/sheet.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct LayerReport {
   std::size_t covered_pixels = 0;
@@ -46,7 +46,6 @@ struct LayerReport {
   return allocation_bytes<std::uint8_t>(shape.empty() ? 0 : shape.pixels() + 1) + kWorkspaceAlignment;
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace mesh_detail {
 
 // owner(x, y) is the number of the object that a pixel's vertex belongs to; 0 without a vertex or object.
@@ -143,8 +142,7 @@ void check_quads(const SheetLayer& layer, const Owner& owner, LayerReport& repor
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_MESH_CHECK_LAYER_HPP

@@ -38,22 +38,22 @@
 #include <cstdint>
 
 #include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/mesh/anchor_slope.hpp"
-#include "npsim/mesh/background_state.hpp"
+#include "npsim/mesh/detail/background/anchor_slope.hpp"
+#include "npsim/mesh/detail/background/state.hpp"
+#include "npsim/mesh/detail/street/background.hpp"
+#include "npsim/mesh/detail/street/columns.hpp"
+#include "npsim/mesh/detail/street/floor.hpp"
+#include "npsim/mesh/detail/street/kerbs.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
 #include "npsim/mesh/sheet.hpp"
-#include "npsim/mesh/street_background.hpp"
-#include "npsim/mesh/street_columns.hpp"
-#include "npsim/mesh/street_floor.hpp"
-#include "npsim/mesh/street_kerbs.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 enum class BackgroundInterpolation : std::uint8_t { linear_position, linear_inverse_depth, street };
 enum class BackgroundRegion : std::uint8_t { touching_segments, all_foreground };
@@ -104,7 +104,6 @@ struct BackgroundParams {
              : Status(StatusCode::invalid_argument, "a background completion parameter is out of range");
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace mesh_detail {
 
 // Marks with 1 the foreground pixels of segments that touch an uncertain pixel; leaves the others at 0. Marks spread
@@ -303,8 +302,7 @@ template <class F = simd::F32, class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_MESH_COMPLETE_BACKGROUND_HPP

@@ -31,15 +31,15 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/mesh/components.hpp"
-#include "npsim/mesh/connect.hpp"
-#include "npsim/mesh/foreground_growth.hpp"
-#include "npsim/mesh/foreground_pixels.hpp"
+#include "npsim/mesh/detail/components.hpp"
+#include "npsim/mesh/detail/connect.hpp"
+#include "npsim/mesh/detail/foreground/growth.hpp"
+#include "npsim/mesh/detail/foreground/pixels.hpp"
 #include "npsim/mesh/sheet.hpp"
 #include "npsim/simd/batch.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct ForegroundParams {
   LabelSet foreground = kForegroundLabels;  // section 3.4.2
@@ -52,7 +52,6 @@ struct ForegroundParams {
   return 4 * pixel_bits_bytes(shape) + kWorkspaceAlignment;
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace mesh_detail {
 
 // Unprojects the pixels of row y that are present, and clears the others of the words that hold any.
@@ -174,8 +173,7 @@ template <class F = simd::F32, class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_MESH_COMPLETE_FOREGROUND_HPP

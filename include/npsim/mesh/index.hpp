@@ -18,15 +18,15 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
-#include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/mesh/connect.hpp"
-#include "npsim/mesh/index_fans.hpp"
-#include "npsim/mesh/layer.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
+#include "npsim/mesh/detail/connect.hpp"
+#include "npsim/mesh/detail/index_fans.hpp"
+#include "npsim/mesh/detail/layer.hpp"
 #include "npsim/simd/batch.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct MeshSize {
   std::size_t vertices = 0;
@@ -46,7 +46,6 @@ struct MeshBuffers {
          2 * allocation_bytes<std::uint32_t>(static_cast<std::size_t>(shape.height)) + kWorkspaceAlignment;
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace mesh_detail {
 
 inline constexpr std::uint32_t kManyFans = 0x80000000U;  // flag of an index: the pixel has several vertices
@@ -213,8 +212,7 @@ template <class Executor>
                      executor);
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_MESH_INDEX_HPP

@@ -13,14 +13,14 @@
 
 #include <cstdint>
 
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/mesh/sheet.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 // Values of a state plane. Plain constants, so that a mask with 1 = known and 0 = missing is a state plane too.
 namespace row_state {
@@ -29,7 +29,6 @@ inline constexpr std::uint8_t known = 1;    // kept as it is; an anchor for its 
 inline constexpr std::uint8_t blocked = 2;  // no surface; nothing is continued across it
 }  // namespace row_state
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace mesh_detail {
 
 // Calls f(l, r, left, right) for each maximal run l .. r of missing pixels of one row; left and right tell whether the
@@ -71,8 +70,7 @@ template <class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_MESH_INTERPOLATE_ROWS_HPP

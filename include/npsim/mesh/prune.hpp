@@ -17,12 +17,12 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/mesh/connect.hpp"
-#include "npsim/mesh/layer.hpp"
+#include "npsim/mesh/detail/connect.hpp"
+#include "npsim/mesh/detail/layer.hpp"
 #include "npsim/simd/bytes.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 enum class PrunePolicy : std::uint8_t {
   uncertain_vertex,       // the thesis
@@ -35,7 +35,6 @@ struct PruneParams {
   float max_spread_m = 3.0F;
 };
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace mesh_detail {
 
 // Bits of the first n <= 64 bytes for which test(batch) gives bits.
@@ -121,8 +120,7 @@ template <class F = simd::F32, class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_MESH_PRUNE_HPP

@@ -19,12 +19,12 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/mesh/connect.hpp"
-#include "npsim/mesh/layer.hpp"
+#include "npsim/mesh/detail/connect.hpp"
+#include "npsim/mesh/detail/layer.hpp"
 #include "npsim/simd/batch.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct SheetParams {
   // Depth outside this range is treated as missing. The range is what keeps areas and normals representable.
@@ -40,7 +40,6 @@ struct SheetParams {
   return {};
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace mesh_detail {
 
 // unproject_pixel() of the pixels x, x + 1, ... of row y.
@@ -109,8 +108,7 @@ template <class F = simd::F32, class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_MESH_SHEET_HPP

@@ -26,22 +26,22 @@
 #include <cstdint>
 
 #include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
-#include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
+#include "npsim/mesh/detail/simplify/bound.hpp"
+#include "npsim/mesh/detail/simplify/depth.hpp"
+#include "npsim/mesh/detail/simplify/mesh.hpp"
+#include "npsim/mesh/detail/simplify/thin.hpp"
 #include "npsim/mesh/index.hpp"
 #include "npsim/mesh/sheet.hpp"
-#include "npsim/mesh/simplified_depth.hpp"
-#include "npsim/mesh/simplify_bound.hpp"
-#include "npsim/mesh/simplify_mesh.hpp"
-#include "npsim/mesh/simplify_thin.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 // px. A face with corners at pixel centres is at least 1 / length wide; corners that move by this much do not turn it
 // over where it is no longer than 500 px. Vertices on their rays are closer, rounding included, up to 4096 columns.
@@ -86,7 +86,6 @@ struct SimplifyResult {
          allocation_bytes<std::uint8_t>(pixels) + kWorkspaceAlignment;
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace mesh_detail {
 
 inline constexpr int kSimplifyTile = 96;  // px: its half-edges, 440 kB, stay in a second-level cache
@@ -291,8 +290,7 @@ template <class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_MESH_SIMPLIFY_HPP

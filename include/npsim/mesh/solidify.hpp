@@ -23,20 +23,20 @@
 #include <cstdint>
 
 #include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
-#include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
+#include "npsim/mesh/detail/solidify/params.hpp"
+#include "npsim/mesh/detail/solidify/thickness.hpp"
 #include "npsim/mesh/index.hpp"
 #include "npsim/mesh/sheet.hpp"
-#include "npsim/mesh/solidify_params.hpp"
-#include "npsim/mesh/solidify_thickness.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 // Faces of the backs of a front with so many faces and rim edges.
 [[nodiscard]] constexpr std::size_t back_faces(std::size_t front_faces, std::size_t rim_edges) noexcept {
@@ -50,7 +50,6 @@ inline namespace v1 {
          allocation_bytes<float>(vertices) + back_ratios_workspace_bytes(shape, vertices) + kWorkspaceAlignment;
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace solidify_detail {
 
 [[nodiscard]] inline Status check_front(const SolidifyFront& front, const SolidifyScene& scene) noexcept {
@@ -189,8 +188,7 @@ template <class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_MESH_SOLIDIFY_HPP

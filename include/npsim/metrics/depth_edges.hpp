@@ -22,20 +22,19 @@
 #include <cstdint>
 
 #include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
-#include "npsim/metrics/pixel_sums.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/metrics/detail/pixel_sums.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct DepthEdgeParams {
   float min_step = 0.05F;  // of inverse depth, relative, in (0, 1): 0.05 is 10 m before 10.5 m
   int reach_px = 4;        // 1..64; more than half of the width over which edges are smeared
 };
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace metrics_detail {
 
 struct DepthSteps {
@@ -108,8 +107,7 @@ template <class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_METRICS_DEPTH_EDGES_HPP

@@ -21,14 +21,14 @@
 #include <limits>
 
 #include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/metrics/pixel_sums.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/metrics/detail/pixel_sums.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct DepthErrors {
   std::size_t truth_pixels = 0;  // selected, with a true depth
@@ -70,7 +70,6 @@ struct DepthErrorSums {
          row_sums_workspace_bytes<DepthErrorSums>(shape);
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace metrics_detail {
 
 [[nodiscard]] inline double log_ratio(float estimate, float truth) noexcept {
@@ -156,8 +155,7 @@ template <class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_METRICS_DEPTH_ERRORS_HPP

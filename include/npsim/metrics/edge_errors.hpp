@@ -21,14 +21,14 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/metrics/pixel_sums.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/metrics/detail/pixel_sums.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct EdgeErrorParams {
   int max_distance_px = 10;  // 1..64
@@ -76,7 +76,6 @@ struct EdgeDistanceSums {
   return kWorkspaceAlignment + row_sums_workspace_bytes<MaskOverlap>(shape);
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace metrics_detail {
 
 // From (x, y) to the nearest pixel of the mask, at most `most`.
@@ -171,8 +170,7 @@ template <class Executor>
   });
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_METRICS_EDGE_ERRORS_HPP

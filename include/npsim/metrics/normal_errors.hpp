@@ -17,15 +17,15 @@
 #include <cstdint>
 #include <limits>
 
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/metrics/pixel_sums.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/metrics/detail/pixel_sums.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 inline constexpr std::array<double, 4> kNormalErrorLimits_deg = {5.0, 11.5, 22.5, 30.0};
 
@@ -60,7 +60,6 @@ struct NormalErrorSums {
          row_sums_workspace_bytes<NormalErrorSums>(shape);
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace metrics_detail {
 
 [[nodiscard]] inline bool is_direction(const Vec3f& n) noexcept { return is_finite(n) && n != Vec3f{}; }
@@ -122,8 +121,7 @@ template <class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_METRICS_NORMAL_ERRORS_HPP

@@ -15,18 +15,18 @@
 
 #include "npsim/core/observe.hpp"
 #include "npsim/core/random.hpp"
+#include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/pipeline/detail/prepare_relighting.hpp"
+#include "npsim/pipeline/detail/scene_rays.hpp"
 #include "npsim/pipeline/photograph.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
-#include "npsim/pipeline/prepare_relighting.hpp"
 #include "npsim/pipeline/relight.hpp"
-#include "npsim/pipeline/scene_rays.hpp"
-#include "npsim/pipeline/scene_view.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct NightParams {
   RefineDepthParams depth;
@@ -120,7 +120,7 @@ Status make_nights(const NightParams& params, const SceneView& scene, Workspace&
   return {};
 }
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_PIPELINE_NIGHT_HPP

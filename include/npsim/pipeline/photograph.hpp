@@ -20,7 +20,7 @@
 #include "npsim/sensor/noise.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct PhotographParams {
   AutoExposureParams exposure;
@@ -74,7 +74,7 @@ Status photograph(const PhotographParams& params, std::uint64_t seed, std::uint3
   return develop(isp, signal, picture, executor);
 }
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_PIPELINE_PHOTOGRAPH_HPP

@@ -13,22 +13,22 @@
 #include <cstdint>
 
 #include "npsim/core/observe.hpp"
+#include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
-#include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/light/ground.hpp"
+#include "npsim/geometry/ground.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/mesh/complete_background.hpp"
 #include "npsim/mesh/complete_foreground.hpp"
 #include "npsim/mesh/index.hpp"
 #include "npsim/mesh/prune.hpp"
 #include "npsim/mesh/sheet.hpp"
 #include "npsim/mesh/solidify.hpp"
+#include "npsim/pipeline/detail/simplify_faces.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
-#include "npsim/pipeline/scene_view.hpp"
-#include "npsim/pipeline/simplify_faces.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 inline constexpr std::uint32_t kNoVertex = 0xFFFFFFFFU;
 
@@ -290,7 +290,7 @@ Status reconstruct(const ReconstructParams& params, const SceneView& scene, cons
   return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled after reconstruction") : Status();
 }
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_PIPELINE_RECONSTRUCT_HPP

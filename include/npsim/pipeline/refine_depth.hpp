@@ -18,23 +18,23 @@
 #include "npsim/color/lab.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/observe.hpp"
+#include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/anchor_ground.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/fill.hpp"
+#include "npsim/depth/guiding_normals.hpp"
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/depth/outliers.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/sharpen_edges.hpp"
 #include "npsim/depth/uncertainty.hpp"
-#include "npsim/light/ground.hpp"
-#include "npsim/pipeline/anchor_ground.hpp"
-#include "npsim/pipeline/guiding_normals.hpp"
+#include "npsim/geometry/ground.hpp"
 #include "npsim/pipeline/refine_depth_params.hpp"
-#include "npsim/pipeline/scene_view.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct RefinedDepth {
   ImageView<float> depth;             // m; 0 where there is no surface
@@ -233,7 +233,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
   return cancelled();
 }
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_PIPELINE_REFINE_DEPTH_HPP

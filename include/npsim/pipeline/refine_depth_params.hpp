@@ -7,18 +7,18 @@
 #define NPSIM_PIPELINE_REFINE_DEPTH_PARAMS_HPP
 
 #include "npsim/core/image_view.hpp"
+#include "npsim/depth/anchor_ground.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/fill.hpp"
+#include "npsim/depth/guiding_normals.hpp"
 #include "npsim/depth/outliers.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/sharpen_edges.hpp"
 #include "npsim/depth/uncertainty.hpp"
-#include "npsim/light/ground.hpp"
-#include "npsim/pipeline/anchor_ground.hpp"
-#include "npsim/pipeline/guiding_normals.hpp"
+#include "npsim/geometry/ground.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 // Where edges are sharp already the filter has but noise to remove. Against the thesis' sigma of 10 px, mu of 5 and
 // metric depth: a third of the sigma, the cited code's mu, and inverse depth, which is linear on planes.
@@ -124,7 +124,7 @@ namespace refine_detail {
 }
 }  // namespace refine_detail
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_PIPELINE_REFINE_DEPTH_PARAMS_HPP

@@ -11,20 +11,20 @@
 #include <cstdint>
 
 #include "npsim/core/observe.hpp"
+#include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/light/activation.hpp"
 #include "npsim/light/sky.hpp"
-#include "npsim/pipeline/prepare_relighting.hpp"
-#include "npsim/pipeline/scene_view.hpp"
-#include "npsim/pipeline/source_pixels.hpp"
+#include "npsim/pipeline/detail/prepare_relighting.hpp"
+#include "npsim/pipeline/detail/source_pixels.hpp"
 #include "npsim/render/denoise.hpp"
 #include "npsim/render/direct.hpp"
 #include "npsim/render/gather.hpp"
 #include "npsim/render/surface_points.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 inline constexpr float kInversePi = 0.31830989F;
 
@@ -113,7 +113,7 @@ Status relight(const RelightParams& params, const SceneView& scene, const Religh
   return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while relighting") : Status();
 }
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_PIPELINE_RELIGHT_HPP

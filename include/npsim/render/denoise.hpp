@@ -13,14 +13,14 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct DenoiseParams {
   int iterations = 4;             // footprint 61 px; 0 switches the filter off; at most 8
@@ -38,7 +38,6 @@ struct DenoiseParams {
   return kWorkspaceAlignment + allocation_bytes<Vec3f>(shape.pixels());
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 namespace denoise_detail {
 
@@ -103,8 +102,7 @@ Status denoise_irradiance(const DenoiseParams& params, ImageView<const Vec3f> po
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_RENDER_DENOISE_HPP

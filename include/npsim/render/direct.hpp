@@ -14,6 +14,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/config.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
@@ -22,11 +23,9 @@
 #include "npsim/material/bsdf.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/render/visibility.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
-inline namespace NPSIM_ISA_NAMESPACE {
+inline namespace NPSIM_ABI {
 
 // `activations` and `emitters` agree in length; `visibility` is that of compute_visibility().
 template <class Executor>
@@ -58,8 +57,7 @@ Status direct_light(const SurfacePoints& points, Span<const Emitter> emitters, S
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_RENDER_DIRECT_HPP

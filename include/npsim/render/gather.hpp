@@ -16,6 +16,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/config.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
@@ -23,11 +24,10 @@
 #include "npsim/light/sky.hpp"
 #include "npsim/material/bsdf.hpp"
 #include "npsim/render/surface_points.hpp"
-#include "npsim/simd/isa.hpp"
 #include "npsim/trace/scene.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct GatherParams {
   int rays = 8;                 // per receiver, 1..4096; the denoiser takes care of the rest
@@ -40,7 +40,6 @@ struct GatherParams {
   return good ? Status() : Status(StatusCode::invalid_argument, "gather: rays in 1..4096, bias in [0, 1)");
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 // Traces the rays of `receivers` (indices into points) through `scene` (trace/scene.hpp). point_of(hit) is the point
 // that stands for a hit.
@@ -127,8 +126,7 @@ Status gather_irradiance(const SurfacePoints& points, Span<const Vec3f> point_ir
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_RENDER_GATHER_HPP

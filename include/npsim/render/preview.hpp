@@ -23,18 +23,18 @@
 #include <cstdint>
 
 #include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
-#include "npsim/core/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/render/rasterize.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
+#include "npsim/render/detail/rasterize.hpp"
 #include "npsim/render/view_pose.hpp"
-#include "npsim/simd/isa.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct PreviewParams {
   RasterizeParams rasterize;
@@ -78,7 +78,6 @@ struct PreviewColours {
   return {};
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace preview_detail {
 
 [[nodiscard]] inline Vec3d to_vec(Rgb8 c) noexcept {
@@ -218,8 +217,7 @@ template <class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_RENDER_PREVIEW_HPP

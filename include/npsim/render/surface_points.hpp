@@ -14,7 +14,7 @@
 #include "npsim/core/vec.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 inline constexpr std::uint32_t kNoPoint = 0xFFFFFFFFU;
 
@@ -42,7 +42,7 @@ struct SurfacePoints {
   return position + normal * (relative_bias * reach);
 }
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_RENDER_SURFACE_POINTS_HPP

@@ -20,7 +20,7 @@
 #include "npsim/core/vec.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 // The axes of the view's camera and its centre, in the mesh's frame. The default is the photograph's own camera.
 struct ViewPose {
@@ -144,7 +144,7 @@ namespace view_pose_detail {
   return params.min_m;
 }
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_RENDER_VIEW_POSE_HPP

@@ -23,17 +23,17 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/config.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/light/emitter.hpp"
 #include "npsim/render/surface_points.hpp"
-#include "npsim/simd/isa.hpp"
 #include "npsim/trace/scene.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct VisibilityParams {
   int samples_per_side = 4;         // k of the penumbra, 1..16
@@ -51,7 +51,6 @@ struct VisibilityParams {
                        "visibility: samples_per_side in 1..16, cutoff and angle not negative, bias in [0, 1)");
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 // Unshadowed illuminance (lx) at a point per candela of the emitter's peak intensity; `to_light` is the unit direction.
 // The distance is bounded below by the patch size, where the point-source form would diverge.
@@ -220,8 +219,7 @@ Status compute_visibility(const VisibilityParams& params, const Scene& scene, co
   return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while tracing shadow rays") : Status();
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_RENDER_VISIBILITY_HPP

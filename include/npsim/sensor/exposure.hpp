@@ -17,15 +17,15 @@
 #include <cmath>
 #include <cstddef>
 
+#include "npsim/core/config.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/sensor/signal.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/sensor/detail/signal.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct CameraExposure {
   float f_number = 2.0F;
@@ -76,7 +76,6 @@ inline constexpr float kSaturationExposure = 78.0F;  // lx s at ISO 1
   return allocation_bytes<double>(chunk_count(rows, kSensorRowChunk)) + kWorkspaceAlignment;
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 // signal = luminance * signal_per_luminance(camera), not clipped. `out` may be `in`.
 template <class Executor>
@@ -161,8 +160,7 @@ template <class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_SENSOR_EXPOSURE_HPP

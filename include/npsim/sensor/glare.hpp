@@ -19,14 +19,14 @@
 #include <cmath>
 #include <cstddef>
 
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/sensor/signal.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/sensor/detail/signal.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct GlareLobe {
   float sigma;   // share of the image height; lobes in ascending order
@@ -69,7 +69,6 @@ struct GlareParams {
                                                   : 2 * allocation_bytes<Vec3f>(shape.pixels()) + kWorkspaceAlignment;
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 namespace glare_detail {
 
 // 1 on |i| <= radius, `edge` at +-(radius + 1), times scale.
@@ -203,8 +202,7 @@ template <class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_SENSOR_GLARE_HPP

@@ -22,16 +22,16 @@
 #include <cstdint>
 
 #include "npsim/color/srgb.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/sensor/signal.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/sensor/detail/signal.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 enum class ToneKind : std::uint8_t { clip, filmic };
 
@@ -76,7 +76,6 @@ struct WhiteBalanceParams {
   return allocation_bytes<Vec3d>(chunk_count(rows, kSensorRowChunk)) + kWorkspaceAlignment;
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 // Gains for IspParams::white_balance; 1 each when every pixel is black or saturated.
 template <class Executor>
@@ -141,8 +140,7 @@ template <class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_SENSOR_ISP_HPP

@@ -19,16 +19,16 @@
 #include <cstdint>
 #include <limits>
 
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/sensor/normal_sample.hpp"
-#include "npsim/sensor/signal.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/sensor/detail/normal_sample.hpp"
+#include "npsim/sensor/detail/signal.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 // Variance of the signal x: beta1 x + beta2.
 struct NoiseLevel {
@@ -94,7 +94,6 @@ inline constexpr float kShotNoisePerIso = 1.46e-6F;
   return level;
 }
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 // `out` may be `signal`.
 template <class Executor>
@@ -128,8 +127,7 @@ template <class Executor>
   return {};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_SENSOR_NOISE_HPP

@@ -39,16 +39,15 @@
 #include <limits>
 #include <type_traits>
 
-#include "npsim/simd/isa.hpp"
-#include "npsim/simd/scalar.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/simd/detail/scalar.hpp"
 #if !defined(NPSIM_SIMD_SCALAR)
-#include "npsim/simd/interleave.hpp"
-#include "npsim/simd/native.hpp"
+#include "npsim/simd/detail/interleave.hpp"
+#include "npsim/simd/detail/native.hpp"
 #endif
 
 namespace npsim {
-inline namespace v1 {
-inline namespace NPSIM_ISA_NAMESPACE {
+inline namespace NPSIM_ABI {
 namespace simd {
 
 #if defined(NPSIM_SIMD_SCALAR)
@@ -202,8 +201,7 @@ template <class F>
 }
 
 }  // namespace simd
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_SIMD_BATCH_HPP

@@ -14,8 +14,7 @@
 #include "npsim/simd/batch.hpp"
 
 namespace npsim {
-inline namespace v1 {
-inline namespace NPSIM_ISA_NAMESPACE {
+inline namespace NPSIM_ABI {
 namespace simd {
 
 inline constexpr int kBlockElements = 16;
@@ -51,8 +50,7 @@ template <class F>
 }
 
 }  // namespace simd
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_SIMD_BLOCK_HPP

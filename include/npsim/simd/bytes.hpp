@@ -19,8 +19,7 @@
 #include "npsim/simd/batch.hpp"
 
 namespace npsim {
-inline namespace v1 {
-inline namespace NPSIM_ISA_NAMESPACE {
+inline namespace NPSIM_ABI {
 namespace simd {
 
 // clang-format off
@@ -315,8 +314,7 @@ using BytesOf = typename bytes_detail::Of<F>::Type;
 using U8 = BytesOf<F32>;
 
 }  // namespace simd
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_SIMD_BYTES_HPP

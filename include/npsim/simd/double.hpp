@@ -13,8 +13,7 @@
 #include "npsim/simd/batch.hpp"
 
 namespace npsim {
-inline namespace v1 {
-inline namespace NPSIM_ISA_NAMESPACE {
+inline namespace NPSIM_ABI {
 namespace simd {
 namespace scalar {
 
@@ -121,8 +120,7 @@ template <class F>
 using Double = typename DoubleOf<F>::type;
 
 }  // namespace simd
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_SIMD_DOUBLE_HPP

@@ -13,15 +13,14 @@
 #include <cstdint>
 #include <limits>
 
-#include "npsim/simd/isa.hpp"
-#include "npsim/simd/scalar.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/simd/detail/scalar.hpp"
 #if !defined(NPSIM_SIMD_SCALAR)
-#include "npsim/simd/native.hpp"
+#include "npsim/simd/detail/native.hpp"
 #endif
 
 namespace npsim {
-inline namespace v1 {
-inline namespace NPSIM_ISA_NAMESPACE {
+inline namespace NPSIM_ABI {
 namespace simd {
 
 // Starts reading the cache line of p.
@@ -236,8 +235,7 @@ struct Fixed<16> {
 // clang-format on
 
 }  // namespace simd
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_SIMD_FIXED_HPP

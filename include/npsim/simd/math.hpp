@@ -24,8 +24,7 @@
 #include "npsim/simd/batch.hpp"
 
 namespace npsim {
-inline namespace v1 {
-inline namespace NPSIM_ISA_NAMESPACE {
+inline namespace NPSIM_ABI {
 namespace simd {
 namespace math_detail {
 
@@ -217,8 +216,7 @@ template <class F>
 }
 
 }  // namespace simd
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_SIMD_MATH_HPP

@@ -14,12 +14,12 @@
 #ifndef NPSIM_TRACE_BVH_HPP
 #define NPSIM_TRACE_BVH_HPP
 
-#include "npsim/trace/bvh_build.hpp"
-#include "npsim/trace/bvh_check.hpp"
-#include "npsim/trace/bvh_instance.hpp"
-#include "npsim/trace/bvh_layout.hpp"
-#include "npsim/trace/bvh_refit.hpp"
-#include "npsim/trace/bvh_traverse.hpp"
+#include "npsim/trace/detail/bvh/build.hpp"
+#include "npsim/trace/detail/bvh/check.hpp"
+#include "npsim/trace/detail/bvh/instance.hpp"
+#include "npsim/trace/detail/bvh/layout.hpp"
+#include "npsim/trace/detail/bvh/refit.hpp"
+#include "npsim/trace/detail/bvh/traverse.hpp"
 #include "npsim/trace/ray.hpp"
 #include "npsim/trace/spawn.hpp"
 

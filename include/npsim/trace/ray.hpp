@@ -14,7 +14,7 @@
 #include "npsim/core/vec.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 // What Hit::face holds when nothing was hit.
 inline constexpr std::uint32_t kNoFace = 0xFFFFFFFFU;
@@ -34,7 +34,7 @@ struct Hit {
   float v = 0.0F;  // barycentric coordinate of vertex c
 };
 
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_TRACE_RAY_HPP

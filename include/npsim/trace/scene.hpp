@@ -23,16 +23,16 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/config.hpp"
 #include "npsim/core/span.hpp"
-#include "npsim/simd/isa.hpp"
 #include "npsim/trace/bvh.hpp"
+#include "npsim/trace/detail/sheet/layout.hpp"
+#include "npsim/trace/detail/sheet/packet.hpp"
+#include "npsim/trace/detail/sheet/traverse.hpp"
 #include "npsim/trace/ray.hpp"
-#include "npsim/trace/sheet_layout.hpp"
-#include "npsim/trace/sheet_packet.hpp"
-#include "npsim/trace/sheet_traverse.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 template <class First, class Second>
 struct JoinedScene {
@@ -40,7 +40,6 @@ struct JoinedScene {
   Second second;
 };
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 // Numbers that the faces take, those that are not there included.
 [[nodiscard]] inline std::uint32_t face_count(const SheetScene& scene) noexcept {
@@ -139,8 +138,7 @@ void occluded(const JoinedScene<First, Second>& scene, Span<const Ray> rays, Acc
   }
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_TRACE_SCENE_HPP

@@ -15,14 +15,14 @@
 #include <cstdint>
 #include <limits>
 
-#include "npsim/core/triangle_mesh.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/simd/isa.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
+#include "npsim/trace/detail/triangle/triangle.hpp"
 #include "npsim/trace/ray.hpp"
-#include "npsim/trace/triangle.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 
 struct SurfacePoint {
   Vec3f position;
@@ -30,7 +30,6 @@ struct SurfacePoint {
   Vec3f normal;  // unit geometric normal, along cross(b - a, c - a)
 };
 
-inline namespace NPSIM_ISA_NAMESPACE {
 
 [[nodiscard]] inline SurfacePoint surface_point(const TriangleMeshView& mesh, const Hit& hit) noexcept {
   const Face& face = mesh.faces[hit.face];
@@ -72,8 +71,7 @@ inline namespace NPSIM_ISA_NAMESPACE {
           moved(position.z, signed_distance * normal.z)};
 }
 
-}  // namespace NPSIM_ISA_NAMESPACE
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_TRACE_SPAWN_HPP

@@ -16,12 +16,12 @@
 #include <unordered_map>
 #include <vector>
 
+#include "npsim/io/detail/json_fields.hpp"
 #include "npsim/io/error.hpp"
-#include "npsim/io/json_fields.hpp"
 #include "npsim/labels/light_classes.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 namespace detail {
 
@@ -230,7 +230,7 @@ inline Expected<std::vector<LightEntry>> coco_panoptic_entries(const std::string
 
 }  // namespace detail
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_DETAIL_LIGHT_ENTRIES_HPP

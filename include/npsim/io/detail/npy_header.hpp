@@ -13,12 +13,12 @@
 #include <vector>
 
 #include "npsim/core/image_view.hpp"
+#include "npsim/io/detail/file_bytes.hpp"
+#include "npsim/io/detail/limits.hpp"
 #include "npsim/io/error.hpp"
-#include "npsim/io/file_bytes.hpp"
-#include "npsim/io/limits.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 namespace detail {
 
@@ -191,7 +191,7 @@ inline Expected<NpyHeader> npy_header(const std::string& path, const Bytes& b, c
 
 }  // namespace detail
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_DETAIL_NPY_HEADER_HPP

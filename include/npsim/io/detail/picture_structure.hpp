@@ -11,11 +11,11 @@
 #include <cstdint>
 #include <string>
 
+#include "npsim/io/detail/file_bytes.hpp"
 #include "npsim/io/error.hpp"
-#include "npsim/io/file_bytes.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 namespace detail {
 
@@ -159,7 +159,7 @@ inline Outcome check_jpeg_segments(const std::string& path, const Bytes& b) {
 
 }  // namespace detail
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_DETAIL_PICTURE_STRUCTURE_HPP

@@ -20,7 +20,7 @@
 #include "npsim/io/error.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 namespace detail {
 
@@ -119,7 +119,7 @@ Expected<Bytes> encode_png(const std::string& path, Shape shape, int bit_depth, 
 
 }  // namespace detail
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_DETAIL_PNG_ENCODE_HPP

@@ -12,15 +12,15 @@
 #include <utility>
 
 #include "npsim/depth/normal_convention.hpp"
-#include "npsim/io/depth.hpp"
-#include "npsim/io/json_fields.hpp"
-#include "npsim/io/labels.hpp"
+#include "npsim/io/detail/depth.hpp"
+#include "npsim/io/detail/json_fields.hpp"
+#include "npsim/io/detail/labels.hpp"
+#include "npsim/io/detail/normals.hpp"
+#include "npsim/io/detail/scene_data.hpp"
 #include "npsim/io/light_annotation.hpp"
-#include "npsim/io/normals.hpp"
-#include "npsim/io/scene_data.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 namespace detail {
 
@@ -270,7 +270,7 @@ inline Outcome read_scene_lights(const JsonObject& entry, const ReadLimits& limi
 
 }  // namespace detail
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #endif  // NPSIM_IO_DETAIL_SCENE_PLANES_HPP

@@ -26,7 +26,7 @@
 #include "npsim/core/config.hpp"
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 namespace detail {
 
@@ -42,7 +42,7 @@ inline void* stb_reallocate(void* old, std::size_t bytes) {
 
 }  // namespace detail
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #pragma push_macro("STBI_INCLUDE_STB_IMAGE_H")
@@ -77,7 +77,7 @@ inline void* stb_reallocate(void* old, std::size_t bytes) {
 #endif
 
 namespace npsim {
-inline namespace v1 {
+inline namespace NPSIM_ABI {
 namespace io {
 namespace detail {
 namespace stb {
@@ -92,7 +92,7 @@ static void stbi__idct_block(unsigned char* out, int out_stride, short data[64])
 }  // namespace stb
 }  // namespace detail
 }  // namespace io
-}  // namespace v1
+}  // namespace NPSIM_ABI
 }  // namespace npsim
 
 #if defined(__GNUC__)

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the method starts from: one daytime photograph and everything known about it, as views over caller's memory.
+//
+// Only image, depth and camera are required. Empty labels: all is one class; empty instances: connected components of a
+// label stand for objects; empty normals, albedo, roughness: computed; empty lights: nothing is marked.
+#ifndef NPSIM_CORE_SCENE_VIEW_HPP
+#define NPSIM_CORE_SCENE_VIEW_HPP
+
+#include <cstdint>
+
+#include "npsim/core/annotation.hpp"
+#include "npsim/core/camera.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+
+struct SceneView {
+  Intrinsics camera;
+  float camera_height_m = 0.0F;                  // above the road, where the depth is an estimate; 0: not known
+  ImageView<const Rgb8> image;                   // sRGB
+  ImageView<const float> depth;                  // z-depth, m; invalid where not finite or not positive
+  ImageView<const Label> labels;                 // Cityscapes label ids
+  ImageView<const std::uint16_t> instances;      // any ids; equal id and label = same object
+  ImageView<const Vec3f> normals;                // unit, camera frame, facing the camera; zero = none
+  ImageView<const Vec3f> albedo;                 // linear RGB
+  ImageView<const float> roughness;              // GGX alpha
+  ImageView<const std::uint16_t> light_index;    // position + 1 in lights, 0 = none
+  Span<const LightMark> lights;
+
+  [[nodiscard]] constexpr Shape shape() const noexcept { return image.shape(); }
+};
+
+[[nodiscard]] inline Status validate(const SceneView& s) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(s.camera));
+  if (s.image.empty() || s.depth.empty()) {
+    return Status(StatusCode::invalid_argument, "a scene needs an image and a depth plane");
+  }
+  const Shape shape = s.shape();
+  const bool agree = s.depth.shape() == shape && (s.labels.empty() || s.labels.shape() == shape) &&
+                     (s.instances.empty() || s.instances.shape() == shape) &&
+                     (s.normals.empty() || s.normals.shape() == shape) &&
+                     (s.albedo.empty() || s.albedo.shape() == shape) &&
+                     (s.roughness.empty() || s.roughness.shape() == shape) &&
+                     (s.light_index.empty() || s.light_index.shape() == shape);
+  if (!agree) return Status(StatusCode::shape_mismatch, "every plane of a scene must have the size of its image");
+  for (int y = 0; y < (s.light_index.empty() ? 0 : shape.height); ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (s.light_index(x, y) > s.lights.size()) {
+        return Status(StatusCode::invalid_argument, "light_index refers to a mark that does not exist");
+      }
+    }
+  }
+  return {};
+}
+
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_CORE_SCENE_VIEW_HPP

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scene mesh made ready for rays: what they meet, which lamp a face is part of, and which point stands for a hit.
+//
+// LayerRays: both layers as they are, every face of them, in the structure for layers (trace/detail/sheet/layout.hpp), and the
+// backs of objects in a tree. Faces: two a quad of the background, two a quad of the foreground, then the backs.
+// MeshRays: the indexed mesh, however few its faces, in a tree. Faces: the mesh's.
+// Both offer  scene  (trace/scene.hpp),  face_count(),  mark(...)  and  point_of(hit).
+// Exact, given the faces. Cost: a few passes over the layers, or the building of a tree. Memory: the workspace, which
+// they point into.
+#ifndef NPSIM_PIPELINE_DETAIL_SCENE_RAYS_HPP
+#define NPSIM_PIPELINE_DETAIL_SCENE_RAYS_HPP
+
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/scene_view.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/light/emitter.hpp"
+#include "npsim/pipeline/detail/lamp_faces.hpp"
+#include "npsim/pipeline/detail/point_of_hit.hpp"
+#include "npsim/pipeline/reconstruct.hpp"
+#include "npsim/trace/detail/sheet/build.hpp"
+#include "npsim/trace/scene.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+
+// Two a quad in either layer, and four that a quad adds to the objects' backs at most (see kMaxFacesPerPixel).
+inline constexpr std::size_t kMaxTracedFacesPerPixel = 8;
+
+struct LayerRays {
+  JoinedScene<SheetScene, Bvh> scene;
+  const SceneMesh* mesh = nullptr;
+
+  template <class Executor>
+  [[nodiscard]] static Status make(const SceneView& view, const SceneMesh& mesh, Workspace& workspace,
+                                   Executor& executor, LayerRays& out) {
+    Span<SheetTrace> layers;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(2, layers));
+    NPSIM_RETURN_IF_ERROR(build_sheet_trace(mesh.background, view.camera, workspace, layers[0], executor));
+    NPSIM_RETURN_IF_ERROR(build_sheet_trace(mesh.foreground, view.camera, workspace, layers[1], executor));
+    NPSIM_RETURN_IF_ERROR(join_layers(layers, out.scene.first));
+    out.mesh = &mesh;
+    const std::size_t backs = mesh.mesh.faces.size() - mesh.sheet_faces;
+    out.scene.second = Bvh{};
+    if (backs == 0) return {};
+    return build_bvh({mesh.mesh.vertices, mesh.mesh.faces.sub(mesh.sheet_faces, backs)}, workspace, out.scene.second);
+  }
+
+  [[nodiscard]] std::size_t face_count() const noexcept {
+    return npsim::face_count(scene.first) + mesh->mesh.faces.size() - mesh->sheet_faces;
+  }
+  [[nodiscard]] Status mark(const SceneView& view, Span<const Emitter> emitters, Span<std::uint16_t> face_mark,
+                            Workspace& workspace) const {
+    return mark_layer_faces(view, *mesh, emitters, face_mark, workspace);
+  }
+  [[nodiscard]] std::uint32_t point_of(const Hit& hit) const noexcept { return PointOfLayerHit{mesh}(hit); }
+};
+
+struct MeshRays {
+  Bvh scene;
+  const SceneMesh* mesh = nullptr;
+  Intrinsics camera;
+
+  template <class Executor>
+  [[nodiscard]] static Status make(const SceneView& view, const SceneMesh& mesh, Workspace& workspace, Executor&,
+                                   MeshRays& out) {
+    out.mesh = &mesh;
+    out.camera = view.camera;
+    return build_bvh(mesh.mesh, workspace, out.scene);
+  }
+
+  [[nodiscard]] std::size_t face_count() const noexcept { return mesh->mesh.faces.size(); }
+  [[nodiscard]] Status mark(const SceneView& view, Span<const Emitter> emitters, Span<std::uint16_t> face_mark,
+                            Workspace& workspace) const {
+    return mark_faces(view, *mesh, emitters, face_mark, workspace);
+  }
+  [[nodiscard]] std::uint32_t point_of(const Hit& hit) const noexcept { return PointOfMeshHit{mesh, camera}(hit); }
+};
+
+[[nodiscard]] constexpr std::size_t scene_rays_workspace_bytes(TracedFaces traced, Shape shape) noexcept {
+  const std::size_t pixels = shape.pixels();
+  if (traced == TracedFaces::mesh) return bvh_workspace_bytes(kMaxFacesPerPixel * pixels) + kWorkspaceAlignment;
+  return 2 * sheet_workspace_bytes(shape) + allocation_bytes<SheetTrace>(2) +
+         bvh_workspace_bytes((kMaxTracedFacesPerPixel - 4) * pixels) + kWorkspaceAlignment;
+}
+
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_PIPELINE_DETAIL_SCENE_RAYS_HPP

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+// Normal, albedo and roughness at every vertex of the scene mesh, hidden ones included.
+//
+// A visible vertex takes what its pixel shows. Behind objects the same row-wise interpolation as for the geometry
+// (Algorithm 1) continues normals and albedo from the background on both sides; roughness there is that of `hidden_alpha`.
+// The back of an object has the paint of its front, and the normal of its own faces.
+// Cost: two passes over the image. Memory: two images and two planes.
+#ifndef NPSIM_PIPELINE_DETAIL_SURFACE_ATTRIBUTES_HPP
+#define NPSIM_PIPELINE_DETAIL_SURFACE_ATTRIBUTES_HPP
+
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/scene_view.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/material/albedo.hpp"
+#include "npsim/mesh/interpolate_rows.hpp"
+#include "npsim/pipeline/reconstruct.hpp"
+#include "npsim/pipeline/refine_depth.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+
+// How material is guessed where the scene does not give it.
+struct MaterialParams {
+  AlbedoParams albedo;
+  RoughnessParams roughness;
+};
+
+struct SurfaceAttributes {
+  Span<Vec3f> normal;  // unit, facing the camera; of an object's back, away from the object
+  Span<Vec3f> albedo;
+  Span<float> alpha;
+};
+
+inline constexpr float kHiddenAlpha = 0.8F;
+
+[[nodiscard]] constexpr std::size_t surface_attributes_workspace_bytes(const MaterialParams& params,
+                                                                       Shape shape) noexcept {
+  return 2 * allocation_bytes<Vec3f>(shape.pixels()) + allocation_bytes<float>(shape.pixels()) +
+         allocation_bytes<std::uint8_t>(shape.pixels()) +
+         estimate_albedo_workspace_bytes(params.albedo, shape) + kWorkspaceAlignment;
+}
+
+namespace attributes_detail {
+
+// Mean normals, by area, of the faces around the vertices of the objects' backs.
+inline void back_normals(const SceneMesh& mesh, Span<Vec3f> normal) {
+  for (std::size_t v = mesh.sheet_vertices; v < mesh.mesh.vertices.size(); ++v) normal[v] = {};
+  for (std::size_t f = mesh.sheet_faces; f < mesh.mesh.faces.size(); ++f) {
+    const Face face = mesh.mesh.faces[f];
+    const Vec3f a = mesh.mesh.vertices[face.a];
+    const Vec3f n = cross(mesh.mesh.vertices[face.b] - a, mesh.mesh.vertices[face.c] - a);
+    for (const std::uint32_t v : {face.a, face.b, face.c}) {
+      if (v >= mesh.sheet_vertices) normal[v] += n;
+    }
+  }
+  for (std::size_t v = mesh.sheet_vertices; v < mesh.mesh.vertices.size(); ++v) {
+    const Vec3f n = normalized(normal[v]);
+    normal[v] = n == Vec3f{} || !is_finite(n) ? normalized(mesh.mesh.vertices[v]) : n;
+  }
+}
+
+}  // namespace attributes_detail
+
+template <class Executor>
+Status surface_attributes(const MaterialParams& params, const SceneView& scene, const RefinedDepth& refined,
+                          const SceneMesh& mesh, const SurfaceAttributes& out, Workspace& workspace,
+                          Executor& executor) {
+  const Shape shape = scene.shape();
+  const auto share = [](float v) { return v > 0.0F ? (v < 1.0F ? v : 1.0F) : 0.0F; };  // a NaN becomes 0
+  WorkspaceScope scope(workspace);
+  ImageView<Vec3f> albedo;
+  ImageView<Vec3f> normal;
+  ImageView<float> alpha;
+  ImageView<std::uint8_t> known;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, albedo));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, normal));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, alpha));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, known));
+  if (scene.albedo.empty()) {
+    NPSIM_RETURN_IF_ERROR(estimate_albedo(params.albedo, scene.image, refined.labels, workspace, albedo, executor));
+  } else {
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        const Vec3f a = scene.albedo(x, y);
+        albedo(x, y) = {share(a.x), share(a.y), share(a.z)};
+      }
+    }
+  }
+  if (scene.roughness.empty()) {
+    NPSIM_RETURN_IF_ERROR(estimate_roughness(params.roughness, refined.labels, alpha, executor));
+  } else {
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) alpha(x, y) = share(scene.roughness(x, y));
+    }
+  }
+  copy_pixels(refined.normals, normal);
+
+  const auto width = static_cast<std::uint32_t>(shape.width);
+  const auto copy = [&](std::size_t first, std::size_t last, bool hidden_too) {
+    for (std::size_t v = first; v < last; ++v) {
+      const auto x = static_cast<int>(mesh.vertex_pixel[v] % width);
+      const auto y = static_cast<int>(mesh.vertex_pixel[v] / width);
+      const Vec3f n = normalized(normal(x, y));
+      const Vec3f view = normalized(mesh.mesh.vertices[v]);
+      // A normal that does not face the camera (noise, a grazing plane) would make a lit surface black.
+      const float facing = dot(n, view);
+      out.normal[v] = n == Vec3f{} ? -view : (facing < 0.0F ? n : normalized(n - view * (facing + 0.01F)));
+      out.albedo[v] = albedo(x, y);
+      const bool hidden = hidden_too && known(x, y) == row_state::missing;
+      out.alpha[v] = hidden ? kHiddenAlpha : alpha(x, y);
+    }
+  };
+  copy(mesh.background_vertices, mesh.mesh.vertices.size(), false);
+  attributes_detail::back_normals(mesh, out.normal);
+  // Known is what the camera sees of the background, the completed uncertain pixels beside objects included.
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const bool seen = mesh.visible_vertex(x, y) < mesh.background_vertices;
+      known(x, y) = seen ? row_state::known
+                         : (mesh.background_state(x, y) == row_state::blocked ? row_state::blocked : row_state::missing);
+    }
+  }
+  NPSIM_RETURN_IF_ERROR(interpolate_rows(known, albedo, executor));
+  NPSIM_RETURN_IF_ERROR(interpolate_rows(known, normal, executor));
+  copy(0, mesh.background_vertices, true);
+  return {};
+}
+
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_PIPELINE_DETAIL_SURFACE_ATTRIBUTES_HPP

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the sensor kernels share: how they read a sample, how they divide the rows, how they add up.
+//
+// A sample that is NaN or negative reads as 0, one above kMaxSample (infinity included) as kMaxSample: light is never
+// negative, and one broken pixel must not spread through a blur or a mean.
+#ifndef NPSIM_SENSOR_DETAIL_SIGNAL_HPP
+#define NPSIM_SENSOR_DETAIL_SIGNAL_HPP
+
+#include <cstddef>
+
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+
+inline constexpr std::size_t kSensorRowChunk = 16;  // rows per task and per partial sum
+inline constexpr float kMaxSample = 1e12F;          // the sun's disc is 2e9 cd/m2
+
+[[nodiscard]] constexpr float sane_sample(float x) noexcept {
+  return x > 0.0F ? (x < kMaxSample ? x : kMaxSample) : 0.0F;
+}
+[[nodiscard]] constexpr Vec3f sane_sample(const Vec3f& rgb) noexcept {
+  return {sane_sample(rgb.x), sane_sample(rgb.y), sane_sample(rgb.z)};
+}
+
+// sane_sample, saturated at full scale.
+[[nodiscard]] constexpr float saturated(float x) noexcept { return x > 0.0F ? (x < 1.0F ? x : 1.0F) : 0.0F; }
+[[nodiscard]] constexpr Vec3f saturated(const Vec3f& rgb) noexcept {
+  return {saturated(rgb.x), saturated(rgb.y), saturated(rgb.z)};
+}
+
+[[nodiscard]] inline Status check_image(ImageView<const Vec3f> in) noexcept {
+  if (in.empty()) return Status(StatusCode::no_valid_input, "the sensor needs an image of at least one pixel");
+  return {};
+}
+
+template <class Out>
+[[nodiscard]] Status check_images(ImageView<const Vec3f> in, ImageView<Out> out) noexcept {
+  NPSIM_RETURN_IF_ERROR(check_image(in));
+  if (out.empty() || out.shape() != in.shape()) {
+    return Status(StatusCode::shape_mismatch, "input and output image must have the same size");
+  }
+  return {};
+}
+
+// Calls f(y) for every row.
+template <class Executor, class F>
+void for_rows(Shape shape, Executor& executor, const F& f) {
+  executor.for_chunks(static_cast<std::size_t>(shape.height), kSensorRowChunk,
+                      [&f](std::size_t begin, std::size_t end) {
+                        for (std::size_t y = begin; y < end; ++y) f(static_cast<int>(y));
+                      });
+}
+
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_SENSOR_DETAIL_SIGNAL_HPP

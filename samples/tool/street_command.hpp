@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// npsim street: generates a street and writes it as a scene with full ground truth.
+#ifndef NPSIM_SAMPLES_TOOL_STREET_COMMAND_HPP
+#define NPSIM_SAMPLES_TOOL_STREET_COMMAND_HPP
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <string>
+
+#include "console.hpp"
+#include "npsim/exec/thread_pool.hpp"
+#include "options.hpp"
+#include "street/street.hpp"
+#include "street/write.hpp"
+
+namespace npsim::tool {
+
+struct StreetOptions {
+  std::string output;
+  std::uint64_t seed = 1;
+  std::string size = "960x540";
+  int threads = 0;
+  bool quiet = false;
+};
+
+// The pool, except that nothing is begun any more once the user has interrupted.
+struct InterruptibleExecutor {
+  ThreadPool& pool;
+
+  template <class F>
+  void for_chunks(std::size_t count, std::size_t chunk, F&& f) {
+    pool.for_chunks(count, chunk, [&](std::size_t begin, std::size_t end) {
+      if (!interrupted.load(std::memory_order_relaxed)) f(begin, end);
+    });
+  }
+};
+
+inline int run_street(const StreetOptions& options) {
+  const io::Expected<Shape> size = parse_size(options.size);
+  if (!size) return fail(size.error());
+  if (const io::Outcome folder = make_folder(options.output); !folder) return fail(folder.error());
+  Console console(options.quiet);
+  street::StreetParams params;
+  params.seed = options.seed;
+  params.shape = size.value();
+  ThreadPool pool(thread_count(options.threads));
+  InterruptibleExecutor executor{pool};
+  street::Street street;
+  const Status made =
+      console.timed("build and photograph", [&] { return street::make_street(params, executor, street); });
+  if (console.cancelled()) return fail(options.output, Status(StatusCode::cancelled, ""));
+  if (!made.ok()) return fail(options.output, made);
+  const io::Outcome written = console.timed("write scene", [&] { return street::write_street(street, options.output); });
+  if (!written) return fail(written.error());
+  std::printf("%s\n", (options.output + "/scene.json").c_str());
+  return kExitDone;
+}
+
+}  // namespace npsim::tool
+
+#endif  // NPSIM_SAMPLES_TOOL_STREET_COMMAND_HPP
