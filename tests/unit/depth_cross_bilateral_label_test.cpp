@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "backward_executor.hpp"
+#include "fixture.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/exec/thread_pool.hpp"
@@ -214,7 +214,7 @@ TEST_CASE("label term: the same bits with one lane, on four threads, backwards a
     for (int variant = 0; variant < 3; ++variant) {
       s.out.assign(s.out.size(), -1.0F);
       if (variant == 0) REQUIRE(s.run<simd::scalar::F32>(p, serial).ok());
-      if (variant == 1) REQUIRE(s.run(p, BackwardExecutor()).ok());
+      if (variant == 1) REQUIRE(s.run(p, npsim_test::BackwardExecutor()).ok());
       if (variant == 2) REQUIRE(s.run(p, ThreadPool(4)).ok());
       CHECK(s.out == expected);
     }

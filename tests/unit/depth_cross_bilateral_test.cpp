@@ -9,7 +9,7 @@
 #include <limits>
 #include <vector>
 
-#include "backward_executor.hpp"
+#include "fixture.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/exec/thread_pool.hpp"
 
@@ -493,7 +493,7 @@ TEST_CASE("cross-bilateral gives the same bits with one lane, with chunks backwa
   p.sigma_s_px = 3.0F;
   REQUIRE(s.run(p).ok());
   const std::vector<float> expected = s.out;
-  const BackwardExecutor backward;
+  const npsim_test::BackwardExecutor backward;
   REQUIRE(s.run(p, backward).ok());
   CHECK(s.out == expected);
 
@@ -542,7 +542,7 @@ TEST_CASE("cross-bilateral: the bits depend on neither lanes, threads nor the or
     ThreadPool pool(4);
     REQUIRE(s.run(p, pool).ok());
     CHECK(s.out == expected);
-    const BackwardExecutor backward;
+    const npsim_test::BackwardExecutor backward;
     REQUIRE(s.run(p, backward).ok());
     CHECK(s.out == expected);
 

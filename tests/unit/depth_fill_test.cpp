@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "npsim/core/random.hpp"
-#include "backward_executor.hpp"
+#include "fixture.hpp"
 
 using namespace npsim;
 
@@ -268,7 +268,7 @@ TEST_CASE("fill does not depend on the order of chunks, works in place and on st
   }
   REQUIRE(s.run().ok());
   const std::vector<float> expected = s.out;
-  const BackwardExecutor backward;
+  const npsim_test::BackwardExecutor backward;
   REQUIRE(s.run(backward).ok());
   CHECK(s.out == expected);
 

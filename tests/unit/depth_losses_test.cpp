@@ -12,7 +12,7 @@
 #include "npsim/core/random.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "reference/losses.hpp"
-#include "backward_executor.hpp"
+#include "fixture.hpp"
 
 using namespace npsim;
 
@@ -392,7 +392,7 @@ TEST_CASE("losses have the same bits with one lane and with many, on any number 
     REQUIRE(s.run(p).ok());
     const Scene<float> first = s;
     const SerialExecutor serial;
-    const BackwardExecutor backward;
+    const npsim_test::BackwardExecutor backward;
     const auto clear = [&s] {
       s.values = {};
       std::fill(s.gradient.begin(), s.gradient.end(), -1.0F);

@@ -13,7 +13,7 @@
 #include "npsim/core/random.hpp"
 #include "npsim/depth/normals.hpp"
 #include "npsim/depth/refine.hpp"
-#include "backward_executor.hpp"
+#include "fixture.hpp"
 
 namespace npsim {
 namespace refine_test {

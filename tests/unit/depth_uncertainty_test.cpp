@@ -9,7 +9,7 @@
 #include <limits>
 #include <vector>
 
-#include "backward_executor.hpp"
+#include "fixture.hpp"
 #include "npsim/core/random.hpp"
 #include "reference/uncertainty.hpp"
 
@@ -116,7 +116,7 @@ TEST_CASE("uncertainty equals the definition on random images: holes, every wind
       REQUIRE(im.run(p).ok());
       check_against_naive(im, p);
       const auto mask = im.mask;
-      const BackwardExecutor backward;
+      const npsim_test::BackwardExecutor backward;
       REQUIRE(im.run(p, backward).ok());
       CHECK(mask == im.mask);
     }
@@ -284,7 +284,7 @@ TEST_CASE(
       }
       CHECK(worst <= 5e-7);
       const auto variance = im.variance;
-      BackwardExecutor backward;
+      npsim_test::BackwardExecutor backward;
       REQUIRE(im.run<simd::scalar::F32>(p, backward).ok());
       CHECK(im.mask == expected.mask);
       CHECK(im.variance == variance);

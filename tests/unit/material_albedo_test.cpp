@@ -10,7 +10,7 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/material/albedo.hpp"
-#include "backward_executor.hpp"
+#include "fixture.hpp"
 
 namespace {
 
@@ -155,7 +155,7 @@ TEST_CASE("the order of chunks never changes a bit; one row and one column work;
   Picture a = street({1.1F, 1, 0.9F}, true);
   Picture b = a;
   REQUIRE(a.run().ok());
-  REQUIRE(b.run({}, true, BackwardExecutor{}).ok());
+  REQUIRE(b.run({}, true, npsim_test::BackwardExecutor{}).ok());
   CHECK(std::memcmp(a.albedo.data(), b.albedo.data(), a.albedo.size() * sizeof(Vec3f)) == 0);
   for (const Shape s : {Shape{1, 37}, Shape{53, 1}, Shape{1, 1}}) {
     Picture p(s.width, s.height);

@@ -7,7 +7,7 @@
 #include <limits>
 #include <vector>
 
-#include "backward_executor.hpp"
+#include "fixture.hpp"
 #include "mesh_fixture.hpp"
 #include "npsim/mesh/solidify.hpp"
 
@@ -376,7 +376,7 @@ TEST_CASE("solidify: the last chunk first gives the same bits") {
   p.rectangle(52, 10, 60, 40, label::bicycle, 8.0F);
   p.run();
   SerialExecutor serial;
-  BackwardExecutor backward;
+  npsim_test::BackwardExecutor backward;
   const Solid a = solidify_front(index(p.foreground.view()), {}, scene_of(p), serial);
   const Solid b = solidify_front(index(p.foreground.view()), {}, scene_of(p), backward);
   REQUIRE(a.backs.vertices.size() == b.backs.vertices.size());

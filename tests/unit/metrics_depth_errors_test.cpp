@@ -13,7 +13,7 @@
 
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "backward_executor.hpp"
+#include "fixture.hpp"
 
 namespace {
 
@@ -195,7 +195,7 @@ TEST_CASE("depth errors: within the stated bounds of long double, and the same b
   CHECK(std::fabs(one.errors.si_log - spread) < 1e-7);
   const double middle = 0.5 * (all[(all.size() - 1) / 2] + all[all.size() / 2]);
   CHECK(one.errors.median_abs_rel == doctest::Approx(middle).epsilon(1e-7).scale(0));
-  BackwardExecutor backward;
+  npsim_test::BackwardExecutor backward;
   const Measured many = measure(estimate, truth, shape, backward);
   CHECK(std::memcmp(&many.errors, &one.errors, sizeof one.errors) == 0);
 }

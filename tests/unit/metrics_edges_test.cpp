@@ -16,7 +16,7 @@
 #include "npsim/metrics/depth_edges.hpp"
 #include "npsim/metrics/depth_errors.hpp"
 #include "npsim/metrics/edge_errors.hpp"
-#include "backward_executor.hpp"
+#include "fixture.hpp"
 
 namespace {
 
@@ -227,7 +227,7 @@ TEST_CASE("edge errors: against every pair of pixels, and the same bits in any o
   }
   const EdgeErrors one = compare(a, b, shape);
   CHECK(one.accuracy_px == doctest::Approx(sum / static_cast<double>(count(a))).epsilon(1e-10).scale(0));
-  BackwardExecutor backward;
+  npsim_test::BackwardExecutor backward;
   std::vector<unsigned char> memory(npsim::edge_errors_workspace_bytes({}, shape));
   npsim::Workspace workspace(memory.data(), memory.size());
   EdgeErrors many;

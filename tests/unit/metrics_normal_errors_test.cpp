@@ -13,7 +13,7 @@
 
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "backward_executor.hpp"
+#include "fixture.hpp"
 
 namespace {
 
@@ -171,7 +171,7 @@ TEST_CASE("normal errors: within the stated bound of long double, and the same b
   REQUIRE(one.status.ok());
   const long double rms = std::sqrt(squared / static_cast<long double>(shape.pixels()));
   CHECK(one.errors.rms_deg == doctest::Approx(static_cast<double>(rms)).epsilon(1e-10).scale(0));
-  BackwardExecutor backward;
+  npsim_test::BackwardExecutor backward;
   const Measured many = measure(estimate, truth, shape, backward);
   CHECK(std::memcmp(&many.errors, &one.errors, sizeof one.errors) == 0);
 }

@@ -17,7 +17,7 @@
 #include "npsim/io/image.hpp"
 #include "npsim/render/detail/coverage.hpp"
 #include "npsim/render/preview.hpp"
-#include "unit/backward_executor.hpp"
+#include "unit/fixture.hpp"
 
 namespace {
 
@@ -380,7 +380,7 @@ TEST_CASE("render preview: of two faces at one place the first is shown") {
 
 TEST_CASE("render preview: the same bits for any executor") {
   SerialExecutor serial;
-  BackwardExecutor backward;
+  npsim_test::BackwardExecutor backward;
   ThreadPool pool(3);
   const Shape shape{160, 123};
   const Intrinsics k{120, 120, 80, 60};

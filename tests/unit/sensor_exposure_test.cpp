@@ -8,7 +8,7 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/sensor/exposure.hpp"
-#include "backward_executor.hpp"
+#include "fixture.hpp"
 
 namespace {
 
@@ -105,7 +105,7 @@ TEST_CASE("sensor: automatic exposure meets its target, with and without saturat
 TEST_CASE("sensor: automatic exposure gives the same bits for any order of the chunks") {
   Image image = street();
   const AutoExposureResult a = choose(AutoExposureParams{}, image, npsim::SerialExecutor{});
-  const AutoExposureResult b = choose(AutoExposureParams{}, image, BackwardExecutor{});
+  const AutoExposureResult b = choose(AutoExposureParams{}, image, npsim_test::BackwardExecutor{});
   CHECK(a.camera.iso == b.camera.iso);
   CHECK(a.achieved_mean == b.achieved_mean);
 }

@@ -8,7 +8,7 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/sensor/glare.hpp"
-#include "backward_executor.hpp"
+#include "fixture.hpp"
 
 namespace {
 
@@ -147,7 +147,7 @@ TEST_CASE("sensor: nothing of a lamp stays behind in the running sums") {
 TEST_CASE("sensor: glare gives the same bits for any order of the chunks, in place or not, strided or not") {
   const Image image = street(150, 77);
   const Image a = glared(GlareParams{}, image, npsim::SerialExecutor{});
-  const Image b = glared(GlareParams{}, image, BackwardExecutor{});
+  const Image b = glared(GlareParams{}, image, npsim_test::BackwardExecutor{});
   Image wide(170, 80, {9, 9, 9});
   Image source = image;
   std::vector<unsigned char> bytes(npsim::glare_workspace_bytes(GlareParams{}, image.shape));

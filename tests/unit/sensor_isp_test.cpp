@@ -8,7 +8,7 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/sensor/isp.hpp"
-#include "backward_executor.hpp"
+#include "fixture.hpp"
 
 namespace {
 
@@ -121,7 +121,7 @@ TEST_CASE("sensor: grey world: full adaptation makes the mean grey, none leaves 
   const auto before = static_cast<double>(npsim::luminance(mean));
   CHECK(npsim::luminance(mean * half) == doctest::Approx(before).epsilon(1e-4));
   CHECK(npsim::luminance(mean * full) == doctest::Approx(before).epsilon(1e-4));
-  CHECK(balance(0.5F, warm, BackwardExecutor{}) == half);
+  CHECK(balance(0.5F, warm, npsim_test::BackwardExecutor{}) == half);
 }
 
 TEST_CASE("sensor: white balance of black, burnt or single-coloured pictures stays bounded") {

@@ -8,7 +8,7 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/sensor/isp.hpp"
 #include "npsim/sensor/noise.hpp"
-#include "backward_executor.hpp"
+#include "fixture.hpp"
 
 namespace {
 
@@ -106,7 +106,7 @@ TEST_CASE("sensor: channels, pixels and images do not share noise; the same key 
   params.residual = 1.0F;
   const Image grey(128, 128, {0.2F, 0.2F, 0.2F});
   const Image a = noisy(params, grey, npsim::SerialExecutor{});
-  const Image again = noisy(params, grey, BackwardExecutor{});
+  const Image again = noisy(params, grey, npsim_test::BackwardExecutor{});
   params.image = 1;
   const Image b = noisy(params, grey, npsim::SerialExecutor{});
   double channel = 0;
