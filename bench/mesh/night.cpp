@@ -45,7 +45,7 @@ struct Clock {
 };
 
 void run(const NightParams& params, const SceneView& scene, ThreadPool& pool, Clock& clock, KeptNight& night) {
-  const std::size_t bytes = night_workspace_bytes(params, scene);
+  const std::size_t bytes = night_workspace_bytes(params, scene.shape(), scene.lights.size());
   const std::unique_ptr<unsigned char[]> memory(new unsigned char[bytes]);  // most of it is never touched
   Workspace workspace(memory.get(), bytes);
   bench::must(make_nights(params, scene, workspace, pool, clock, night));

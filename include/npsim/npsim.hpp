@@ -114,7 +114,6 @@
 #include "npsim/pipeline/photograph.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
-#include "npsim/pipeline/refine_depth_params.hpp"
 #include "npsim/pipeline/relight.hpp"
 
 #endif  // NPSIM_NPSIM_HPP

@@ -150,7 +150,7 @@ struct LayerMesh {
 [[nodiscard]] inline Status lamps_of_faces(const SceneView& scene, const SceneMesh& mesh,
                                            const std::vector<Emitter>& lamps, std::vector<std::uint32_t>& out) {
   std::vector<std::uint16_t> mark(mesh.mesh.faces.size());
-  std::vector<unsigned char> memory(mark_faces_workspace_bytes(scene, lamps.size()));
+  std::vector<unsigned char> memory(mark_faces_workspace_bytes(scene.shape(), scene.lights.size(), lamps.size()));
   Workspace workspace(memory.data(), memory.size());
   NPSIM_RETURN_IF_ERROR(mark_faces(scene, mesh, Span<const Emitter>(lamps.data(), lamps.size()),
                                    Span<std::uint16_t>(mark.data(), mark.size()), workspace));

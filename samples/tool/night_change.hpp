@@ -27,7 +27,7 @@ inline Status night_change(NightParams params, const SceneView& scene, ThreadPoo
   std::array<KeptNight, 2> nights;
   for (std::size_t i = 0; i < nights.size(); ++i) {
     params.mesh.simplify_faces = i == 1;
-    const Arena arena(night_workspace_bytes(params, scene));
+    const Arena arena(night_workspace_bytes(params, scene.shape(), scene.lights.size()));
     if (arena.bytes() == 0) return {StatusCode::workspace_exhausted, "not enough memory for a night at this size"};
     Workspace workspace(arena.data(), arena.bytes());
     NPSIM_RETURN_IF_ERROR(make_nights(params, scene, workspace, pool, console, nights[i]));

@@ -242,10 +242,10 @@ inline int run_night(const NightOptions& options) {
   if (const io::Outcome made = make_folder(options.output); !made) return fail(made.error());
 
   const SceneView view = view_of(scene);
-  const Arena arena(night_workspace_bytes(params, view));
+  const Arena arena(night_workspace_bytes(params, view.shape(), view.lights.size()));
   if (arena.bytes() == 0) {
     std::fprintf(stderr, "npsim: %s: %.1f GB of address space are needed at this size and could not be reserved; try --size\n",
-                 options.scene.c_str(), static_cast<double>(night_workspace_bytes(params, view)) / 1e9);
+                 options.scene.c_str(), static_cast<double>(night_workspace_bytes(params, view.shape(), view.lights.size())) / 1e9);
     return kExitFailed;
   }
   Workspace workspace(arena.data(), arena.bytes());

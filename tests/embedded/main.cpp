@@ -121,7 +121,7 @@ int check_night() {
   const npsim::SceneView scene = small_street();
   npsim::NightParams params = npsim::default_night_params();
   params.variants = 2;
-  const std::size_t need = npsim::night_workspace_bytes(params, scene);
+  const std::size_t need = npsim::night_workspace_bytes(params, scene.shape(), scene.lights.size());
   if (need > sizeof(memory)) return 11;
   npsim::SerialExecutor executor;
   npsim::NullObserver observer;

@@ -138,7 +138,8 @@ std::map<std::string, std::set<std::string>> allowed_includes() {
       {"sensor", {"core", "simd", "color"}},
       {"metrics", {"core", "simd"}},
       {"exec", {"core"}},
-      {"io", {"core", "labels", "geometry", "depth", "light"}},  // light: a reader fills its light-source set
+      // A reader fills the light-source set, and the whole in one call needs the pipeline and threads.
+      {"io", {"core", "labels", "geometry", "depth", "light", "pipeline", "exec"}},
       {"pipeline", kCoreAreas},
       {"", kCoreAreas},  // npsim.hpp
   };

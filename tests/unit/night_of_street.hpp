@@ -19,7 +19,7 @@ namespace npsim::testing {
 template <class Sink>
 Sink night_of(const street::Street& street, const NightParams& params) {
   const SceneView view = view_of(street);
-  const std::size_t bytes = night_workspace_bytes(params, view);
+  const std::size_t bytes = night_workspace_bytes(params, view.shape(), view.lights.size());
   const std::unique_ptr<unsigned char[]> memory(new unsigned char[bytes]);
   Workspace workspace(memory.get(), bytes);
   NullObserver observer;

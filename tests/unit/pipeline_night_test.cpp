@@ -78,7 +78,7 @@ struct Keeper {
 
 template <class Executor>
 Status run(const NightParams& params, const SceneView& view, Executor& executor, Keeper& keeper) {
-  const std::size_t bytes = night_workspace_bytes(params, view);
+  const std::size_t bytes = night_workspace_bytes(params, view.shape(), view.lights.size());
   const std::unique_ptr<unsigned char[]> memory(new unsigned char[bytes]);
   Workspace workspace(memory.get(), bytes);
   NullObserver observer;
@@ -377,7 +377,7 @@ TEST_CASE("night: a workspace one page short is a status, not a crash") {
   NullObserver observer;
   SerialExecutor serial;
   Keeper keeper;
-  std::vector<unsigned char> memory(night_workspace_bytes(params, scene.view));
+  std::vector<unsigned char> memory(night_workspace_bytes(params, scene.view.shape(), scene.view.lights.size()));
   for (const std::size_t bytes : {std::size_t{0}, std::size_t{100}, memory.size() / 100, memory.size() / 10}) {
     Workspace workspace(memory.data(), bytes);
     CHECK(make_nights(params, scene.view, workspace, serial, observer, keeper).code() ==
@@ -391,7 +391,7 @@ TEST_CASE("night: an observer that cancels stops the run with that status") {
   };
   Scene scene({32, 24});
   const NightParams params = default_night_params();
-  std::vector<unsigned char> memory(night_workspace_bytes(params, scene.view));
+  std::vector<unsigned char> memory(night_workspace_bytes(params, scene.view.shape(), scene.view.lights.size()));
   Workspace workspace(memory.data(), memory.size());
   Cancelling observer;
   SerialExecutor serial;

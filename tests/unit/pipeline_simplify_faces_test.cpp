@@ -16,6 +16,7 @@
 #include "npsim/pipeline/detail/point_of_hit.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
+#include "fixture.hpp"
 
 namespace {
 
@@ -54,7 +55,11 @@ struct Sink {
     Workspace tree_workspace(tree.data(), bytes);
     Bvh bvh;
     if (const Status built = build_bvh(layer, tree_workspace, bvh); !built.ok()) return built;
-    const PointOfMeshHit point_of{&scene, street_of_test().intrinsics};
+    npsim_test::Scratch planes(2 * allocation_bytes<std::uint32_t>(scene.visible_vertex.shape().pixels()) +
+                               kWorkspaceAlignment);
+    FirstVertices first;
+    if (const Status found = find_first_vertices(scene, planes.workspace(), first); !found.ok()) return found;
+    const PointOfMeshHit point_of{&scene, first, street_of_test().intrinsics};
     const auto width = static_cast<std::uint32_t>(street_of_test().intrinsics.cx * 2);
     for (std::uint32_t v = 0; v < scene.background_vertices; ++v) {
       const Vec3f p = scene.mesh.vertices[v];
@@ -149,7 +154,8 @@ TEST_CASE("simplified faces: labels of another shape and vertices of another lay
   const SheetLayer layer{vertices.view(), quads.view()};
   SerialExecutor serial;
   REQUIRE(build_sheet(SheetParams{}, ImageView<const float>(depth.view()), {}, camera, layer, serial).ok());
-  std::vector<unsigned char> memory(simplify_faces_workspace_bytes({}, shape) + index_layer_workspace_bytes(shape));
+  std::vector<unsigned char> memory(simplify_faces_workspace_bytes({}, shape, {2 * shape.pixels(), 2 * shape.pixels()}) +
+                                    index_layer_workspace_bytes(shape));
   Workspace workspace(memory.data(), memory.size());
   std::vector<Vec3f> points(shape.pixels());
   std::vector<std::uint32_t> pixels(shape.pixels());

@@ -18,7 +18,7 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 enum class Stage : std::uint8_t {
-  fill, sharpen, ground, cross_bilateral, uncertainty, refine, sheet, prune, complete, material, lights, build_trace,
+  fill, sharpen, ground, cross_bilateral, uncertainty, refine, sheet, prune, complete, mesh, material, lights, build_trace,
   render, denoise, camera, count_
 };
 
@@ -33,6 +33,7 @@ enum class Stage : std::uint8_t {
     case Stage::sheet: return "sheet mesh";
     case Stage::prune: return "delete spurious faces";
     case Stage::complete: return "mesh completion";
+    case Stage::mesh: return "scene mesh";
     case Stage::material: return "material";
     case Stage::lights: return "light sources";
     case Stage::build_trace: return "ray tracer build";

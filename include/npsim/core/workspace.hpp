@@ -4,6 +4,10 @@
 // Invariant: every allocation is aligned to kWorkspaceAlignment and lies inside the caller's bytes; used() never
 // exceeds peak(), peak() never exceeds capacity(). Running out is a Status, and the arena stays usable.
 // Cost: one addition per allocation. Elements are not initialised.
+//
+// Some sizes are known only half-way, such as those of a mesh. There the library calls ensure() with what the next step
+// needs, before that step starts. A caller who can make more of his memory usable in place, such as pages of an address
+// range that he has reserved, passes MoreMemory; for all others ensure() is an early check.
 #ifndef NPSIM_CORE_WORKSPACE_HPP
 #define NPSIM_CORE_WORKSPACE_HPP
 
@@ -28,15 +32,23 @@ template <class T>
   return (count * sizeof(T) + kWorkspaceAlignment - 1) / kWorkspaceAlignment * kWorkspaceAlignment;
 }
 
+// grow(owner, bytes) makes at least the first `bytes` bytes from the workspace's start usable, where they are, and
+// returns how many are; fewer mean that there is no more.
+struct MoreMemory {
+  void* owner = nullptr;
+  std::size_t (*grow)(void* owner, std::size_t bytes) = nullptr;
+};
+
 class Workspace {
  public:
   constexpr Workspace() noexcept = default;
-  Workspace(void* data, std::size_t bytes) noexcept {
+  Workspace(void* data, std::size_t bytes, MoreMemory more = {}) noexcept : more_(more) {
     const auto address = reinterpret_cast<std::uintptr_t>(data);
     const std::size_t skip = (kWorkspaceAlignment - address % kWorkspaceAlignment) % kWorkspaceAlignment;
     if (data != nullptr && skip <= bytes) {
       data_ = static_cast<unsigned char*>(data) + skip;
       capacity_ = bytes - skip;
+      skipped_ = skip;
     }
   }
   Workspace(const Workspace&) = delete;
@@ -65,6 +77,27 @@ class Workspace {
     return {};
   }
 
+  // Shortens the latest allocation to its first `count` elements.
+  template <class T>
+  void shorten(Span<T>& latest, std::size_t count) noexcept {
+    const std::size_t end = static_cast<std::size_t>(reinterpret_cast<unsigned char*>(latest.data()) - data_) +
+                            allocation_bytes<T>(latest.size());
+    if (end != used_ || count > latest.size()) return;
+    used_ -= allocation_bytes<T>(latest.size()) - allocation_bytes<T>(count);
+    latest = latest.sub(0, count);
+  }
+
+  // Room for `bytes` more than is used now.
+  Status ensure(std::size_t bytes) noexcept {
+    if (bytes <= capacity_ - used_) return {};
+    if (more_.grow != nullptr && data_ != nullptr && bytes <= ~std::size_t{0} - used_ - skipped_) {
+      const std::size_t usable = more_.grow(more_.owner, skipped_ + used_ + bytes);
+      if (usable >= skipped_ && usable - skipped_ > capacity_) capacity_ = usable - skipped_;
+      if (bytes <= capacity_ - used_) return {};
+    }
+    return Status(StatusCode::workspace_exhausted, "workspace is smaller than workspace_bytes() requires");
+  }
+
   [[nodiscard]] constexpr std::size_t capacity() const noexcept { return capacity_; }
   [[nodiscard]] constexpr std::size_t used() const noexcept { return used_; }
   [[nodiscard]] constexpr std::size_t peak() const noexcept { return peak_; }
@@ -75,6 +108,8 @@ class Workspace {
   std::size_t capacity_ = 0;
   std::size_t used_ = 0;
   std::size_t peak_ = 0;
+  std::size_t skipped_ = 0;  // of the caller's bytes, so that data_ is aligned
+  MoreMemory more_;
 };
 
 // Gives back, at the end of a block, everything allocated since its start.

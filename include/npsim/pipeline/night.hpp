@@ -1,15 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // The whole method: one day in, `variants` nights out.
 //
-//   refine_depth (3.2 - 3.9) -> reconstruct (3.1, 3.5) -> prepare_relighting (3.6) -> per variant: relight -> photograph
-// The sink receives what is made while it is still in the workspace:
-//   Status sink.reconstructed(const RefinedDepth&, const SceneMesh&, const Relighting&)   once
+//   refine_depth (3.2 - 3.9) -> build_layers, build_mesh (3.1, 3.5) -> prepare_relighting (3.6)
+//     -> per variant: relight -> photograph
+// make_night() is all of it in one call. make_nights() tells an observer (core/observe.hpp) how far it is, and hands a
+// sink what is made while it is still in the workspace:
+//   Status sink.reconstructed(const RefinedDepth&, const SceneMesh&, const Relighting&)   once; its views end with it
 //   Status sink.night(const Night&)                                                     per variant
-// A status other than ok from the sink stops the run and is returned.
+// A status other than ok from the sink stops the run and is returned. All parameters are checked before the first step.
 // Invariant: the bytes depend on the scene, the parameters and the seed, never on the executor.
+// Memory: peak 220 bytes a pixel and a byte for each lamp and point (1.1 to 1.4 points a pixel) on real streets, for
+// which the workspace is asked step by step; night_workspace_bytes() bounds it for every scene.
 #ifndef NPSIM_PIPELINE_NIGHT_HPP
 #define NPSIM_PIPELINE_NIGHT_HPP
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -18,8 +23,6 @@
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/pipeline/detail/prepare_relighting.hpp"
-#include "npsim/pipeline/detail/scene_rays.hpp"
 #include "npsim/pipeline/photograph.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
@@ -37,6 +40,18 @@ struct NightParams {
   std::uint64_t photograph = 0;  // another number for every photograph of a data set: no two share a random draw
   int variants = 1;
 };
+
+// A photograph's content as a number (FNV-1a), for NightParams::photograph.
+[[nodiscard]] constexpr std::uint64_t photograph_key(ImageView<const Rgb8> image) noexcept {
+  std::uint64_t hash = 0xCBF29CE484222325U;
+  for (int y = 0; y < image.height(); ++y) {
+    for (int x = 0; x < image.width(); ++x) {
+      const Rgb8 c = image(x, y);
+      for (const std::uint8_t byte : {c.r, c.g, c.b}) hash = (hash ^ byte) * 0x100000001B3U;
+    }
+  }
+  return hash;
+}
 
 // One key of seed and photograph; different pairs give different keys with overwhelming probability.
 [[nodiscard]] constexpr std::uint64_t random_key(const NightParams& params) noexcept {
@@ -68,43 +83,70 @@ struct Night {
   Span<const Activation> activations;
 };
 
-[[nodiscard]] inline std::size_t night_workspace_bytes(const NightParams& params, const SceneView& scene) noexcept {
-  const Shape shape = scene.shape();
-  return refine_depth_workspace_bytes(params.depth, shape) + reconstruct_workspace_bytes(params.mesh, shape) +
-         scene_rays_workspace_bytes(params.mesh.traced, shape) + relight_workspace_bytes(params.relight, scene, params.variants) +
-         photograph_workspace_bytes(params.camera, shape) + allocation_bytes<Vec3f>(shape.pixels()) +
-         allocation_bytes<Rgb8>(shape.pixels()) + kWorkspaceAlignment;
+// Enough for every scene of that shape with at most so many marked lamps, so that static memory can be sized. Far more
+// than most scenes take: make_nights() asks the workspace for what it needs once it knows the mesh (Workspace::ensure()).
+[[nodiscard]] inline std::size_t night_workspace_bytes(const NightParams& params, Shape shape,
+                                                       std::size_t marks) noexcept {
+  const std::size_t pixels = shape.pixels();
+  const SceneMeshSize most = SceneMeshSize::most(shape);
+  // The backs of objects that fill the image; see SceneMeshSize::most().
+  const RelightSize light{marks, params.variants, most.vertices(), pixels, most.faces(), 2 * most.backs.faces};
+  const std::size_t mesh = mesh_workspace_bytes(params.mesh, shape, most);
+  const std::size_t nights =
+      allocation_bytes<Rgb8>(pixels) + std::max(relight_workspace_bytes(params.relight, params.mesh.traced, shape, light),
+                                                photograph_workspace_bytes(params.camera, shape));
+  return refine_depth_workspace_bytes(params.depth, shape) + layers_workspace_bytes(params.mesh, shape) + mesh + nights;
 }
+
+[[nodiscard]] inline Status validate(const NightParams& params) noexcept {
+  if (params.variants < 1) return {StatusCode::invalid_argument, "at least one variant is needed"};
+  NPSIM_RETURN_IF_ERROR(validate(params.depth));
+  NPSIM_RETURN_IF_ERROR(validate(params.mesh));
+  NPSIM_RETURN_IF_ERROR(validate(params.relight));
+  return validate(params.camera);
+}
+
+// A sink that wants nothing; others derive from it or have functions of the same names.
+struct NullSink {
+  Status reconstructed(const RefinedDepth&, const SceneMesh&, const Relighting&) const noexcept { return {}; }
+  Status night(const Night&) const noexcept { return {}; }
+};
 
 template <class Executor, class Observer, class Sink>
 Status make_nights(const NightParams& params, const SceneView& scene, Workspace& workspace, Executor& executor,
                    Observer& observer, Sink& sink) {
+  NPSIM_RETURN_IF_ERROR(validate(params));
   NPSIM_RETURN_IF_ERROR(validate(scene));
-  NPSIM_RETURN_IF_ERROR(validate(params.relight));
+  const WorkspaceScope scope(workspace);
+  const Shape shape = scene.shape();
   const std::uint64_t key = random_key(params);
+  NPSIM_RETURN_IF_ERROR(workspace.ensure(refine_depth_workspace_bytes(params.depth, shape)));
   RefinedDepth refined;
   NPSIM_RETURN_IF_ERROR(refine_depth(params.depth, scene, workspace, executor, observer, refined));
+  NPSIM_RETURN_IF_ERROR(workspace.ensure(layers_workspace_bytes(params.mesh, shape)));
+  SceneLayers layers;
+  NPSIM_RETURN_IF_ERROR(build_layers(params.mesh, scene, refined, workspace, executor, observer, layers));
   SceneMesh mesh;
-  NPSIM_RETURN_IF_ERROR(reconstruct(params.mesh, scene, refined, workspace, executor, observer, mesh));
-
+  NPSIM_RETURN_IF_ERROR(build_mesh(params.mesh, scene, refined, layers, workspace, executor, observer, mesh));
   Relighting light;
-  const auto prepare = [&](auto rays) {
-    observer.begin(Stage::build_trace);
-    NPSIM_RETURN_IF_ERROR(rays.make(scene, mesh, workspace, executor, rays));
-    observer.end(Stage::build_trace);
-    return prepare_relighting(params.relight, key, params.variants, scene, refined, mesh, rays, workspace, executor,
-                              observer, light);
-  };
-  NPSIM_RETURN_IF_ERROR(params.mesh.traced == TracedFaces::mesh ? prepare(MeshRays{}) : prepare(LayerRays{}));
+  NPSIM_RETURN_IF_ERROR(prepare_relighting(params.relight, params.mesh.traced, key, params.variants, scene, refined,
+                                           mesh, workspace, executor, observer, light));
   NPSIM_RETURN_IF_ERROR(sink.reconstructed(refined, mesh, light));
 
-  Night night;
-  ImageView<Vec3f> linear;
+  // Normals and layers have served; nights are made in their memory.
+  const ImageView<Vec3f> linear = refined.normals;
+  const DenoiseGuides guides{layers.background.vertices, layers.foreground.vertices};
+  fill_guides(light, guides);
+  NPSIM_RETURN_IF_ERROR(workspace.ensure(
+      allocation_bytes<Rgb8>(shape.pixels()) +
+      std::max(variant_workspace_bytes(params.relight, shape, light.points.size(), light.receivers.size()),
+               photograph_workspace_bytes(params.camera, shape))));
   ImageView<Rgb8> picture;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), linear));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), picture));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, picture));
   for (int variant = 0; variant < params.variants; ++variant) {
-    NPSIM_RETURN_IF_ERROR(relight(params.relight, scene, light, variant, linear, workspace, executor, observer));
+    NPSIM_RETURN_IF_ERROR(
+        relight(params.relight, scene, light, guides, variant, linear, workspace, executor, observer));
+    Night night;
     observer.begin(Stage::camera);
     NPSIM_RETURN_IF_ERROR(photograph(params.camera, key, static_cast<std::uint32_t>(variant), linear, picture,
                                      night.exposure, workspace, executor));
@@ -113,11 +155,32 @@ Status make_nights(const NightParams& params, const SceneView& scene, Workspace&
     night.luminance = linear;
     night.picture = picture;
     night.emitters = light.emitters;
-    night.activations = light.activations.sub(static_cast<std::size_t>(variant) * light.emitters.size(),
-                                              light.emitters.size());
+    night.activations = light.of_variant(variant);
     NPSIM_RETURN_IF_ERROR(sink.night(night));
   }
   return {};
+}
+
+// One night, as a picture of the scene's size: the first of those that make_nights() makes with these parameters.
+template <class Executor>
+Status make_night(const NightParams& params, const SceneView& scene, Workspace& workspace, Executor& executor,
+                  ImageView<Rgb8> picture) {
+  struct Copy : NullSink {
+    ImageView<Rgb8> picture;
+    Status night(const Night& night) const noexcept {
+      copy_pixels(night.picture, picture);
+      return {};
+    }
+  };
+  if (picture.shape() != scene.shape()) {
+    return {StatusCode::shape_mismatch, "the picture of a night must have the scene's size"};
+  }
+  NightParams one = params;
+  one.variants = 1;
+  Copy sink;
+  sink.picture = picture;
+  NullObserver observer;
+  return make_nights(one, scene, workspace, executor, observer, sink);
 }
 
 }  // namespace NPSIM_ABI

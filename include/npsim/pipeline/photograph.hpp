@@ -40,6 +40,16 @@ struct PhotographParams {
   }
 };
 
+[[nodiscard]] inline Status validate(const PhotographParams& params) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(params.glare));
+  if (!(params.residual_noise >= 0.0F && params.residual_noise <= 1.0F)) {
+    return {StatusCode::invalid_argument, "photograph: residual noise in [0, 1]"};
+  }
+  IspParams isp;
+  isp.tone = params.tone;
+  return validate(isp);
+}
+
 [[nodiscard]] constexpr std::size_t photograph_workspace_bytes(const PhotographParams& params, Shape shape) noexcept {
   return allocation_bytes<Vec3f>(shape.pixels()) +
          std::max({glare_workspace_bytes(params.glare, shape), auto_exposure_workspace_bytes(shape),

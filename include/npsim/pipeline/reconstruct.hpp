@@ -5,10 +5,12 @@
 // mesh: background, objects as they are seen, and the objects' backs where these are wanted (the thesis has none). Each
 // pixel then knows the vertex that the camera sees: the object's where there is one, else the background's, never a
 // back; a pixel whose vertex got no face borrows the nearest one of its row.
-// Memory: see reconstruct_workspace_bytes(); the mesh stays in the workspace.
+// Two steps, because the mesh's size is known only when its layers are there: build_layers() and build_mesh();
+// reconstruct() is both. Memory: see the functions beside each; layers and mesh stay in the workspace.
 #ifndef NPSIM_PIPELINE_RECONSTRUCT_HPP
 #define NPSIM_PIPELINE_RECONSTRUCT_HPP
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -69,6 +71,23 @@ struct ReconstructParams {
   }
 };
 
+[[nodiscard]] inline Status validate(const ReconstructParams& params) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(params.sheet));
+  NPSIM_RETURN_IF_ERROR(validate(params.background));
+  if (params.backs) NPSIM_RETURN_IF_ERROR(validate(params.solidify));
+  if (params.simplify_faces) NPSIM_RETURN_IF_ERROR(validate(params.simplify));
+  return {};
+}
+
+// What the mesh is made from, views over the workspace: the sheet of everything that stands still, completed behind
+// objects, and the sheet of the objects.
+struct SceneLayers {
+  SheetLayer background;
+  SheetLayer foreground;
+  ImageView<std::uint8_t> background_state;  // row_state of each pixel in the background
+  ImageView<std::uint32_t> object;           // 0 = background, else the number of the object
+};
+
 // The scene as geometry; views over the workspace. Vertices and faces alike: the background's [0, background), the
 // objects' visible sides [background, sheet), the rest of the objects [sheet, size).
 struct SceneMesh {
@@ -80,32 +99,64 @@ struct SceneMesh {
   std::size_t sheet_faces = 0;
   SheetLayer background;  // what the indexed sheets were made from
   SheetLayer foreground;
-  ImageView<const std::uint32_t> background_vertex;  // per pixel, the first of its fans, kNoVertex for none
-  ImageView<const std::uint32_t> foreground_vertex;
   ImageView<const std::uint32_t> visible_vertex;   // per pixel, kNoVertex where no surface is seen
   ImageView<const std::uint8_t> background_state;  // row_state of each pixel in the background
   ImageView<const std::uint32_t> object;           // 0 = background, else the number of the object
 };
 
-// In a completed layer every face exists that the vertices of one object allow, hence a new fan begins at a vertex only
-// where its neighbours on two opposite sides are missing: two fans at most, in two layers, and the backs' of one.
-inline constexpr std::size_t kMaxVerticesPerPixel = 6;
-// A quad has two faces in each layer. The backs': two more, and two for each rim edge, of which a quad with both faces
-// has none inside, one with a single face its diagonal, and one without any at most two sides that others end at.
-inline constexpr std::size_t kMaxFacesPerPixel = 6;
-
-[[nodiscard]] constexpr std::size_t reconstruct_workspace_bytes(const ReconstructParams& params, Shape shape) noexcept {
+// Layers and planes of an image, and on top of them what completing them takes.
+[[nodiscard]] constexpr std::size_t layers_workspace_bytes(const ReconstructParams& params, Shape shape) noexcept {
   const std::size_t pixels = shape.pixels();
-  const std::size_t completion = complete_background_workspace_bytes(params.background, shape) +
-                                 complete_foreground_workspace_bytes(params.foreground, shape) +
-                                 index_layer_workspace_bytes(shape) + ground_workspace_bytes(params.ground, shape) +
-                                 solidify_workspace_bytes(params.solidify, shape, 2 * pixels, 2 * pixels) +
-                                 simplify_faces_workspace_bytes(params.simplify, shape);
-  return 2 * allocation_bytes<Vec3f>(pixels) + 2 * allocation_bytes<std::uint8_t>(pixels) +
-         allocation_bytes<std::uint8_t>(pixels) + 4 * allocation_bytes<std::uint32_t>(pixels) +
-         allocation_bytes<Vec3f>(kMaxVerticesPerPixel * pixels) +
-         allocation_bytes<std::uint32_t>(kMaxVerticesPerPixel * pixels) +
-         allocation_bytes<Face>(kMaxFacesPerPixel * pixels) + completion + kWorkspaceAlignment;
+  return 2 * allocation_bytes<Vec3f>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
+         allocation_bytes<std::uint32_t>(pixels) +
+         std::max(complete_background_workspace_bytes(params.background, shape),
+                  complete_foreground_workspace_bytes(params.foreground, shape)) +
+         kWorkspaceAlignment;
+}
+
+// How much a mesh has of everything, before it is simplified; `backs`: most that the objects' backs can have.
+struct SceneMeshSize {
+  MeshSize background;
+  MeshSize foreground;
+  MeshSize backs;
+
+  [[nodiscard]] constexpr std::size_t vertices() const noexcept {
+    return background.vertices + foreground.vertices + backs.vertices;
+  }
+  [[nodiscard]] constexpr std::size_t faces() const noexcept {
+    return background.faces + foreground.faces + backs.faces;
+  }
+  // No mesh of an image of this shape has more. In a completed layer every face exists that the vertices of one object
+  // allow, hence a new fan begins at a vertex only where its neighbours on two opposite sides are missing: two fans at
+  // most in either layer, and the backs have those of one. A quad has two faces in each layer. Backs add the objects'
+  // faces once more, and two for each rim edge: a quad with both faces has no rim inside, one with a single face its
+  // diagonal, and one without any at most two sides at which others end, so that objects and backs have four together.
+  [[nodiscard]] static constexpr SceneMeshSize most(Shape shape) noexcept {
+    const std::size_t twice = 2 * shape.pixels();
+    return {{twice, twice}, {twice, twice}, {twice, twice}};
+  }
+};
+
+// What a mesh of that size takes besides its layers.
+[[nodiscard]] constexpr std::size_t mesh_workspace_bytes(const ReconstructParams& params, Shape shape,
+                                                         const SceneMeshSize& size) noexcept {
+  std::size_t step = index_layer_workspace_bytes(shape);
+  if (params.simplify_faces) {
+    step = std::max({step, simplify_faces_workspace_bytes(params.simplify, shape, size.background),
+                     simplify_faces_workspace_bytes(params.simplify, shape, size.foreground)});
+  }
+  if (params.backs) {
+    step = std::max(
+        step, solidify_workspace_bytes(params.solidify, shape, size.foreground.vertices, size.foreground.faces));
+  }
+  return allocation_bytes<std::uint32_t>(shape.pixels()) + allocation_bytes<Vec3f>(size.vertices()) +
+         allocation_bytes<std::uint32_t>(size.vertices()) + allocation_bytes<Face>(size.faces()) + step +
+         kWorkspaceAlignment;
+}
+
+// Enough for reconstruct(), whatever the scene. Far more than most scenes take: build_mesh() asks for what it needs.
+[[nodiscard]] constexpr std::size_t reconstruct_workspace_bytes(const ReconstructParams& params, Shape shape) noexcept {
+  return layers_workspace_bytes(params, shape) + mesh_workspace_bytes(params, shape, SceneMeshSize::most(shape));
 }
 
 namespace reconstruct_detail {
@@ -131,18 +182,6 @@ inline void find_visible(const SceneMesh& mesh, ImageView<const Label> labels, L
     for (int x = shape.width - 2; x >= 0; --x) {
       if (visible(x, y) == kNoVertex && surface(x, y) != 0) visible(x, y) = visible(x + 1, y);
     }
-  }
-}
-
-// pixels: of the vertices of one layer, in raster order; `first` is the number of the first of them.
-inline void find_first_vertices(Span<const std::uint32_t> pixels, std::uint32_t first, ImageView<std::uint32_t> out) {
-  const auto width = static_cast<std::uint32_t>(out.width());
-  for (int y = 0; y < out.height(); ++y) {
-    for (int x = 0; x < out.width(); ++x) out(x, y) = kNoVertex;
-  }
-  for (std::size_t v = pixels.size(); v-- > 0;) {
-    out(static_cast<int>(pixels[v] % width), static_cast<int>(pixels[v] / width)) =
-        first + static_cast<std::uint32_t>(v);
   }
 }
 
@@ -186,108 +225,129 @@ template <class Executor>
   return n;
 }
 
+// Closes the objects: what follows the sheets in the buffers. `room`: what there is at most.
+template <class Executor>
+[[nodiscard]] Status add_backs(const ReconstructParams& params, const SceneView& scene, const RefinedDepth& refined,
+                               const SceneLayers& layers, const MeshSize& room, const MeshBuffers& buffers,
+                               const MeshSize& behind, const MeshSize& front, Workspace& workspace, Executor& executor,
+                               MeshSize& backs) {
+  SolidifyScene around;
+  around.camera = scene.camera;
+  around.object = layers.object;
+  around.labels = refined.labels;
+  around.foreground = params.foreground.foreground;
+  around.background = layers.background.vertices;
+  GroundPlane ground;
+  NPSIM_RETURN_IF_ERROR(
+      estimate_ground(params.ground, refined.depth, refined.labels, scene.camera, workspace, ground));
+  around.up = ground.up;
+  around.camera_height_m = ground.inlier_share > 0.0F ? ground.camera_height_m : 0.0F;
+  const SolidifyFront seen{{buffers.vertices.sub(behind.vertices, front.vertices),
+                            buffers.faces.sub(behind.faces, front.faces)},
+                           buffers.pixels.sub(behind.vertices, front.vertices),
+                           static_cast<std::uint32_t>(behind.vertices)};
+  const std::size_t vertices = behind.vertices + front.vertices;
+  const MeshBuffers rest{buffers.vertices.sub(vertices, room.vertices),
+                         buffers.faces.sub(behind.faces + front.faces, room.faces),
+                         buffers.pixels.sub(vertices, room.vertices)};
+  return solidify(params.solidify, seen, around, rest, backs, workspace, executor);
+}
+
 }  // namespace reconstruct_detail
+
+template <class Executor, class Observer>
+Status build_layers(const ReconstructParams& params, const SceneView& scene, const RefinedDepth& refined,
+                    Workspace& workspace, Executor& executor, Observer& observer, SceneLayers& out) {
+  const Shape shape = scene.shape();
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.object));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.background_state));
+  for (SheetLayer* layer : {&out.background, &out.foreground}) {
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, layer->vertices));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(quad_shape(shape), layer->quads));
+  }
+  const SheetLayer& sheet = out.background;  // it is completed in place
+
+  observer.begin(Stage::sheet);
+  NPSIM_RETURN_IF_ERROR(build_sheet(params.sheet, refined.depth, refined.surface, scene.camera, sheet, executor));
+  observer.end(Stage::sheet);
+
+  observer.begin(Stage::prune);
+  NPSIM_RETURN_IF_ERROR(prune(params.prune, refined.uncertain, refined.labels, sheet, executor));
+  observer.end(Stage::prune);
+
+  observer.begin(Stage::complete);
+  NPSIM_RETURN_IF_ERROR(complete_background(params.background, sheet.vertices, refined.labels, refined.uncertain,
+                                            refined.surface, scene.camera, sheet, out.background_state, workspace,
+                                            executor));
+  NPSIM_RETURN_IF_ERROR(complete_foreground(params.foreground, params.sheet, refined.depth, refined.surface,
+                                            refined.labels, scene.instances, refined.uncertain, out.background_state,
+                                            scene.camera, out.foreground, out.object, workspace, executor));
+  observer.end(Stage::complete);
+  return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while completing the layers") : Status();
+}
+
+[[nodiscard]] inline SceneMeshSize mesh_size(const ReconstructParams& params, const SceneLayers& layers) noexcept {
+  SceneMeshSize size;
+  size.background = mesh_size(layers.background);
+  size.foreground = mesh_size(layers.foreground);
+  if (params.backs) {
+    size.backs = {size.foreground.vertices,
+                  back_faces(size.foreground.faces, reconstruct_detail::count_rim_edges(layers.foreground))};
+  }
+  return size;
+}
+
+// `refined` and `layers` are what the mesh's views go on to show: they stay as long as it.
+template <class Executor, class Observer>
+Status build_mesh(const ReconstructParams& params, const SceneView& scene, const RefinedDepth& refined,
+                  const SceneLayers& layers, Workspace& workspace, Executor& executor, Observer& observer,
+                  SceneMesh& out) {
+  const Shape shape = scene.shape();
+  observer.begin(Stage::mesh);
+  const SceneMeshSize room = mesh_size(params, layers);
+  NPSIM_RETURN_IF_ERROR(workspace.ensure(mesh_workspace_bytes(params, shape, room)));
+  ImageView<std::uint32_t> visible;
+  MeshBuffers buffers;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, visible));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(room.vertices(), buffers.vertices));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(room.vertices(), buffers.pixels));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(room.faces(), buffers.faces));
+  MeshSize behind;
+  MeshSize front;
+  NPSIM_RETURN_IF_ERROR(
+      index_layers(layers.background, layers.foreground, buffers, behind, front, workspace, executor));
+  if (params.simplify_faces) {
+    NPSIM_RETURN_IF_ERROR(reconstruct_detail::thin_out(params, scene, refined.labels, layers.background,
+                                                       layers.foreground, buffers, behind, front, workspace, executor));
+  }
+  out.background_vertices = behind.vertices;
+  out.background_faces = behind.faces;
+  out.sheet_vertices = behind.vertices + front.vertices;
+  out.sheet_faces = behind.faces + front.faces;
+  MeshSize backs;
+  if (params.backs && front.faces > 0) {
+    NPSIM_RETURN_IF_ERROR(reconstruct_detail::add_backs(params, scene, refined, layers, room.backs, buffers, behind,
+                                                        front, workspace, executor, backs));
+  }
+  workspace.shorten(buffers.faces, out.sheet_faces + backs.faces);
+  out.mesh = {buffers.vertices, buffers.faces};
+  out.vertex_pixel = buffers.pixels;
+  out.background = layers.background;
+  out.foreground = layers.foreground;
+  out.object = layers.object;
+  out.background_state = layers.background_state;
+  reconstruct_detail::find_visible(out, refined.labels, params.foreground.foreground, refined.surface, visible);
+  out.visible_vertex = visible;
+  observer.end(Stage::mesh);
+  return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled after reconstruction") : Status();
+}
 
 template <class Executor, class Observer>
 Status reconstruct(const ReconstructParams& params, const SceneView& scene, const RefinedDepth& refined,
                    Workspace& workspace, Executor& executor, Observer& observer, SceneMesh& out) {
-  const Shape shape = scene.shape();
-  const Shape quads = quad_shape(shape);
-  ImageView<std::uint32_t> visible;
-  ImageView<std::uint32_t> of_background;
-  ImageView<std::uint32_t> of_foreground;
-  ImageView<std::uint32_t> object;
-  ImageView<std::uint8_t> state;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, visible));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, of_background));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, of_foreground));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, object));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, state));
-  const auto allocate_layer = [&](SheetLayer& layer) {
-    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, layer.vertices));
-    return workspace.allocate_image(quads, layer.quads);
-  };
-  SheetLayer background;  // the sheet at first: it is completed in place
-  SheetLayer foreground;
-  NPSIM_RETURN_IF_ERROR(allocate_layer(background));
-  NPSIM_RETURN_IF_ERROR(allocate_layer(foreground));
-
-  observer.begin(Stage::sheet);
-  NPSIM_RETURN_IF_ERROR(build_sheet(params.sheet, refined.depth, refined.surface, scene.camera, background, executor));
-  observer.end(Stage::sheet);
-
-  observer.begin(Stage::prune);
-  NPSIM_RETURN_IF_ERROR(prune(params.prune, refined.uncertain, refined.labels, background, executor));
-  observer.end(Stage::prune);
-
-  observer.begin(Stage::complete);
-  NPSIM_RETURN_IF_ERROR(complete_background(params.background, background.vertices, refined.labels, refined.uncertain,
-                                            refined.surface, scene.camera, background, state, workspace, executor));
-  NPSIM_RETURN_IF_ERROR(complete_foreground(params.foreground, params.sheet, refined.depth, refined.surface,
-                                            refined.labels, scene.instances, refined.uncertain, state, scene.camera,
-                                            foreground, object, workspace, executor));
-  const MeshSize behind = mesh_size(background);
-  const MeshSize front = mesh_size(foreground);
-  MeshSize backs;
-  if (params.backs) {
-    backs = {front.vertices, back_faces(front.faces, reconstruct_detail::count_rim_edges(foreground))};
-  }
-  const std::size_t vertices = behind.vertices + front.vertices + backs.vertices;
-  MeshBuffers buffers;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(vertices, buffers.vertices));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(vertices, buffers.pixels));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(behind.faces + front.faces + backs.faces, buffers.faces));
-  MeshSize background_size;
-  MeshSize foreground_size;
-  NPSIM_RETURN_IF_ERROR(
-      index_layers(background, foreground, buffers, background_size, foreground_size, workspace, executor));
-  if (params.simplify_faces) {
-    NPSIM_RETURN_IF_ERROR(reconstruct_detail::thin_out(params, scene, refined.labels, background, foreground,
-                                                       buffers, background_size, foreground_size, workspace, executor));
-  }
-  out.background_vertices = background_size.vertices;
-  out.background_faces = background_size.faces;
-  out.sheet_vertices = background_size.vertices + foreground_size.vertices;
-  out.sheet_faces = background_size.faces + foreground_size.faces;
-  const MeshSize room = backs;
-  backs = {};
-  if (params.backs && foreground_size.faces > 0) {
-    GroundPlane ground;
-    NPSIM_RETURN_IF_ERROR(
-        estimate_ground(params.ground, refined.depth, refined.labels, scene.camera, workspace, ground));
-    SolidifyScene around;
-    around.camera = scene.camera;
-    around.object = object;
-    around.labels = refined.labels;
-    around.foreground = params.foreground.foreground;
-    around.background = background.vertices;
-    around.up = ground.up;
-    around.camera_height_m = ground.inlier_share > 0.0F ? ground.camera_height_m : 0.0F;
-    const SolidifyFront seen{{buffers.vertices.sub(background_size.vertices, foreground_size.vertices),
-                              buffers.faces.sub(background_size.faces, foreground_size.faces)},
-                             buffers.pixels.sub(background_size.vertices, foreground_size.vertices),
-                             static_cast<std::uint32_t>(background_size.vertices)};
-    const MeshBuffers rest{buffers.vertices.sub(out.sheet_vertices, room.vertices),
-                           buffers.faces.sub(out.sheet_faces, room.faces),
-                           buffers.pixels.sub(out.sheet_vertices, room.vertices)};
-    NPSIM_RETURN_IF_ERROR(solidify(params.solidify, seen, around, rest, backs, workspace, executor));
-  }
-  out.mesh = {buffers.vertices, buffers.faces.sub(0, out.sheet_faces + backs.faces)};
-  out.vertex_pixel = buffers.pixels;
-  out.background = background;
-  out.foreground = foreground;
-  out.object = object;
-  out.background_state = state;
-  reconstruct_detail::find_first_vertices(out.vertex_pixel.sub(0, out.background_vertices), 0, of_background);
-  reconstruct_detail::find_first_vertices(
-      out.vertex_pixel.sub(out.background_vertices, out.sheet_vertices - out.background_vertices),
-      static_cast<std::uint32_t>(out.background_vertices), of_foreground);
-  out.background_vertex = of_background;
-  out.foreground_vertex = of_foreground;
-  reconstruct_detail::find_visible(out, refined.labels, params.foreground.foreground, refined.surface, visible);
-  out.visible_vertex = visible;
-  observer.end(Stage::complete);
-  return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled after reconstruction") : Status();
+  SceneLayers layers;
+  NPSIM_RETURN_IF_ERROR(build_layers(params, scene, refined, workspace, executor, observer, layers));
+  return build_mesh(params, scene, refined, layers, workspace, executor, observer, out);
 }
 
 }  // namespace NPSIM_ABI

@@ -6,17 +6,17 @@
 // The thesis has neither sharpening nor anchoring. The uncertain map is of the filtered depth: refinement moves
 // surfaces, not the edges between them. Without labels everything is one class and nothing is uncertain. Without given
 // normals those of the filtered depth, smoothed within each class, guide the refinement: it then flattens noise rather
-// than correcting shape. Memory: see refine_depth_workspace_bytes(); the planes of RefinedDepth stay in the workspace.
+// than correcting shape. What each default is worth on generated streets stands in docs/evaluation.md.
+// Cost: that of the steps. Memory: see refine_depth_workspace_bytes(); the planes of RefinedDepth stay in the workspace.
 #ifndef NPSIM_PIPELINE_REFINE_DEPTH_HPP
 #define NPSIM_PIPELINE_REFINE_DEPTH_HPP
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
 #include "npsim/color/lab.hpp"
-#include "npsim/core/camera.hpp"
+#include "npsim/core/image_view.hpp"
 #include "npsim/core/observe.hpp"
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
@@ -31,10 +31,69 @@
 #include "npsim/depth/sharpen_edges.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/geometry/ground.hpp"
-#include "npsim/pipeline/refine_depth_params.hpp"
+#include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
+
+// Where edges are sharp already the filter has but noise to remove. Against the thesis' sigma of 10 px, mu of 5 and
+// metric depth: a third of the sigma, the cited code's mu, and inverse depth, which is linear on planes.
+[[nodiscard]] constexpr CrossBilateralParams default_depth_filter() noexcept {
+  CrossBilateralParams p;
+  p.mu = kCrossBilateralMuCitedCode;
+  p.sigma_s_px = 3.0F;
+  return p;
+}
+// Continuity on unit tangents does not pull trees onto houses. At 500 depth and normals balance at wavelengths of some
+// 200 px at a focal length of 725 px.
+[[nodiscard]] constexpr RefineParams default_depth_refinement() noexcept {
+  RefineParams p;
+  p.loss.continuity = ContinuityForm::unit_tangents;
+  p.loss.lambda = {1, 1, 500};
+  p.loss.normal_in_uncertain = false;
+  return p;
+}
+
+struct RefineDepthParams {
+  bool drop_outliers = true;
+  OutlierParams outliers;
+  FillParams fill;
+  SharpenEdgesParams sharpen;
+  AnchorGroundParams anchor;
+  GroundParams ground;  // of the one ground plane that all steps share
+  CrossBilateralParams filter = default_depth_filter();
+  // The filter's sigma_s and the radii of sharpening and of the search for specks are for images this wide and scale
+  // with the width; 0: as they are.
+  int reference_width_px = 960;
+  bool filter_inverse_depth = true;
+  // Labels (instances where there are any) alone, as the method's successor does: the colours of road and pavement are
+  // too alike to hold a kerb. Without labels colour alone. false: both, as (3.2) has it.
+  bool filter_one_reference = true;
+  UncertaintyParams uncertainty;
+  GuidingNormalsParams normals;
+  RefineParams refine = default_depth_refinement();
+  // The U of the refinement: pixels whose neighbour belongs to another object that is farther or nearer by more than
+  // this share. The slopes there lead from surface to surface, all others are a surface's own. 0: (3.3) as in the text.
+  float border_jump = 0.02F;
+
+  [[nodiscard]] static constexpr RefineDepthParams thesis() noexcept {
+    RefineDepthParams params;
+    params.drop_outliers = false;
+    params.sharpen.radius_px = 0;
+    params.anchor.enabled = false;
+    params.filter = CrossBilateralParams{};
+    params.reference_width_px = 0;
+    params.filter_inverse_depth = false;
+    params.filter_one_reference = false;
+    params.normals.form.tangents = TangentForm::thesis;
+    params.normals.derived_smoothing.iterations = 0;
+    params.normals.given_smoothing.iterations = 0;
+    params.normals.ground.enabled = false;
+    params.refine = thesis_refine_params();
+    params.border_jump = 0;
+    return params;
+  }
+};
 
 struct RefinedDepth {
   ImageView<float> depth;             // m; 0 where there is no surface
@@ -42,31 +101,101 @@ struct RefinedDepth {
   ImageView<std::uint8_t> surface;    // 1 where the pixel shows a surface of the scene
   ImageView<std::uint8_t> uncertain;  // U of (3.3)
   ImageView<Vec3f> normals;           // that guided the refinement: given or derived, smoothed, the ground's made plain
-  Span<float> loss_curve;             // of the refinement: before each of refinement.steps steps and at the end
+  GroundPlane ground;                 // of the anchored depth; inlier_share 0: a guess
   RefineResult refinement;
 };
 
-[[nodiscard]] constexpr std::size_t refine_loss_count(const RefineParams& params) noexcept {
-  return static_cast<std::size_t>(refine_max_steps(params)) + 1;
+namespace refine_detail {
+
+// Parameters in pixels, for an image of another width than they were chosen for.
+
+[[nodiscard]] constexpr float reference_scale(const RefineDepthParams& params, Shape shape) noexcept {
+  if (params.reference_width_px <= 0) return 1.0F;
+  return static_cast<float>(shape.width) / static_cast<float>(params.reference_width_px);
 }
 
-[[nodiscard]] inline std::size_t refine_depth_workspace_bytes(const RefineDepthParams& params, Shape shape) noexcept {
+[[nodiscard]] constexpr CrossBilateralParams scaled_filter(const RefineDepthParams& params, Shape shape) noexcept {
+  CrossBilateralParams filter = params.filter;
+  filter.keep_invalid = true;
+  if (params.reference_width_px > 0) {
+    const float sigma = filter.sigma_s_px * reference_scale(params, shape);
+    filter.sigma_s_px = sigma < 0.5F ? 0.5F : sigma;  // a NaN stays one and is refused
+  }
+  return filter;
+}
+
+// In a smaller image the same window would hold whole poles and persons. In a larger one it costs more and finds no
+// more.
+[[nodiscard]] constexpr OutlierParams scaled_outliers(const RefineDepthParams& params, Shape shape) noexcept {
+  OutlierParams outliers = params.outliers;
+  const float scale = reference_scale(params, shape);
+  if (scale < 1.0F) {
+    outliers.speck_radius_px = static_cast<int>(static_cast<float>(outliers.speck_radius_px) * scale + 0.5F);
+  }
+  return outliers;
+}
+
+[[nodiscard]] constexpr AnchorGroundParams scaled_anchor(const RefineDepthParams& params, Shape shape) noexcept {
+  AnchorGroundParams anchor = params.anchor;
+  anchor.surroundings_px =
+      static_cast<int>(static_cast<float>(anchor.surroundings_px) * reference_scale(params, shape));
+  return anchor;
+}
+
+[[nodiscard]] constexpr SharpenEdgesParams scaled_sharpening(const RefineDepthParams& params, Shape shape) noexcept {
+  SharpenEdgesParams sharpen = params.sharpen;
+  if (params.reference_width_px > 0) {
+    const float radius = sharpen.radius_px * reference_scale(params, shape);
+    sharpen.radius_px = radius > 64.0F ? 64.0F : radius;
+  }
+  return sharpen;
+}
+
+}  // namespace refine_detail
+
+[[nodiscard]] inline Status validate(const RefineDepthParams& params) noexcept {
+  if (!(params.border_jump >= 0.0F)) return {StatusCode::invalid_argument, "refine_depth: border_jump is not negative"};
+  NPSIM_RETURN_IF_ERROR(validate(params.ground));
+  return validate(params.anchor);
+}
+
+// The planes of RefinedDepth, and on top of them the step that takes most.
+[[nodiscard]] inline std::size_t refine_depth_workspace_bytes(const RefineDepthParams& params,
+                                                                 Shape shape) noexcept {
   const std::size_t pixels = shape.pixels();
   const std::size_t steps =
       std::max({fill_workspace_bytes(params.fill, shape) + allocation_bytes<float>(pixels) +
                     ground_workspace_bytes(params.ground, shape),
                 sharpen_edges_workspace_bytes(params.sharpen, shape) + allocation_bytes<float>(pixels),
                 anchor_ground_workspace_bytes(params.ground, shape),
-                allocation_bytes<Vec3f>(pixels) + allocation_bytes<std::uint16_t>(pixels) +
+                allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(pixels) +
+                    allocation_bytes<std::uint16_t>(pixels) +
                     cross_bilateral_workspace_bytes(refine_detail::scaled_filter(params, shape), shape),
                 uncertainty_workspace_bytes(params.uncertainty, shape),
-                guiding_normals_workspace_bytes(params.normals, shape), refine_workspace_bytes(params.refine, shape)});
-  return 2 * allocation_bytes<float>(pixels) + 4 * allocation_bytes<std::uint8_t>(pixels) +
-         allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(refine_loss_count(params.refine)) + steps +
-         kWorkspaceAlignment;
+                guiding_normals_workspace_bytes(params.normals, shape),
+                refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels)});
+  return allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
+         allocation_bytes<Vec3f>(pixels) + steps + kWorkspaceAlignment;
 }
 
 namespace refine_detail {
+
+// The steps, each from and to the planes of RefinedDepth.
+
+[[nodiscard]] inline Status allocate_planes(const SceneView& scene, Workspace& workspace, RefinedDepth& out) noexcept {
+  const Shape shape = scene.shape();
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.depth));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.surface));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.uncertain));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.normals));
+  out.labels = scene.labels;
+  if (!scene.labels.empty()) return {};
+  ImageView<Label> one_class;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, one_class));
+  for (Label& l : one_class.pixels()) l = label::unlabeled;
+  out.labels = one_class;
+  return {};
+}
 
 // Without labels the sky is not known. What lies above the topmost measurement of its neighbourhood is taken for it:
 // a range sensor sees nothing there, and a dense depth map leaves no such pixel.
@@ -90,129 +219,101 @@ inline void mark_surface(ImageView<const float> given, ImageView<const Label> la
   }
 }
 
-}  // namespace refine_detail
-
-template <class Executor, class Observer>
-Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace, Executor& executor,
-                    Observer& observer, RefinedDepth& out) {
+template <class Executor>
+[[nodiscard]] Status complete_depth(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace,
+                                    Executor& executor, RefinedDepth& out) {
   const Shape shape = scene.shape();
-  const auto cancelled = [&] {
-    return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while refining depth") : Status();
-  };
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.depth));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.surface));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.uncertain));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.normals));
-  ImageView<Label> one_class;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, one_class));
-  const bool labelled = !scene.labels.empty();
-  if (!labelled) {
-    for (Label& l : one_class.pixels()) l = label::unlabeled;
+  ImageView<float> measured;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
+  copy_pixels(scene.depth, measured);
+  if (params.drop_outliers) {
+    GroundPlane ground;
+    NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, out.labels, scene.camera, workspace, ground));
+    NPSIM_RETURN_IF_ERROR(drop_outliers(scaled_outliers(params, shape), scene.depth, scene.labels, ground.up,
+                                        ground.inlier_share > 0.0F ? ground.camera_height_m : 0.0F, scene.camera,
+                                        measured, executor));
   }
-  out.labels = labelled ? scene.labels : ImageView<const Label>(one_class);
-
-  observer.begin(Stage::fill);
-  {
-    WorkspaceScope scope(workspace);
-    ImageView<float> measured;
-    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
-    copy_pixels(scene.depth, measured);
-    if (params.drop_outliers) {
-      GroundPlane ground;
-      NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, out.labels, scene.camera, workspace, ground));
-      NPSIM_RETURN_IF_ERROR(drop_outliers(refine_detail::scaled_outliers(params, shape), scene.depth, scene.labels,
-                                          ground.up, ground.inlier_share > 0.0F ? ground.camera_height_m : 0.0F,
-                                          scene.camera, measured, executor));
-    }
-    NPSIM_RETURN_IF_ERROR(fill_depth(params.fill, ImageView<const float>(measured), scene.labels, out.depth,
-                                     ImageView<std::uint8_t>(), workspace, executor));
-  }
-  refine_detail::mark_surface(scene.depth, out.labels, out.depth, labelled, out.surface);
+  NPSIM_RETURN_IF_ERROR(fill_depth(params.fill, ImageView<const float>(measured), scene.labels, out.depth,
+                                   ImageView<std::uint8_t>(), workspace, executor));
+  mark_surface(scene.depth, out.labels, out.depth, !scene.labels.empty(), out.surface);
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       if (out.surface(x, y) == 0) out.depth(x, y) = 0.0F;
     }
   }
-  observer.end(Stage::fill);
-  observer.depth(Stage::fill, out.depth);
-  NPSIM_RETURN_IF_ERROR(cancelled());
+  return {};
+}
 
-  const ObjectMap objects{scene.labels, labelled ? scene.instances : ImageView<const std::uint16_t>()};
-  if (params.sharpen.radius_px > 0.0F) {
-    observer.begin(Stage::sharpen);
-    const WorkspaceScope scope(workspace);
-    ImageView<float> sharp;
-    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, sharp));
-    NPSIM_RETURN_IF_ERROR(sharpen_edges(refine_detail::scaled_sharpening(params, shape),
-                                        ImageView<const float>(out.depth), objects, sharp, workspace, executor));
-    copy_pixels(sharp, out.depth);
-    observer.end(Stage::sharpen);
-    observer.depth(Stage::sharpen, out.depth);
-    NPSIM_RETURN_IF_ERROR(cancelled());
+template <class Executor>
+[[nodiscard]] Status sharpen(const RefineDepthParams& params, const ObjectMap& objects, Workspace& workspace,
+                             Executor& executor, RefinedDepth& out) {
+  const Shape shape = out.depth.shape();
+  ImageView<float> sharp;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, sharp));
+  NPSIM_RETURN_IF_ERROR(sharpen_edges(scaled_sharpening(params, shape), ImageView<const float>(out.depth), objects,
+                                      sharp, workspace, executor));
+  copy_pixels(sharp, out.depth);
+  return {};
+}
+
+template <class Executor>
+[[nodiscard]] Status anchor(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace,
+                            Executor& executor, RefinedDepth& out) {
+  return anchor_ground(scaled_anchor(params, scene.shape()), params.ground, scene.camera_height_m, scene.camera,
+                       out.labels, scene.normals, out.depth, out.ground, workspace, executor);
+}
+
+inline void invert_depth(ImageView<float> plane) noexcept {
+  for (int y = 0; y < plane.height(); ++y) {
+    for (int x = 0; x < plane.width(); ++x) {
+      if (plane(x, y) > 0.0F) plane(x, y) = 1.0F / plane(x, y);
+    }
   }
+}
 
-  observer.begin(Stage::ground);
-  GroundPlane ground;
-  NPSIM_RETURN_IF_ERROR(anchor_ground(refine_detail::scaled_anchor(params, shape), params.ground, scene.camera_height_m,
-                                      scene.camera, out.labels, scene.normals, out.depth, ground, workspace, executor));
-  observer.end(Stage::ground);
-  if (params.anchor.enabled) observer.depth(Stage::ground, out.depth);
-  NPSIM_RETURN_IF_ERROR(cancelled());
-
-  observer.begin(Stage::cross_bilateral);
-  {
-    WorkspaceScope scope(workspace);
-    ImageView<Vec3f> lab;
-    ImageView<float> filtered;
-    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, lab));
-    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, filtered));
-    NPSIM_RETURN_IF_ERROR(srgb8_to_lab(scene.image, lab, executor));
-    CrossBilateralParams filter = refine_detail::scaled_filter(params, shape);
-    filter.use_colour = filter.use_colour && !(params.filter_one_reference && labelled);
-    filter.use_labels = filter.use_labels && !(params.filter_one_reference && !labelled);
-    const auto exchange = [&](ImageView<float> plane) {
-      for (int y = 0; y < (params.filter_inverse_depth ? shape.height : 0); ++y) {
-        for (int x = 0; x < shape.width; ++x) {
-          if (plane(x, y) > 0.0F) plane(x, y) = 1.0F / plane(x, y);
-        }
-      }
-    };
-    exchange(out.depth);
-    CrossBilateralResult filter_result;
-    const ImageView<const float> unfiltered = out.depth;
-    const ImageView<const Vec3f> colours = lab;
-    const bool by_object = params.filter_one_reference && labelled && !scene.instances.empty();
-    ImageView<std::uint16_t> object_ids;  // two of one label mix only if their ids are equal modulo 1024
-    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, object_ids));
-    for (int y = 0; y < (by_object ? shape.height : 0); ++y) {
+template <class Executor>
+[[nodiscard]] Status filter(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace,
+                            Executor& executor, RefinedDepth& out) {
+  const Shape shape = scene.shape();
+  const bool labelled = !scene.labels.empty();
+  ImageView<Vec3f> lab;
+  ImageView<float> filtered;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, lab));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, filtered));
+  NPSIM_RETURN_IF_ERROR(srgb8_to_lab(scene.image, lab, executor));
+  CrossBilateralParams filter = scaled_filter(params, shape);
+  filter.use_colour = filter.use_colour && !(params.filter_one_reference && labelled);
+  filter.use_labels = filter.use_labels && !(params.filter_one_reference && !labelled);
+  if (params.filter_inverse_depth) invert_depth(out.depth);
+  const ImageView<const float> depth = out.depth;
+  const ImageView<const Vec3f> colours = lab;
+  CrossBilateralResult result;
+  if (params.filter_one_reference && labelled && !scene.instances.empty()) {
+    ImageView<std::uint16_t> objects;  // two of one label mix only if their ids are equal modulo 1024
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, objects));
+    for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
-        object_ids(x, y) = static_cast<std::uint16_t>((scene.instances(x, y) * 64U) | (out.labels(x, y) & 63U));
+        objects(x, y) = static_cast<std::uint16_t>((scene.instances(x, y) * 64U) | (out.labels(x, y) & 63U));
       }
     }
-    NPSIM_RETURN_IF_ERROR(by_object ? cross_bilateral(filter, unfiltered, ImageView<const std::uint16_t>(object_ids),
-                                                      colours, filtered, filter_result, workspace, executor)
-                                    : cross_bilateral(filter, unfiltered, out.labels, colours, filtered, filter_result,
-                                                      workspace, executor));
-    exchange(filtered);
-    copy_pixels(filtered, out.depth);
+    NPSIM_RETURN_IF_ERROR(cross_bilateral(filter, depth, ImageView<const std::uint16_t>(objects), colours, filtered,
+                                          result, workspace, executor));
+  } else {
+    NPSIM_RETURN_IF_ERROR(
+        cross_bilateral(filter, depth, out.labels, colours, filtered, result, workspace, executor));
   }
-  observer.end(Stage::cross_bilateral);
-  observer.depth(Stage::cross_bilateral, out.depth);
-  NPSIM_RETURN_IF_ERROR(cancelled());
+  if (params.filter_inverse_depth) invert_depth(filtered);
+  copy_pixels(filtered, out.depth);
+  return {};
+}
 
-  observer.begin(Stage::uncertainty);
-  UncertaintyOutput uncertain;
-  uncertain.mask = out.uncertain;
-  NPSIM_RETURN_IF_ERROR(
-      uncertainty(params.uncertainty, ImageView<const float>(out.depth), out.labels, uncertain, workspace, executor));
-  observer.end(Stage::uncertainty);
-  NPSIM_RETURN_IF_ERROR(cancelled());
-
-  observer.begin(Stage::refine);
-  NPSIM_RETURN_IF_ERROR(guiding_normals(params.normals, scene.normals, out.depth, out.labels, scene.camera, ground,
+template <class Executor>
+[[nodiscard]] Status refine(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
+                            Workspace& workspace, Executor& executor, RefinedDepth& out) {
+  NPSIM_RETURN_IF_ERROR(guiding_normals(params.normals, scene.normals, out.depth, out.labels, scene.camera, out.ground,
                                         out.normals, workspace, executor));
   ImageView<std::uint8_t> edges;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, edges));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), edges));
   if (params.border_jump > 0.0F) {
     NPSIM_RETURN_IF_ERROR(
         mark_depth_borders(params.border_jump, ImageView<const float>(out.depth), objects, edges, executor));
@@ -225,12 +326,51 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
   input.uncertain = edges;
   input.labels = out.labels;
   input.intrinsics = scene.camera;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(refine_loss_count(params.refine), out.loss_curve));
-  NPSIM_RETURN_IF_ERROR(
-      refine_with_normals(params.refine, input, out.depth, out.loss_curve, out.refinement, workspace, executor));
-  observer.end(Stage::refine);
-  observer.depth(Stage::refine, out.depth);
-  return cancelled();
+  return refine_with_normals(params.refine, input, out.depth, Span<float>(), out.refinement, workspace, executor);
+}
+
+}  // namespace refine_detail
+
+// A scene without a usable depth on any surface is no_valid_input.
+template <class Executor, class Observer>
+Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace, Executor& executor,
+                    Observer& observer, RefinedDepth& out) {
+  const auto step = [&](Stage stage, auto&& work, bool shows_depth) {
+    observer.begin(stage);
+    {
+      const WorkspaceScope scope(workspace);
+      NPSIM_RETURN_IF_ERROR(work());
+    }
+    observer.end(stage);
+    if (shows_depth) observer.depth(stage, out.depth);
+    return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while refining depth") : Status();
+  };
+  NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(scene, workspace, out));
+  const bool labelled = !scene.labels.empty();
+  const ObjectMap objects{scene.labels, labelled ? scene.instances : ImageView<const std::uint16_t>()};
+
+  NPSIM_RETURN_IF_ERROR(step(
+      Stage::fill, [&] { return refine_detail::complete_depth(params, scene, workspace, executor, out); }, true));
+  if (params.sharpen.radius_px > 0.0F) {
+    NPSIM_RETURN_IF_ERROR(step(
+        Stage::sharpen, [&] { return refine_detail::sharpen(params, objects, workspace, executor, out); }, true));
+  }
+  NPSIM_RETURN_IF_ERROR(step(
+      Stage::ground, [&] { return refine_detail::anchor(params, scene, workspace, executor, out); },
+      params.anchor.enabled));
+  NPSIM_RETURN_IF_ERROR(step(
+      Stage::cross_bilateral, [&] { return refine_detail::filter(params, scene, workspace, executor, out); }, true));
+  NPSIM_RETURN_IF_ERROR(step(
+      Stage::uncertainty,
+      [&] {
+        UncertaintyOutput uncertain;
+        uncertain.mask = out.uncertain;
+        return uncertainty(params.uncertainty, ImageView<const float>(out.depth), out.labels, uncertain, workspace,
+                           executor);
+      },
+      false));
+  return step(
+      Stage::refine, [&] { return refine_detail::refine(params, scene, objects, workspace, executor, out); }, true);
 }
 
 }  // namespace NPSIM_ABI

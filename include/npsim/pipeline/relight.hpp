@@ -1,12 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// Section 3.6: one night of the reconstructed scene, from what all nights share (prepare_relighting.hpp).
+// Section 3.6: light in the reconstructed scene, in two steps.
 //
-// A variant adds up its lit emitters, gathers `bounces` times and looks. Light is linear, so nothing is lost by the
-// split; forty variants cost little more than one.
-// Memory (workspace): see relight_workspace_bytes().
+// prepare_relighting() does what all nights of one day share: it places the lamps, draws which variant lights which of
+// them, and traces every ray of the method: which lamp reaches which point, and where light that bounces comes from.
+// relight() then makes the linear image of one night by adding up: the lit lamps, `bounces` gathers, a denoiser, and what
+// is seen of the lamps themselves. Light is linear, so nothing is lost by the split; forty nights cost little more than
+// one.
+// Rays look for light at the points that pixels show; lamps are asked about those and the points that their bounces
+// reach. A variant's bits do not depend on how many others there are.
+// Memory (workspace): relight_workspace_bytes(), from the sizes of the mesh; a byte a lamp and point, 4 bytes a gather
+// ray and receiver, 28 a point.
 #ifndef NPSIM_PIPELINE_RELIGHT_HPP
 #define NPSIM_PIPELINE_RELIGHT_HPP
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -14,99 +21,423 @@
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/geometry/ground.hpp"
 #include "npsim/light/activation.hpp"
+#include "npsim/light/emitter.hpp"
+#include "npsim/light/headlamps.hpp"
+#include "npsim/light/placement.hpp"
 #include "npsim/light/sky.hpp"
-#include "npsim/pipeline/detail/prepare_relighting.hpp"
+#include "npsim/pipeline/detail/lamp_faces.hpp"
+#include "npsim/pipeline/detail/scene_rays.hpp"
 #include "npsim/pipeline/detail/source_pixels.hpp"
+#include "npsim/pipeline/detail/surface_attributes.hpp"
+#include "npsim/pipeline/reconstruct.hpp"
+#include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/render/denoise.hpp"
 #include "npsim/render/direct.hpp"
 #include "npsim/render/gather.hpp"
 #include "npsim/render/surface_points.hpp"
+#include "npsim/render/visibility.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
 
+struct RelightParams {
+  PlacementParams placement;
+  ActivationParams activation;
+  VisibilityParams visibility;
+  GatherParams gather;
+  DenoiseParams denoise;
+  SkyParams sky;
+  MaterialParams material;
+  GroundParams ground;
+  int bounces = 2;             // diffuse bounces after the direct light, 1..16
+  float f0 = 0.04F;            // normal reflectance of a dielectric of index 1.5
+  bool ego_headlamps = true;   // the low beams of the car that carries the camera
+  EgoHeadlampParams ego;
+};
+
+[[nodiscard]] inline Status validate(const RelightParams& p) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(p.sky));
+  NPSIM_RETURN_IF_ERROR(validate(p.placement));
+  NPSIM_RETURN_IF_ERROR(validate(p.activation));
+  NPSIM_RETURN_IF_ERROR(validate(p.material.albedo));
+  NPSIM_RETURN_IF_ERROR(validate(p.denoise));
+  NPSIM_RETURN_IF_ERROR(validate(p.gather));
+  NPSIM_RETURN_IF_ERROR(validate(p.visibility));
+  if (p.bounces < 1 || p.bounces > 16) return {StatusCode::invalid_argument, "relight: bounces in 1..16"};
+  if (!(p.f0 >= 0.0F && p.f0 <= 1.0F)) return {StatusCode::invalid_argument, "relight: f0 in [0, 1]"};
+  return {};
+}
+
+// Everything that the variants share; spans into the workspace.
+struct Relighting {
+  GroundPlane ground;
+  SkyParams sky;                                 // with the scene's up direction
+  SurfacePoints points;
+  ImageView<const std::uint32_t> visible_point;  // per pixel; kNoPoint where the scene has no surface
+  Span<const Emitter> emitters;                  // marked ones first, then the ego vehicle's
+  Span<const Activation> activations;            // variant-major: variant * emitters + emitter
+  Span<const std::uint32_t> emitter_of_mark;     // mark position -> emitter, or kNoPoint
+  Span<const float> mean_of_mark;                // mean displayed brightness of each mark's pixels by day
+  Span<const std::uint8_t> visibility;
+  Span<const std::uint32_t> receivers;           // the points that pixels show, in the order of the pixels
+  Span<const std::uint32_t> hits;
+  Span<const Vec3f> sky_irradiance;
+  int variants = 0;
+
+  [[nodiscard]] Span<const Activation> of_variant(int variant) const noexcept {
+    return activations.sub(static_cast<std::size_t>(variant) * emitters.size(), emitters.size());
+  }
+};
+
+// What relight_workspace_bytes() goes by.
+struct RelightSize {
+  std::size_t marks = 0;      // lamps that are marked
+  int variants = 1;
+  std::size_t points = 0;     // vertices of the mesh
+  std::size_t receivers = 0;  // pixels that show a point
+  std::size_t faces = 0;      // of the mesh
+  std::size_t backs = 0;      // of these, the objects' backs
+};
+
+[[nodiscard]] inline RelightSize relight_size(const SceneView& scene, const SceneMesh& mesh, int variants) noexcept {
+  RelightSize size{scene.lights.size(),  variants, mesh.mesh.vertices.size(), 0, mesh.mesh.faces.size(),
+                   mesh.mesh.faces.size() - mesh.sheet_faces};
+  for (int y = 0; y < scene.shape().height; ++y) {
+    for (int x = 0; x < scene.shape().width; ++x) size.receivers += mesh.visible_vertex(x, y) != kNoVertex ? 1U : 0U;
+  }
+  return size;
+}
+
+// What relight() takes for a variant.
+[[nodiscard]] constexpr std::size_t variant_workspace_bytes(const RelightParams& params, Shape shape,
+                                                            std::size_t points, std::size_t receivers) noexcept {
+  return allocation_bytes<Vec3f>(shape.pixels()) +
+         std::max(allocation_bytes<Vec3f>(points) +
+                      std::max(allocation_bytes<Vec3f>(points), allocation_bytes<Vec3f>(receivers)),
+                  denoise_workspace_bytes(params.denoise, shape));
+}
+
+// What prepare_relighting() and then relight() take.
+[[nodiscard]] constexpr std::size_t relight_workspace_bytes(const RelightParams& params, TracedFaces traced,
+                                                            Shape shape, const RelightSize& size) noexcept {
+  const std::size_t emitters = size.marks + kEgoHeadlampCount;
+  const std::size_t rays = params.gather.rays > 0 ? static_cast<std::size_t>(params.gather.rays) : 0;
+  const std::size_t drawn = emitters * (size.variants > 0 ? static_cast<std::size_t>(size.variants) : 0);
+  const std::size_t shared =
+      allocation_bytes<Emitter>(emitters) + allocation_bytes<Activation>(drawn) +
+      2 * allocation_bytes<float>(emitters) + allocation_bytes<Vec3f>(emitters) +
+      allocation_bytes<std::uint32_t>(size.marks) + 2 * allocation_bytes<float>(size.marks) +
+      2 * allocation_bytes<Vec3f>(size.points) + allocation_bytes<float>(size.points) +
+      allocation_bytes<std::uint32_t>(size.receivers) + allocation_bytes<std::uint32_t>(size.receivers * rays) +
+      allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<std::uint8_t>(emitters * size.points);
+  const std::size_t trace = scene_rays_workspace_bytes(traced, shape, size.faces, size.backs) +
+                            allocation_bytes<std::uint16_t>(traced_face_count(traced, shape, size.faces, size.backs)) +
+                            mark_faces_workspace_bytes(shape, size.marks, emitters) +
+                            allocation_bytes<std::uint8_t>(size.points);
+  return shared + std::max({placement_workspace_bytes(params.placement, shape),
+                            surface_attributes_workspace_bytes(params.material, shape), trace,
+                            variant_workspace_bytes(params, shape, size.points, size.receivers)}) +
+         kWorkspaceAlignment;
+}
+
+namespace relight_detail {
+
 inline constexpr float kInversePi = 0.31830989F;
 
-// One variant's linear image: luminance(rgb) is in cd/m2.
-template <class Executor, class Observer>
-Status relight(const RelightParams& params, const SceneView& scene, const Relighting& shared, int variant,
-               ImageView<Vec3f> out, Workspace& workspace, Executor& executor, Observer& observer) {
-  const Shape shape = scene.shape();
-  if (variant < 0 || variant >= shared.variants) {
-    return Status(StatusCode::invalid_argument, "the variant was not prepared");
+// The marked lamps, then the own car's.
+[[nodiscard]] inline Status place_emitters(const RelightParams& params, const SceneView& scene,
+                                           const RefinedDepth& refined, const GroundPlane& ground,
+                                           Workspace& workspace, Span<Emitter>& emitters,
+                                           Span<std::uint32_t>& emitter_of_mark) {
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size() + kEgoHeadlampCount, emitters));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), emitter_of_mark));
+  std::size_t count = 0;
+  if (!scene.light_index.empty() && !scene.lights.empty()) {
+    NPSIM_RETURN_IF_ERROR(place_lights(params.placement, scene.lights, scene.light_index, refined.depth, refined.labels,
+                                       refined.uncertain, refined.normals, scene.camera, ground, workspace,
+                                       emitters.sub(0, scene.lights.size()), count));
   }
-  if (out.shape() != shape) return Status(StatusCode::shape_mismatch, "the night image must have the scene's size");
-  WorkspaceScope scope(workspace);
-  const std::size_t points = shared.points.size();
-  const std::size_t count = shared.emitters.size();
-  const Span<const Activation> lit = shared.activations.sub(static_cast<std::size_t>(variant) * count, count);
+  for (std::uint32_t& e : emitter_of_mark) e = kNoPoint;
+  for (std::size_t e = 0; e < count; ++e) emitter_of_mark[emitters[e].mark - 1U] = static_cast<std::uint32_t>(e);
+  if (params.ego_headlamps) count += place_ego_headlamps(params.ego, ground, emitters.sub(count, kEgoHeadlampCount));
+  emitters = emitters.sub(0, count);
+  return {};
+}
+
+// Which lamp is lit in which variant. peak_cd: the strongest intensity that each could have been drawn with, not that it
+// was, so that a variant's bits do not depend on the others; 0 for a lamp that no variant lights: it needs no rays.
+[[nodiscard]] inline Status draw_activations(const ActivationParams& params, std::uint64_t key, int variants,
+                                             const SceneView& scene, Span<const Emitter> emitters,
+                                             Span<const std::uint32_t> emitter_of_mark, Workspace& workspace,
+                                             Span<Activation>& activations, Span<float>& peak_cd) {
+  const std::size_t count = emitters.size();
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(count * static_cast<std::size_t>(variants), activations));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(count, peak_cd));
+  const WorkspaceScope scope(workspace);
+  Span<Vec3f> day_rgb;
+  Span<float> weight;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(count, day_rgb));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(count, weight));
+  daytime_colours(scene, emitter_of_mark, day_rgb, weight);
+  for (float& peak : peak_cd) peak = 0;
+  for (int v = 0; v < variants; ++v) {
+    const Span<Activation> drawn = activations.sub(static_cast<std::size_t>(v) * count, count);
+    NPSIM_RETURN_IF_ERROR(activate_lights(params, key, static_cast<std::uint32_t>(v), emitters, day_rgb, drawn));
+    for (std::size_t e = 0; e < count; ++e) {
+      if (drawn[e].lit) peak_cd[e] = strongest_intensity_cd(params, emitters[e]);
+    }
+  }
+  return {};
+}
+
+[[nodiscard]] inline Status list_receivers(ImageView<const std::uint32_t> visible, std::size_t count,
+                                           Workspace& workspace, Span<std::uint32_t>& receivers) {
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(count, receivers));
+  std::size_t r = 0;
+  for (int y = 0; y < visible.height(); ++y) {
+    for (int x = 0; x < visible.width(); ++x) {
+      if (visible(x, y) != kNoVertex) receivers[r++] = visible(x, y);
+    }
+  }
+  return {};
+}
+
+// Every ray: of the bounces, and of the shadows. The structure that they are traced through is built here and gone
+// afterwards. Rays: LayerRays or MeshRays (scene_rays.hpp).
+template <class Rays, class Executor, class Observer>
+[[nodiscard]] Status trace_light(const RelightParams& params, std::uint64_t key, const SceneView& scene,
+                                 const SceneMesh& mesh, const Relighting& light, Span<const float> peak_cd,
+                                 Span<std::uint32_t> hits, Span<Vec3f> sky_irradiance, Span<std::uint8_t> visibility,
+                                 Workspace& workspace, Executor& executor, Observer& observer) {
+  const WorkspaceScope scope(workspace);
+  observer.begin(Stage::build_trace);
+  Rays rays;
+  NPSIM_RETURN_IF_ERROR(Rays::make(scene, mesh, workspace, executor, rays));
+  Span<std::uint16_t> face_mark;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(rays.face_count(), face_mark));
+  NPSIM_RETURN_IF_ERROR(rays.mark(scene, light.emitters, face_mark, workspace));
+  observer.end(Stage::build_trace);
 
   observer.begin(Stage::render);
-  Span<Vec3f> illuminance;
-  Span<Vec3f> direct;
+  GatherParams gather = params.gather;
+  gather.seed = key;
+  const auto point_of = [&rays](const Hit& hit) { return rays.point_of(hit); };
+  NPSIM_RETURN_IF_ERROR(trace_gather_rays(gather, rays.scene, point_of, light.points, light.receivers, light.sky, hits,
+                                          sky_irradiance, executor, observer));
+  // Light is asked for at the points that pixels show and those that their bounces reach.
+  Span<std::uint8_t> wanted;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(light.points.size(), wanted));
+  for (std::uint8_t& w : wanted) w = 0;
+  for (const std::uint32_t point : light.receivers) wanted[point] = 1;
+  for (const std::uint32_t point : hits) {
+    if (point != kNoPoint) wanted[point] = 1;
+  }
+  VisibilityParams visible = params.visibility;
+  visible.seed = key;
+  NPSIM_RETURN_IF_ERROR(compute_visibility(visible, rays.scene, light.points, wanted, light.emitters, peak_cd,
+                                           face_mark, visibility, executor, observer));
+  observer.end(Stage::render);
+  return {};
+}
+
+}  // namespace relight_detail
+
+// key: of all that is drawn (random_key() in night.hpp).
+template <class Executor, class Observer>
+Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::uint64_t key, int variants,
+                          const SceneView& scene, const RefinedDepth& refined, const SceneMesh& mesh,
+                          Workspace& workspace, Executor& executor, Observer& observer, Relighting& out) {
+  if (variants < 1) return Status(StatusCode::invalid_argument, "at least one variant is needed");
+  const RelightSize size = relight_size(scene, mesh, variants);
+  NPSIM_RETURN_IF_ERROR(workspace.ensure(relight_workspace_bytes(params, traced, scene.shape(), size)));
+
+  observer.begin(Stage::lights);
+  NPSIM_RETURN_IF_ERROR(
+      estimate_ground(params.ground, refined.depth, refined.labels, scene.camera, workspace, out.ground));
+  out.sky = params.sky;
+  out.sky.up = out.ground.up;
+  Span<Emitter> emitters;
+  Span<std::uint32_t> emitter_of_mark;
+  NPSIM_RETURN_IF_ERROR(relight_detail::place_emitters(params, scene, refined, out.ground, workspace, emitters,
+                                                       emitter_of_mark));
+  Span<Activation> activations;
+  Span<float> peak_cd;
+  NPSIM_RETURN_IF_ERROR(relight_detail::draw_activations(params.activation, key, variants, scene, emitters,
+                                                         emitter_of_mark, workspace, activations, peak_cd));
+  Span<float> mean_of_mark;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), mean_of_mark));
+  {
+    const WorkspaceScope scope(workspace);
+    Span<float> pixel_count;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), pixel_count));
+    relight_detail::mean_brightness(scene, mean_of_mark, pixel_count);
+  }
+  observer.end(Stage::lights);
+
+  observer.begin(Stage::material);
+  SurfaceAttributes surface;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, surface.normal));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, surface.albedo));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, surface.alpha));
+  NPSIM_RETURN_IF_ERROR(
+      surface_attributes(params.material, scene, refined, mesh, surface, workspace, executor));
+  observer.end(Stage::material);
+
+  out.points = SurfacePoints{mesh.mesh.vertices, surface.normal, surface.albedo, surface.alpha};
+  out.visible_point = mesh.visible_vertex;
+  out.emitters = emitters;
+  out.activations = activations;
+  out.emitter_of_mark = emitter_of_mark;
+  out.mean_of_mark = mean_of_mark;
+  out.variants = variants;
+  Span<std::uint32_t> receivers;
+  Span<std::uint32_t> hits;
+  Span<Vec3f> sky_irradiance;
+  Span<std::uint8_t> visibility;
+  NPSIM_RETURN_IF_ERROR(relight_detail::list_receivers(mesh.visible_vertex, size.receivers, workspace, receivers));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers * static_cast<std::size_t>(params.gather.rays), hits));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers, sky_irradiance));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(emitters.size() * size.points, visibility));
+  out.receivers = receivers;
+  out.hits = hits;
+  out.sky_irradiance = sky_irradiance;
+  out.visibility = visibility;
+  const auto trace = [&](auto kind) {
+    return relight_detail::trace_light<decltype(kind)>(params, key, scene, mesh, out, peak_cd, hits, sky_irradiance,
+                                                       visibility, workspace, executor, observer);
+  };
+  return traced == TracedFaces::mesh ? trace(MeshRays{}) : trace(LayerRays{});
+}
+
+// Position and normal of what each pixel shows, (0, 0, 0) for nothing: what the denoiser goes by in every variant.
+struct DenoiseGuides {
+  ImageView<Vec3f> position;
+  ImageView<Vec3f> normal;
+};
+
+inline void fill_guides(const Relighting& light, const DenoiseGuides& guides) noexcept {
+  for (int y = 0; y < light.visible_point.height(); ++y) {
+    for (int x = 0; x < light.visible_point.width(); ++x) {
+      const std::uint32_t point = light.visible_point(x, y);
+      guides.position(x, y) = point == kNoPoint ? Vec3f{} : light.points.position[point];
+      guides.normal(x, y) = point == kNoPoint ? Vec3f{} : light.points.normal[point];
+    }
+  }
+}
+
+namespace relight_detail {
+
+// Light that comes straight from the lamps: illuminance at every point, and luminance of what each pixel shows.
+template <class Executor>
+[[nodiscard]] Status direct_image(const RelightParams& params, const Relighting& light, Span<const Activation> lit,
+                                  Span<Vec3f> illuminance, ImageView<Vec3f> out, Workspace& workspace,
+                                  Executor& executor) {
+  const WorkspaceScope scope(workspace);
+  Span<Vec3f> luminance;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(light.points.size(), luminance));
+  NPSIM_RETURN_IF_ERROR(direct_light(light.points, light.emitters, lit, light.visibility, params.f0, illuminance,
+                                     luminance, executor));
+  for (int y = 0; y < out.height(); ++y) {
+    for (int x = 0; x < out.width(); ++x) {
+      const std::uint32_t point = light.visible_point(x, y);
+      out(x, y) = point == kNoPoint ? Vec3f{} : luminance[point];
+    }
+  }
+  return {};
+}
+
+// Irradiance that comes by way of other surfaces and from the sky. illuminance: direct in, with that of all bounces but
+// the last one out. Gathering direct light and what k bounces brought to the points that pixels show gives k + 1.
+template <class Executor>
+[[nodiscard]] Status indirect_image(const RelightParams& params, const Relighting& light, Span<Vec3f> illuminance,
+                                    ImageView<Vec3f> irradiance, Workspace& workspace, Executor& executor) {
+  const WorkspaceScope scope(workspace);
   Span<Vec3f> indirect;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(points, illuminance));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(points, direct));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(shared.receivers.size(), indirect));
-  NPSIM_RETURN_IF_ERROR(direct_light(shared.points, shared.emitters, lit, shared.visibility, params.f0, illuminance,
-                                     direct, executor));
-  // Gathering direct light plus what k bounces brought to the points that pixels show gives k + 1 bounces.
-  Span<Vec3f> handed_on;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(points, handed_on));
-  for (std::size_t p = 0; p < points; ++p) handed_on[p] = illuminance[p];
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(light.receivers.size(), indirect));
+  const auto for_receivers = [&](auto&& f) {
+    std::size_t r = 0;
+    for (int y = 0; y < irradiance.height(); ++y) {
+      for (int x = 0; x < irradiance.width(); ++x) {
+        if (light.visible_point(x, y) != kNoPoint) f(r++, irradiance(x, y));
+      }
+    }
+  };
+  // Until the end the image keeps the direct light of its pixels' points.
+  for (Vec3f& v : irradiance.pixels()) v = Vec3f{};
+  for_receivers([&](std::size_t r, Vec3f& direct) { direct = illuminance[light.receivers[r]]; });
   for (int bounce = 1;; ++bounce) {
     NPSIM_RETURN_IF_ERROR(
-        gather_irradiance(shared.points, handed_on, shared.hits, params.gather.rays, indirect, executor));
-    for (std::size_t r = 0; r < indirect.size(); ++r) indirect[r] += shared.sky_irradiance[r];
+        gather_irradiance(light.points, illuminance, light.hits, params.gather.rays, indirect, executor));
+    for (std::size_t r = 0; r < indirect.size(); ++r) indirect[r] += light.sky_irradiance[r];
     if (bounce >= params.bounces) break;
-    for (std::size_t r = 0; r < indirect.size(); ++r) {
-      handed_on[shared.receivers[r]] = illuminance[shared.receivers[r]] + indirect[r];
+    for_receivers([&](std::size_t r, const Vec3f& direct) { illuminance[light.receivers[r]] = direct + indirect[r]; });
+  }
+  for_receivers([&](std::size_t r, Vec3f& v) { v = indirect[r]; });
+  return {};
+}
+
+// Adds what a pixel shows besides direct light: irradiance reflected, the sky, and the lamp that it is part of.
+inline void add_rest(const SceneView& scene, const Relighting& light, Span<const Activation> lit,
+                     ImageView<const Vec3f> irradiance, int y, ImageView<Vec3f> out) noexcept {
+  for (int x = 0; x < out.width(); ++x) {
+    const std::uint32_t point = light.visible_point(x, y);
+    Vec3f seen = out(x, y);
+    if (point != kNoPoint) {
+      seen = seen + light.points.albedo[point] * irradiance(x, y) * kInversePi;
+    } else if (scene.labels.empty() || scene.labels(x, y) == label::sky) {
+      // No surface: the sky above the horizon; what belongs to the camera's own car stays black.
+      const Vec3f direction = normalized(unproject_pixel(scene.camera, x, y, 1.0F));
+      seen = sky_luminance(light.sky, raised_to_horizon(light.sky, direction));
     }
+    const std::uint16_t mark = scene.light_index.empty() ? std::uint16_t{0} : scene.light_index(x, y);
+    const std::uint32_t emitter = mark == 0 ? kNoPoint : light.emitter_of_mark[mark - 1U];
+    if (emitter != kNoPoint && lit[emitter].lit) {
+      seen += lit[emitter].luminance_cd_m2 * texture(scene, light.mean_of_mark[mark - 1U], x, y);
+    }
+    out(x, y) = seen;
+  }
+}
+
+}  // namespace relight_detail
+
+// One variant's linear image: luminance(rgb) is in cd/m2. guides: from fill_guides().
+template <class Executor, class Observer>
+Status relight(const RelightParams& params, const SceneView& scene, const Relighting& light,
+               const DenoiseGuides& guides, int variant, ImageView<Vec3f> out, Workspace& workspace,
+               Executor& executor, Observer& observer) {
+  const Shape shape = scene.shape();
+  if (variant < 0 || variant >= light.variants) {
+    return Status(StatusCode::invalid_argument, "the variant was not prepared");
+  }
+  if (out.shape() != shape || guides.position.shape() != shape || guides.normal.shape() != shape) {
+    return Status(StatusCode::shape_mismatch, "the night image and its guides must have the scene's size");
+  }
+  const WorkspaceScope scope(workspace);
+  const Span<const Activation> lit = light.of_variant(variant);
+  ImageView<Vec3f> irradiance;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, irradiance));
+
+  observer.begin(Stage::render);
+  {
+    const WorkspaceScope render(workspace);
+    Span<Vec3f> illuminance;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(light.points.size(), illuminance));
+    NPSIM_RETURN_IF_ERROR(relight_detail::direct_image(params, light, lit, illuminance, out, workspace, executor));
+    NPSIM_RETURN_IF_ERROR(
+        relight_detail::indirect_image(params, light, illuminance, irradiance, workspace, executor));
   }
   observer.end(Stage::render);
 
   observer.begin(Stage::denoise);
-  ImageView<Vec3f> position;
-  ImageView<Vec3f> normal;
-  ImageView<Vec3f> irradiance;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, position));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, normal));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, irradiance));
-  std::size_t receiver = 0;
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      const std::uint32_t point = shared.visible_point(x, y);
-      position(x, y) = normal(x, y) = irradiance(x, y) = Vec3f{};
-      if (point == kNoPoint) continue;
-      position(x, y) = shared.points.position[point];
-      normal(x, y) = shared.points.normal[point];
-      irradiance(x, y) = indirect[receiver++];
-    }
-  }
-  NPSIM_RETURN_IF_ERROR(denoise_irradiance(params.denoise, position, normal, irradiance, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(
+      denoise_irradiance(params.denoise, guides.position, guides.normal, irradiance, workspace, executor));
   observer.end(Stage::denoise);
 
   executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
     for (auto y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        const std::uint32_t point = shared.visible_point(x, y);
-        Vec3f seen;
-        if (point != kNoPoint) {
-          seen = direct[point] + shared.points.albedo[point] * irradiance(x, y) * kInversePi;
-        } else {
-          // No surface: the sky above the horizon; what belongs to the camera's own car stays black.
-          const bool sky = scene.labels.empty() || scene.labels(x, y) == label::sky;
-          const Vec3f direction = normalized(unproject_pixel(scene.camera, x, y, 1.0F));
-          if (sky) seen = sky_luminance(shared.sky, raised_to_horizon(shared.sky, direction));
-        }
-        const std::uint16_t mark = scene.light_index.empty() ? std::uint16_t{0} : scene.light_index(x, y);
-        const std::uint32_t emitter = mark == 0 ? kNoPoint : shared.emitter_of_mark[mark - 1U];
-        if (emitter != kNoPoint && lit[emitter].lit) {
-          seen += lit[emitter].luminance_cd_m2 * relight_detail::texture(scene, shared.mean_of_mark[mark - 1U], x, y);
-        }
-        out(x, y) = seen;
-      }
+      relight_detail::add_rest(scene, light, lit, irradiance, y, out);
     }
   });
   relight_detail::continue_over_frame(scene.labels, out);

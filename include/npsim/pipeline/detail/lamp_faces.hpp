@@ -27,9 +27,10 @@
 namespace npsim {
 inline namespace NPSIM_ABI {
 
-[[nodiscard]] constexpr std::size_t mark_faces_workspace_bytes(const SceneView& scene, std::size_t emitters) noexcept {
-  return allocation_bytes<std::uint32_t>(scene.shape().pixels() + 1) + allocation_bytes<std::uint32_t>(emitters) +
-         allocation_bytes<std::uint32_t>(scene.lights.size() + 1) + kWorkspaceAlignment;
+[[nodiscard]] constexpr std::size_t mark_faces_workspace_bytes(Shape shape, std::size_t marks,
+                                                               std::size_t emitters) noexcept {
+  return allocation_bytes<std::uint32_t>(shape.pixels() + 1) + allocation_bytes<std::uint32_t>(emitters) +
+         allocation_bytes<std::uint32_t>(marks + 1) + kWorkspaceAlignment;
 }
 
 namespace lamp_detail {

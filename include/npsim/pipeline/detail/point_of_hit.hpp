@@ -13,7 +13,10 @@
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/core/workspace.hpp"
 #include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
@@ -27,8 +30,39 @@ inline namespace NPSIM_ABI {
   return w >= hit.u && w >= hit.v ? face.a : (hit.u >= hit.v ? face.b : face.c);
 }
 
+// Per pixel and layer, the number of the first of the vertices there; kNoVertex for none.
+struct FirstVertices {
+  ImageView<const std::uint32_t> background;
+  ImageView<const std::uint32_t> foreground;
+};
+
+// pixels: of the vertices of one layer, in raster order; `first` is the number of the first of them.
+inline void find_first_vertices(Span<const std::uint32_t> pixels, std::uint32_t first, ImageView<std::uint32_t> out) {
+  const auto width = static_cast<std::uint32_t>(out.width());
+  for (int y = 0; y < out.height(); ++y) {
+    for (int x = 0; x < out.width(); ++x) out(x, y) = kNoVertex;
+  }
+  for (std::size_t v = pixels.size(); v-- > 0;) {
+    out(static_cast<int>(pixels[v] % width), static_cast<int>(pixels[v] / width)) =
+        first + static_cast<std::uint32_t>(v);
+  }
+}
+
+[[nodiscard]] inline Status find_first_vertices(const SceneMesh& mesh, Workspace& workspace, FirstVertices& out) {
+  ImageView<std::uint32_t> background;
+  ImageView<std::uint32_t> foreground;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(mesh.visible_vertex.shape(), background));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(mesh.visible_vertex.shape(), foreground));
+  find_first_vertices(mesh.vertex_pixel.sub(0, mesh.background_vertices), 0, background);
+  find_first_vertices(mesh.vertex_pixel.sub(mesh.background_vertices, mesh.sheet_vertices - mesh.background_vertices),
+                      static_cast<std::uint32_t>(mesh.background_vertices), foreground);
+  out = {background, foreground};
+  return {};
+}
+
 struct PointOfMeshHit {
   const SceneMesh* mesh = nullptr;
+  FirstVertices first;
   Intrinsics camera;
 
   [[nodiscard]] std::uint32_t operator()(const Hit& hit) const noexcept {
@@ -36,7 +70,7 @@ struct PointOfMeshHit {
     const std::uint32_t nearest = nearest_corner(face, hit);
     if (hit.face >= mesh->sheet_faces) return nearest;
     const ImageView<const std::uint32_t> layer =
-        hit.face < mesh->background_faces ? mesh->background_vertex : mesh->foreground_vertex;
+        hit.face < mesh->background_faces ? first.background : first.foreground;
     const auto width = static_cast<std::uint32_t>(layer.width());
     if (!between_neighbours(face, width)) {
       const float w = 1.0F - hit.u - hit.v;
@@ -74,9 +108,10 @@ struct PointOfMeshHit {
 // Hits on the implicit faces of both layers, background first, then on the mesh's faces that are no layer's.
 struct PointOfLayerHit {
   const SceneMesh* mesh = nullptr;
+  FirstVertices first;
 
   [[nodiscard]] std::uint32_t operator()(const Hit& hit) const noexcept {
-    const ImageView<const std::uint32_t> planes[2] = {mesh->background_vertex, mesh->foreground_vertex};
+    const ImageView<const std::uint32_t> planes[2] = {first.background, first.foreground};
     const SheetLayer* layers[2] = {&mesh->background, &mesh->foreground};
     const auto width = static_cast<std::uint32_t>(planes[0].width());
     const std::uint32_t faces = sheet_face_count(planes[0].shape());

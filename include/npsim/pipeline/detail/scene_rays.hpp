@@ -27,12 +27,10 @@
 namespace npsim {
 inline namespace NPSIM_ABI {
 
-// Two a quad in either layer, and four that a quad adds to the objects' backs at most (see kMaxFacesPerPixel).
-inline constexpr std::size_t kMaxTracedFacesPerPixel = 8;
-
 struct LayerRays {
   JoinedScene<SheetScene, Bvh> scene;
   const SceneMesh* mesh = nullptr;
+  FirstVertices first;
 
   template <class Executor>
   [[nodiscard]] static Status make(const SceneView& view, const SceneMesh& mesh, Workspace& workspace,
@@ -43,6 +41,7 @@ struct LayerRays {
     NPSIM_RETURN_IF_ERROR(build_sheet_trace(mesh.foreground, view.camera, workspace, layers[1], executor));
     NPSIM_RETURN_IF_ERROR(join_layers(layers, out.scene.first));
     out.mesh = &mesh;
+    NPSIM_RETURN_IF_ERROR(find_first_vertices(mesh, workspace, out.first));
     const std::size_t backs = mesh.mesh.faces.size() - mesh.sheet_faces;
     out.scene.second = Bvh{};
     if (backs == 0) return {};
@@ -56,12 +55,13 @@ struct LayerRays {
                             Workspace& workspace) const {
     return mark_layer_faces(view, *mesh, emitters, face_mark, workspace);
   }
-  [[nodiscard]] std::uint32_t point_of(const Hit& hit) const noexcept { return PointOfLayerHit{mesh}(hit); }
+  [[nodiscard]] std::uint32_t point_of(const Hit& hit) const noexcept { return PointOfLayerHit{mesh, first}(hit); }
 };
 
 struct MeshRays {
   Bvh scene;
   const SceneMesh* mesh = nullptr;
+  FirstVertices first;
   Intrinsics camera;
 
   template <class Executor>
@@ -69,6 +69,7 @@ struct MeshRays {
                                    MeshRays& out) {
     out.mesh = &mesh;
     out.camera = view.camera;
+    NPSIM_RETURN_IF_ERROR(find_first_vertices(mesh, workspace, out.first));
     return build_bvh(mesh.mesh, workspace, out.scene);
   }
 
@@ -77,14 +78,20 @@ struct MeshRays {
                             Workspace& workspace) const {
     return mark_faces(view, *mesh, emitters, face_mark, workspace);
   }
-  [[nodiscard]] std::uint32_t point_of(const Hit& hit) const noexcept { return PointOfMeshHit{mesh, camera}(hit); }
+  [[nodiscard]] std::uint32_t point_of(const Hit& hit) const noexcept { return PointOfMeshHit{mesh, first, camera}(hit); }
 };
 
-[[nodiscard]] constexpr std::size_t scene_rays_workspace_bytes(TracedFaces traced, Shape shape) noexcept {
-  const std::size_t pixels = shape.pixels();
-  if (traced == TracedFaces::mesh) return bvh_workspace_bytes(kMaxFacesPerPixel * pixels) + kWorkspaceAlignment;
-  return 2 * sheet_workspace_bytes(shape) + allocation_bytes<SheetTrace>(2) +
-         bvh_workspace_bytes((kMaxTracedFacesPerPixel - 4) * pixels) + kWorkspaceAlignment;
+// faces: of the mesh, `backs` of them of the objects' backs.
+[[nodiscard]] constexpr std::size_t scene_rays_workspace_bytes(TracedFaces traced, Shape shape, std::size_t faces,
+                                                               std::size_t backs) noexcept {
+  const std::size_t planes = 2 * allocation_bytes<std::uint32_t>(shape.pixels()) + kWorkspaceAlignment;
+  if (traced == TracedFaces::mesh) return planes + bvh_workspace_bytes(faces);
+  return planes + 2 * sheet_workspace_bytes(shape) + allocation_bytes<SheetTrace>(2) + bvh_workspace_bytes(backs);
+}
+
+[[nodiscard]] constexpr std::size_t traced_face_count(TracedFaces traced, Shape shape, std::size_t faces,
+                                                      std::size_t backs) noexcept {
+  return traced == TracedFaces::mesh ? faces : 2 * std::size_t{sheet_face_count(shape)} + backs;
 }
 
 }  // namespace NPSIM_ABI

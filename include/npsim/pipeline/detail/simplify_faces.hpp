@@ -27,10 +27,11 @@
 namespace npsim {
 inline namespace NPSIM_ABI {
 
-[[nodiscard]] constexpr std::size_t simplify_faces_workspace_bytes(const SimplifyParams& params, Shape shape) noexcept {
-  const std::size_t pixels = shape.pixels();
-  return 2 * allocation_bytes<std::uint32_t>(pixels) + allocation_bytes<Vec3f>(2 * pixels) +
-         2 * allocation_bytes<std::uint32_t>(2 * pixels) + allocation_bytes<Face>(2 * pixels) +
+// For a layer of that size.
+[[nodiscard]] constexpr std::size_t simplify_faces_workspace_bytes(const SimplifyParams& params, Shape shape,
+                                                                   const MeshSize& size) noexcept {
+  return 2 * allocation_bytes<std::uint32_t>(shape.pixels()) + allocation_bytes<Vec3f>(size.vertices) +
+         2 * allocation_bytes<std::uint32_t>(size.vertices) + allocation_bytes<Face>(size.faces) +
          simplify_layer_workspace_bytes(params, shape) + kWorkspaceAlignment;
 }
 
