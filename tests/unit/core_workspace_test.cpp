@@ -135,3 +135,54 @@ TEST_CASE("an image from a workspace is contiguous; an empty one takes nothing")
   CHECK(workspace.used() == before);
   CHECK_FALSE(workspace.allocate_image({70000, 70000}, image).ok());
 }
+
+TEST_CASE("the latest allocation can be shortened, an earlier one not") {
+  alignas(kWorkspaceAlignment) unsigned char memory[1024];
+  Workspace workspace(memory, sizeof(memory));
+  Span<int> first;
+  Span<int> second;
+  REQUIRE(workspace.allocate(16, first).ok());
+  REQUIRE(workspace.allocate(100, second).ok());
+  workspace.shorten(first, 1);
+  CHECK(first.size() == 16);
+  workspace.shorten(second, 17);
+  CHECK(second.size() == 17);
+  CHECK(workspace.used() == 64 + 128);
+  workspace.shorten(second, 20);  // longer is not shorter
+  CHECK(second.size() == 17);
+  CHECK(workspace.used() == 64 + 128);
+  CHECK(workspace.peak() == 64 + 448);
+}
+
+TEST_CASE("room is there, is made where the owner can make it, or is refused with the workspace as it was") {
+  alignas(kWorkspaceAlignment) unsigned char memory[1024];
+  Workspace plain(memory, 512);
+  CHECK(plain.ensure(512).ok());
+  CHECK(plain.ensure(513).code() == StatusCode::workspace_exhausted);
+
+  struct Owner {
+    std::size_t limit;
+    int calls = 0;
+    static std::size_t grow(void* self, std::size_t bytes) {
+      auto& owner = *static_cast<Owner*>(self);
+      ++owner.calls;
+      return bytes <= owner.limit ? bytes : owner.limit;
+    }
+  } owner{1000};
+  for (const std::size_t offset : {std::size_t{0}, std::size_t{1}}) {  // of the owner's bytes, beside the alignment
+    owner.calls = 0;
+    Workspace growing(memory + offset, 0 + (offset == 0 ? 0U : 64U), {&owner, &Owner::grow});
+    CHECK(growing.ensure(200).ok());
+    CHECK(owner.calls == 1);
+    Span<char> taken;
+    REQUIRE(growing.allocate(128, taken).ok());
+    CHECK(growing.ensure(72).ok());
+    CHECK(owner.calls == 1);
+    CHECK(growing.ensure(500).ok());
+    CHECK(growing.capacity() >= 628);
+    CHECK(offset + growing.capacity() <= 1000);
+    CHECK(growing.ensure(900).code() == StatusCode::workspace_exhausted);
+    CHECK(growing.ensure(~std::size_t{0}).code() == StatusCode::workspace_exhausted);
+    CHECK(growing.used() == 128);
+  }
+}

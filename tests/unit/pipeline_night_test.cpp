@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <memory>
 #include <vector>
@@ -12,8 +13,10 @@
 #include "npsim/core/observe.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
+#include "npsim/io/memory.hpp"
 #include "npsim/mesh/check.hpp"
 #include "npsim/pipeline/night.hpp"
+#include "fixture.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
 
@@ -309,16 +312,31 @@ TEST_CASE("night: two photographs with one seed share no draw") {
   CHECK(a.lit[0] != b.lit[0]);
 }
 
-TEST_CASE("night: parameters that are not finite or out of range are refused before any work") {
+TEST_CASE("night: parameters that are not finite or out of range are refused before the first stage begins") {
+  struct Counting : NullObserver {
+    int begun = 0;
+    void begin(Stage) noexcept { ++begun; }
+  };
   Scene scene({16, 12});
   SerialExecutor serial;
-  Keeper keeper;
+  NullSink sink;
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const auto code = [&](auto&& spoil) {
     NightParams params = default_night_params();
     spoil(params);
-    return run(params, scene.view, serial, keeper).code();
+    Counting observer;
+    npsim_test::Scratch scratch(night_workspace_bytes(params, scene.view.shape(), 0));
+    const Status status = make_nights(params, scene.view, scratch.workspace(), serial, observer, sink);
+    CHECK(observer.begun == 0);
+    return status.code();
   };
+  CHECK(code([&](NightParams& p) { p.camera.exposure.steps = 0; }) == StatusCode::invalid_argument);
+  CHECK(code([&](NightParams& p) { p.camera.exposure.iso_min = nan; }) == StatusCode::invalid_argument);
+  CHECK(code([&](NightParams& p) { p.camera.white_balance.adaptation = 2; }) == StatusCode::invalid_argument);
+  CHECK(code([&](NightParams& p) { p.camera.residual_noise = -1; }) == StatusCode::invalid_argument);
+  CHECK(code([&](NightParams& p) { p.mesh.simplify.max_texture_shift = nan; }) == StatusCode::invalid_argument);
+  CHECK(code([&](NightParams& p) { p.depth.refine.gauss_newton.steps = -1; }) == StatusCode::invalid_argument);
+  CHECK(code([&](NightParams& p) { p.relight.placement.max_side_m = nan; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.relight.f0 = nan; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.relight.f0 = 7; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.relight.bounces = 0; }) == StatusCode::invalid_argument);
@@ -369,6 +387,52 @@ TEST_CASE("night: planes of another size and light indices without a mark are re
   index(3, 3) = 1;
   scene.view.light_index = index.view();
   CHECK(run(default_night_params(), scene.view, serial, keeper).code() == StatusCode::invalid_argument);
+}
+
+TEST_CASE("night: one call makes the first of the nights, and a picture of another size is refused") {
+  Keeper keeper;
+  ThreadPool pool(2);
+  const NightParams params = default_night_params();
+  const SceneView view = view_of(small_street());
+  REQUIRE(run(params, view, pool, keeper).ok());
+  npsim_test::Scratch scratch(night_workspace_bytes(params, view.shape(), view.lights.size()));
+  npsim_test::Image<Rgb8> picture(view.shape());
+  REQUIRE(make_night(params, view, scratch.workspace(), pool, picture.view()).ok());
+  for (int y = 0; y < view.shape().height; ++y) {
+    const auto bytes = sizeof(Rgb8) * static_cast<std::size_t>(view.shape().width);
+    REQUIRE(std::memcmp(picture.view().row(y), keeper.pictures[0].view().row(y), bytes) == 0);
+  }
+  npsim_test::Image<Rgb8> smaller({159, 90});
+  CHECK(make_night(params, view, scratch.workspace(), pool, smaller.view()).code() == StatusCode::shape_mismatch);
+}
+
+TEST_CASE("night: what the workspace is asked for is at most 1.3 times what is used, on the street with and without labels") {
+  street::StreetParams street_params;
+  street_params.shape = {480, 270};
+  ThreadPool pool(2);
+  street::Street street;
+  REQUIRE(street::make_street(street_params, pool, street).ok());
+  NightParams params = default_night_params();
+  params.relight.gather.rays = 8;
+  for (const bool labelled : {true, false}) {
+    SceneView view = view_of(street);
+    if (!labelled) {
+      view.labels = {};
+      view.instances = {};
+      view.light_index = {};
+      view.lights = {};
+    }
+    const std::size_t bound = night_workspace_bytes(params, view.shape(), view.lights.size());
+    io::HostMemory memory(bound);
+    REQUIRE(memory.ok());
+    Workspace workspace = memory.workspace();
+    NullObserver observer;
+    NullSink sink;
+    REQUIRE(make_nights(params, view, workspace, pool, observer, sink).ok());
+    CHECK(workspace.used() == 0);
+    CHECK(memory.usable() <= bound);
+    CHECK(static_cast<double>(memory.usable()) <= 1.3 * static_cast<double>(workspace.peak()));
+  }
 }
 
 TEST_CASE("night: a workspace one page short is a status, not a crash") {
