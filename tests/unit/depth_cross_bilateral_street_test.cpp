@@ -81,7 +81,7 @@ TEST_CASE("cross-bilateral on a generated street: bound kept at every setting, R
       Workspace workspace(bytes.data(), bytes.size());
       CrossBilateralResult result;
       REQUIRE(cross_bilateral(p, depth, ImageView<const Label>(street.labels.view()), ImageView<const Vec3f>(lab), out,
-                              result, workspace, serial)
+                              result, workspace, serial, FilteredPixels::all)
                   .ok());
       const Error error = error_of(p, depth, street.labels.view(), lab, out);
       CHECK(result.relative_error_bound <= bound);

@@ -11,7 +11,7 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/detail/refine/loss_kernel.hpp"
+#include "npsim/depth/detail/refine/losses.hpp"
 
 using namespace npsim;
 using namespace npsim::depth_detail;

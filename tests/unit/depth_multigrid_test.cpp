@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/detail/refine/multigrid.hpp"
+#include "npsim/depth/detail/refine/linear_solver.hpp"
 
 #include <doctest/doctest.h>
 
@@ -9,7 +9,7 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/detail/refine/gauss_newton.hpp"
+#include "npsim/depth/refine.hpp"
 
 using namespace npsim;
 using namespace npsim::depth_detail;

@@ -10,7 +10,7 @@
 
 #include "depth_refine_fixture.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/depth/losses.hpp"
+#include "npsim/depth/loss_gradient.hpp"
 #include "npsim/depth/normals.hpp"
 
 using namespace npsim;
@@ -45,7 +45,7 @@ TEST_CASE("the thesis' biased tangents lower their loss and still make depth wor
   CHECK(s.result.last.total < s.result.first.total);
   CHECK(s.abs_rel(s.out) > s.abs_rel(s.estimate));
   RefineParams metres = thesis_refine_params();
-  metres.depth_scale_m = 1;
+  metres.loss.depth_unit_m = 1;
   REQUIRE(s.run(metres).ok());
   for (std::size_t i = 0; i < s.out.size(); ++i) CHECK(std::abs(s.out[i] - s.estimate[i]) < 0.2F);
 }
@@ -68,7 +68,6 @@ TEST_CASE("Adam follows the textbook in double") {
   std::vector<unsigned char> bytes(depth_losses_workspace_bytes<double>(p.loss, s.shape));
   const SerialExecutor serial;
   LossParams loss = p.loss;
-  loss.depth_unit_m = p.depth_scale_m;
   for (int t = 0; t <= 60; ++t) {
     Workspace workspace(bytes.data(), bytes.size());
     LossValues values;
@@ -100,7 +99,7 @@ TEST_CASE("refinement does not depend on the order of chunks, works in place and
   REQUIRE(s.run(p).ok());
   const std::vector<float> expected = s.out;
   const double loss = s.result.last.total;
-  const BackwardExecutor backward;
+  const npsim_test::BackwardExecutor backward;
   REQUIRE(s.run(p, backward).ok());
   CHECK(s.out == expected);
   CHECK(s.result.last.total == loss);

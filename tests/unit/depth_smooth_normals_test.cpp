@@ -5,7 +5,7 @@
 
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/depth/detail/smooth_normals.hpp"
+#include "npsim/depth/guiding_normals.hpp"
 
 namespace {
 

@@ -5,9 +5,10 @@
 // XYZ (1931, 2 degrees) is relative to white Y = 1. The matrices are computed from the chromaticities of the primaries
 // in IEC 61966-2-1 and from the white D65 = (0.95047, 1, 1.08883), and not taken from the rounded table of the
 // standard, so that R = G = B = 1 is this white exactly and greys have no colour in CIELAB. They agree with the
-// standard's four digits. A light's colour is a linear sRGB triple of luminance 1, so that its product with a
-// photometric quantity keeps that quantity's value. Chromaticities outside the sRGB gamut (sodium, coloured signals)
-// move along the straight line to white D65 until the smallest channel is zero: hue is kept nearly, luminance exactly.
+// standard's four digits.
+// A light's colour is a linear sRGB triple of luminance 1, so that its product with a photometric quantity keeps that
+// quantity's value. Chromaticities outside the sRGB gamut (sodium, coloured signals) move along the straight line to
+// white D65 until the smallest channel is zero: hue is kept nearly, luminance exactly.
 // Luminance here is row Y of kLinearSrgbToXyz; the four-digit weights of luminance() in core/vec.hpp differ from it by
 // less than 1e-4, so luminance() of such a triple is 1 within 2e-3.
 // Computed in double; error: a few double roundings, and where the result is float its rounding.

@@ -10,13 +10,13 @@
 //
 // How: labels first, as bytes, in strips of 512 columns and bands of 16 rows; where no window of a band can hold a
 // foreground edge, depth is not read at all. Elsewhere variance is merged in single precision, with or without holes,
-// and a window whose variance lies too close to mu for that is decided in double (detail/uncertainty/variance.hpp has
-// the bounds). With a window other than 8 or the variance asked for, it is double from the start. Error: every decision
-// is that of the variance in double, which is within 1e-12 relative at any depth with the default window
-// (detail/uncertainty/variance.hpp has wider ones: 2e-9 at 256); variance_m2 is within 5e-7 relative, and never
-// negative. Same bytes for every instruction set and every number of threads.
-// Cost: with the default window, one to two copies of the depth, with holes or without; about four where every pixel
-// is a class of its own, nine with holes as well. Memory: one bit per pixel, and 50 KiB of stack (150 KiB for windows
+// and a window whose variance lies too close to mu for that is decided in double. With a window other than 8 or the
+// variance asked for, it is double from the start.
+// Error: every decision is that of the variance in double, which is within 1e-12 relative at any depth with the default
+// window, 2e-9 at 256 (the bounds are derived in detail/uncertainty/variance.hpp); variance_m2 is within 5e-7 relative,
+// and never negative. Same bytes for every instruction set and every number of threads.
+// Cost: with the default window, one to two copies of the depth, with holes or without; about four where every pixel is
+// a class of its own, nine with holes as well. Memory: one bit per pixel, and 50 KiB of stack (150 KiB for windows
 // above 16).
 #ifndef NPSIM_DEPTH_UNCERTAINTY_HPP
 #define NPSIM_DEPTH_UNCERTAINTY_HPP

@@ -5,21 +5,20 @@
 // depth_edges: let w = 1/z and let a step be the difference of w between neighbours along a row or a column; on a plane
 // all steps of a row are equal, however grazing. A step s between two pixels is an edge when
 //   |s| and both |s - a| and |s - b| exceed min_step times the larger of the two w, where a and b are the steps
-//   reach_px
-//     before and after: neither of the two surfaces, continued, explains the step (a crease does not pass, nor a
-//     plane);
+//     reach_px before and after: neither of the two surfaces, continued, explains the step (a crease does not pass, nor
+//     does a plane);
 //   it is the largest of its neighbours of the same sign along that row or column, the last among equals.
 // The edge pixel is the nearer of the two: the rim of what occludes. A step from z to r z is 1 - 1/r of the larger w.
 // An edge that is smeared over some pixels is found in its middle while its steepest step passes.
-// Pixels that the mask leaves out count as missing; a step to or from a missing pixel is not known, is no edge, and
-// where a or b is not known that condition does not apply.
+// Pixels that the mask leaves out count as missing. A step to or from a missing pixel is not known and is no edge;
+// where a or b is not known, its condition does not apply.
 //
 // edge_errors compares two edge masks in the manner of the depth boundary errors of iBims-1 (Koch et al., ECCV
 // workshops 2018). With D the largest distance that is told apart:
 //   accuracy      mean over the estimated edge pixels of min(D, distance to the nearest true one): edges that are off,
 //                 or that do not exist
 //   completeness  mean over the true edge pixels of min(D, distance to the nearest estimated one): edges that are
-//   missed
+//                 missed
 // Distances are Euclidean between pixel centres. Unlike there, an estimated edge far from any true one counts with D
 // instead of being left out. An estimate without any edge has D for both.
 // mark_near marks the square of 2 radius + 1 pixels round every edge pixel: depth_errors with that mask is the error at

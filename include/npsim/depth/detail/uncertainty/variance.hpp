@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The depth half of the dual-reference variance filter: three ways to the population variance of a window, from fast
-// to exact, each with a bound on its error that says when the next one has to be asked. Part of uncertainty.hpp.
+// The depth half of the dual-reference variance filter: three ways to the population variance of a window, from fast to
+// exact, each with a bound on its error that says when the next one has to be asked. Part of uncertainty.hpp.
 //
 // 1. Windows of 8 x 8 in single precision, with u = 2^-24 and D the difference of the greatest and the least depth
-// read.
-//    MergedMoments, without holes: the standard deviation is known within 16 u D + 16 u sigma. CountedMoments, with
-//    holes: within 24 u D + 24 u sigma. Whatever lies further than that from the threshold is decided.
+//    read. MergedMoments, without holes: the standard deviation is known within 16 u D + 16 u sigma. CountedMoments,
+//    with holes: within 24 u D + 24 u sigma. A variance whose standard deviation lies further than that from the
+//    threshold's is decided.
 // 2. WindowSums: any window, holes, in double. Sums of z - c and of its square for one sample c of the block, sliding
 //    down the columns. With D the greatest |z - c| the variance times the number of pixels is off by at most
 //        4 (l + 2 rows + 24) 2^-53 l^2 D^2.
@@ -13,21 +13,21 @@
 //    sample is an outlier, measured: 2e-14 at l = 8, 2e-11 at 64, 2e-9 at 256.
 // Whatever is decided by 1 or 2 is decided as the exact variance decides; the result does not depend on the way.
 //
-// 1. merges equal halves (Chan, Golub and LeVeque 1979): mean and sum of squares of 1, 2, 4 .. 64 pixels, where the
-// squares of two halves add up and gain a multiple of the squared difference of the means, weighed by a b / (a + b)
-// where the parts have different numbers of valid pixels. Nothing large is ever subtracted from anything large; what is
-// merged is z - c, where c is one of the depths. Derivation without holes: the means after 0 .. 5 merges are off by at
-// most 1, 2.5, 3.5, 5, 6, 7.5 u D; as contributions to the sum of squares these are orthogonal directions, whose
-// lengths add as squares, sqrt(136.75) = 11.7; the roundings of the sums come to 7 u sigma (10 without a fused fma);
-// the rest is slack. With holes: 1, 2.5, 5.5, 8.5, 11.5, 14.5 u D (a merge adds one rounding of the mean, of the
-// difference and of the share, each of at most D). The weights of the merges of one level add up to at most a quarter
-// of the number of pixels, so these are sqrt(sum of squares) = 21.3 u D of the standard deviation. Spreads are sums of
-// positive terms, off by at most 17 roundings in all, which is 8.5 u sigma; the shares' roundings come to less than
-// that again.
+// The first way merges halves (Chan, Golub and LeVeque 1979): mean and sum of squares of 1, 2, 4 .. 64 pixels, where
+// the squares of two halves add up and gain a multiple of the squared difference of the means, a b / (a + b) of it
+// where the parts have a and b valid pixels. Nothing large is ever subtracted from anything large; what is merged is z
+// - c, where c is one of the depths.
+// Derivation without holes: the means after 0 .. 5 merges are off by at most 1, 2.5, 3.5, 5, 6, 7.5 u D; as
+// contributions to the sum of squares these are orthogonal directions, whose lengths add as squares, sqrt(136.75) =
+// 11.7; the roundings of the sums come to 7 u sigma (10 without a fused fma); the rest is slack.
+// With holes: 1, 2.5, 5.5, 8.5, 11.5, 14.5 u D (a merge adds one rounding of the mean, of the difference and of the
+// share, each of at most D). The weights of the merges of one level add up to at most a quarter of the number of
+// pixels, so these are sqrt(sum of squares) = 21.3 u D of the standard deviation. Spreads are sums of positive terms,
+// off by at most 17 roundings in all, which is 8.5 u sigma; the shares' roundings come to less than that again.
 //
-// Cost: 1. about 2 instructions of a register's width per register of windows and level of merging, 12 with loads and
-// stores, three times that with holes; per window 2. about 3 ns, 3. about 30 ns. Memory, on the stack: 1. 30 KiB; 2. 10
-// KiB up to l = 16, 35 KiB above.
+// Cost of the first way: about 2 instructions of a register's width per register of windows and level of merging, 12
+// with loads and stores, three times that with holes. Of the second about 3 ns per window, of the third about 30 ns.
+// Memory, on the stack: 30 KiB for the first; for the second 10 KiB up to l = 16, 35 KiB above.
 #ifndef NPSIM_DEPTH_DETAIL_UNCERTAINTY_VARIANCE_HPP
 #define NPSIM_DEPTH_DETAIL_UNCERTAINTY_VARIANCE_HPP
 
