@@ -222,8 +222,8 @@ TEST_CASE("label term: the same bits with one lane, on four threads, backwards a
       CHECK(s.out == expected);
     }
     const ImageView<float> in_place(s.depth.data(), s.shape);
-    std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, s.shape));
-    Workspace workspace(bytes.data(), bytes.size());
+    npsim_test::Scratch scratch(cross_bilateral_workspace_bytes(p, s.shape));
+    Workspace& workspace = scratch.workspace();
     CrossBilateralResult result;
     REQUIRE(cross_bilateral(p, ImageView<const float>(in_place),
                             ImageView<const std::uint16_t>(s.labels.data(), s.shape), ImageView<const Vec3f>(),

@@ -45,8 +45,8 @@ struct Scene {
   }
   template <class Executor>
   Status run(const CrossBilateralParams& p, Executor& executor, FilteredPixels pixels = FilteredPixels::all) {
-    std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, shape));
-    Workspace workspace(bytes.data(), bytes.size());
+    npsim_test::Scratch scratch(cross_bilateral_workspace_bytes(p, shape));
+    Workspace& workspace = scratch.workspace();
     const Status s = cross_bilateral(p, {depth.data(), shape}, ImageView<const L>(labels.data(), shape),
                                      {lab.data(), shape}, {out.data(), shape}, result, workspace, executor, pixels);
     CHECK(workspace.used() == 0);
@@ -59,8 +59,8 @@ struct Scene {
 
   // One lane at a time.
   Status run_scalar(const CrossBilateralParams& p) {
-    std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, shape));
-    Workspace workspace(bytes.data(), bytes.size());
+    npsim_test::Scratch scratch(cross_bilateral_workspace_bytes(p, shape));
+    Workspace& workspace = scratch.workspace();
     const SerialExecutor serial;
     using namespace cross_bilateral_detail;
     const FilterTerms terms = filter_terms(p, shape, FilteredPixels::all);
@@ -502,8 +502,8 @@ TEST_CASE("cross-bilateral gives the same bits with one lane, with chunks backwa
   REQUIRE(s.run_scalar(p).ok());
   CHECK(s.out == expected);
 
-  std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, s.shape));
-  Workspace workspace(bytes.data(), bytes.size());
+  npsim_test::Scratch scratch(cross_bilateral_workspace_bytes(p, s.shape));
+  Workspace& workspace = scratch.workspace();
   const SerialExecutor serial;
   std::vector<float> wide(60 * 23, -9.0F);
   std::vector<Vec3f> wide_lab(50 * 23);

@@ -324,10 +324,9 @@ TEST_CASE("nothing valid, a loss that is not finite, bad arguments and a small w
     CHECK(s.out == good);
   }
   p = printed_params();
-  std::vector<unsigned char> bytes(refine_workspace_bytes(p, s.shape) / 2);
-  Workspace small(bytes.data(), bytes.size());
+  npsim_test::Scratch small(refine_workspace_bytes(p, s.shape) / 2);
   const SerialExecutor serial;
-  CHECK(refine_with_normals(p, s.input(), {s.out.data(), s.shape}, {}, s.result, small, serial).code() ==
+  CHECK(refine_with_normals(p, s.input(), {s.out.data(), s.shape}, {}, s.result, small.workspace(), serial).code() ==
         StatusCode::workspace_exhausted);
   CHECK(s.out == good);
 }

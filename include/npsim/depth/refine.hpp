@@ -23,13 +23,13 @@
 // on two streets) in 10 to 12 steps, then gains some 1 % a step: .116 and .124 at the cap of 20. Residuals saturate, so
 // the minimum is a local one: on small images with noise of 13 degrees in the normals it ended up to 5 % above Adam's.
 // Cost per pixel, on one AVX-512 core from memory: 7 ns an outer step (evaluation, linearisation, coarse levels, move)
-// and 6 ns an inner one. Memory: 24 floats per pixel.
+// and 6 ns an inner one. Memory: 23 floats per pixel.
 //
 // Adam (Kingma and Ba, ICLR 2015). The variable is x = d / depth_unit_m, and L_depth is measured in the same unit. With
 // metres a rate of 1e-4 moves no depth by more than about 0.1 m in 1000 steps; with 80 it moves up to 8 m. A run that
 // ends above the input's loss has the input as its output: its rate, which every pixel moves by at first, was too large
 // for what was to be gained. Error: after 60 steps within a tenth of one step of the textbook in double.
-// Cost: one evaluation of the losses and 15 operations per pixel and step. Memory: 12 floats per pixel.
+// Cost: one evaluation of the losses and 15 operations per pixel and step. Memory: 11 floats per pixel.
 #ifndef NPSIM_DEPTH_REFINE_HPP
 #define NPSIM_DEPTH_REFINE_HPP
 
