@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "cases.hpp"
+#include "npsim/color/chromaticity.hpp"
 #include "npsim/color/lab.hpp"
-#include "npsim/color/xyz.hpp"
 #include "opencv_peers.hpp"
 #include "scene.hpp"
 

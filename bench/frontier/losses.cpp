@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "cases.hpp"
-#include "npsim/depth/losses.hpp"
+#include "npsim/depth/loss_gradient.hpp"
 #include "scene.hpp"
 
 namespace npsim::bench {
@@ -74,7 +74,7 @@ Comparison losses_case(const Options& options) {
                                       p->arena.workspace(), executor, p->problem));
     must(depth_detail::allocate_loss_plane(shape, p->arena.workspace(), p->depth));
     must(depth_detail::allocate_loss_plane(shape, p->arena.workspace(), p->gradient));
-    std::copy_n(p->problem.estimate.data(), loss_plane_elements(shape), p->depth.data());
+    std::copy_n(p->problem.estimate.data(), depth_detail::loss_plane_elements(shape), p->depth.data());
     comparison
         .add("npsim", setting,
              [=] {

@@ -92,7 +92,7 @@ constexpr int kTorchSteps = 7;
 [[nodiscard]] RefineParams shared_params() {
   RefineParams params;
   params.loss = LossParams{};  // perspective tangents, printed continuity, metric, (1, 5, 1)
-  params.depth_scale_m = 80;
+  params.loss.depth_unit_m = 80;
   params.stop_relative_decrease = 0;
   return params;
 }

@@ -17,7 +17,7 @@
 #include "../host.hpp"
 #include "npsim/color/lab.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
-#include "npsim/depth/losses.hpp"
+#include "npsim/depth/loss_gradient.hpp"
 #include "npsim/depth/normals.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/uncertainty.hpp"
@@ -227,7 +227,7 @@ void evaluate(benchmark::State& state, const LossParams& params) {
     must(depth_detail::prepare_losses(params, loss_input(s), p->arena.workspace(), executor, p->problem));
     must(depth_detail::allocate_loss_plane(shape, p->arena.workspace(), p->depth));
     must(depth_detail::allocate_loss_plane(shape, p->arena.workspace(), p->gradient));
-    std::copy_n(p->problem.estimate.data(), loss_plane_elements(shape), p->depth.data());
+    std::copy_n(p->problem.estimate.data(), depth_detail::loss_plane_elements(shape), p->depth.data());
     return [p](ThreadPool& pool) {
       LossValues values;
       depth_detail::evaluate_losses<float>(p->problem, p->depth, p->gradient, values, pool);

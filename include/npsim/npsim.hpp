@@ -34,10 +34,8 @@
 #include "npsim/simd/math.hpp"
 
 #include "npsim/color/chromaticity.hpp"
-#include "npsim/color/illuminants.hpp"
 #include "npsim/color/lab.hpp"
 #include "npsim/color/srgb.hpp"
-#include "npsim/color/xyz.hpp"
 
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/labels/light_classes.hpp"
@@ -47,6 +45,7 @@
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/fill.hpp"
 #include "npsim/depth/guiding_normals.hpp"
+#include "npsim/depth/loss_gradient.hpp"
 #include "npsim/depth/losses.hpp"
 #include "npsim/depth/normal_convention.hpp"
 #include "npsim/depth/normals.hpp"
@@ -104,7 +103,6 @@
 #include "npsim/sensor/noise.hpp"
 
 // errors against a known truth
-#include "npsim/metrics/depth_edges.hpp"
 #include "npsim/metrics/depth_errors.hpp"
 #include "npsim/metrics/edge_errors.hpp"
 #include "npsim/metrics/normal_errors.hpp"

@@ -26,7 +26,6 @@
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/metrics/depth_edges.hpp"
 #include "npsim/metrics/depth_errors.hpp"
 #include "npsim/metrics/edge_errors.hpp"
 #include "npsim/metrics/normal_errors.hpp"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The losses of depth/detail/refine/loss_params.hpp and their gradient in double, for tests: pixel by pixel from three-dimensional
+// The losses of depth/losses.hpp and their gradient in double, for tests: pixel by pixel from three-dimensional
 // points and cross products, which the kernel does not use, and derivatives by dual numbers, so that none is derived by
 // hand.
 #ifndef NPSIM_TESTS_REFERENCE_LOSSES_HPP
@@ -11,7 +11,7 @@
 
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/depth/detail/refine/loss_params.hpp"
+#include "npsim/depth/losses.hpp"
 
 namespace npsim {
 namespace reference {

@@ -38,12 +38,14 @@ struct Picture {
   [[nodiscard]] Status run(const CrossBilateralParams& p, Executor&& executor) {
     std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, shape), 0xFF);  // NaN wherever it is read
     Workspace workspace(bytes.data(), bytes.size());
-    const auto plan = cross_bilateral_detail::cross_bilateral_plan(p, shape);
+    using namespace cross_bilateral_detail;
+    const FilterTerms terms = filter_terms(p, shape, FilteredPixels::all);
+    const FilterPlan plan = filter_plan(terms, shape);
     if (!plan.possible) return {StatusCode::invalid_argument, "not possible"};
-    bound = static_cast<double>(plan.result.relative_error_bound);
-    return depth_detail::cross_bilateral_with<F>(
-        p, plan, ImageView<const float>(depth.data(), shape), ImageView<const std::uint16_t>(labels.data(), shape),
-        ImageView<const Vec3f>(), ImageView<float>(out.data(), shape), workspace, executor);
+    bound = static_cast<double>(plan.relative_error_bound);
+    return filter_with<F>(terms, plan, ImageView<const float>(depth.data(), shape),
+                          ImageView<const std::uint16_t>(labels.data(), shape), ImageView<const Vec3f>(),
+                          ImageView<float>(out.data(), shape), workspace, executor);
   }
 
   // Largest relative error over every `step`-th pixel; a pixel must be valid exactly where its weights suffice.
@@ -128,7 +130,8 @@ TEST_CASE("label term: a bound that floats cannot hold is refused, and what is h
   float before = 0.0F;
   for (const int radius : {1, 30, 60, 200}) {
     p.radius_px = radius;
-    const float bound = cross_bilateral_detail::cross_bilateral_plan(p, shape).result.relative_error_bound;
+    const auto terms = cross_bilateral_detail::filter_terms(p, shape, FilteredPixels::all);
+    const float bound = cross_bilateral_detail::filter_plan(terms, shape).relative_error_bound;
     CHECK(bound > before);
     before = bound;
   }
@@ -219,12 +222,12 @@ TEST_CASE("label term: the same bits with one lane, on four threads, backwards a
       CHECK(s.out == expected);
     }
     const ImageView<float> in_place(s.depth.data(), s.shape);
-    std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, s.shape));
-    Workspace workspace(bytes.data(), bytes.size());
+    npsim_test::Scratch scratch(cross_bilateral_workspace_bytes(p, s.shape));
+    Workspace& workspace = scratch.workspace();
     CrossBilateralResult result;
     REQUIRE(cross_bilateral(p, ImageView<const float>(in_place),
                             ImageView<const std::uint16_t>(s.labels.data(), s.shape), ImageView<const Vec3f>(),
-                            in_place, result, workspace, serial)
+                            in_place, result, workspace, serial, FilteredPixels::all)
                 .ok());
     CHECK(s.depth == expected);
   }

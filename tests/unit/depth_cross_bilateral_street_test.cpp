@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "fixture.hpp"
 #include "npsim/color/lab.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
 #include "street/street.hpp"
@@ -77,11 +78,11 @@ TEST_CASE("cross-bilateral on a generated street: bound kept at every setting, R
     for (const float bound : {2e-5F, 1e-3F, 1e-2F}) {
       CrossBilateralParams p;
       p.max_relative_error = bound;
-      std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, params.shape));
-      Workspace workspace(bytes.data(), bytes.size());
+      npsim_test::Scratch scratch(cross_bilateral_workspace_bytes(p, params.shape));
+      Workspace& workspace = scratch.workspace();
       CrossBilateralResult result;
       REQUIRE(cross_bilateral(p, depth, ImageView<const Label>(street.labels.view()), ImageView<const Vec3f>(lab), out,
-                              result, workspace, serial)
+                              result, workspace, serial, FilteredPixels::all)
                   .ok());
       const Error error = error_of(p, depth, street.labels.view(), lab, out);
       CHECK(result.relative_error_bound <= bound);

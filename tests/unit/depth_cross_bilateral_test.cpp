@@ -44,28 +44,30 @@ struct Scene {
     }
   }
   template <class Executor>
-  Status run(const CrossBilateralParams& p, Executor& executor) {
-    std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, shape));
-    Workspace workspace(bytes.data(), bytes.size());
+  Status run(const CrossBilateralParams& p, Executor& executor, FilteredPixels pixels = FilteredPixels::all) {
+    npsim_test::Scratch scratch(cross_bilateral_workspace_bytes(p, shape));
+    Workspace& workspace = scratch.workspace();
     const Status s = cross_bilateral(p, {depth.data(), shape}, ImageView<const L>(labels.data(), shape),
-                                     {lab.data(), shape}, {out.data(), shape}, result, workspace, executor);
+                                     {lab.data(), shape}, {out.data(), shape}, result, workspace, executor, pixels);
     CHECK(workspace.used() == 0);
     return s;
   }
-  Status run(const CrossBilateralParams& p) {
+  Status run(const CrossBilateralParams& p, FilteredPixels pixels = FilteredPixels::all) {
     const SerialExecutor serial;
-    return run(p, serial);
+    return run(p, serial, pixels);
   }
 
   // One lane at a time.
   Status run_scalar(const CrossBilateralParams& p) {
-    std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, shape));
-    Workspace workspace(bytes.data(), bytes.size());
+    npsim_test::Scratch scratch(cross_bilateral_workspace_bytes(p, shape));
+    Workspace& workspace = scratch.workspace();
     const SerialExecutor serial;
-    return depth_detail::cross_bilateral_with<simd::scalar::F32>(
-        p, cross_bilateral_detail::cross_bilateral_plan(p, shape), ImageView<const float>(depth.data(), shape),
-        ImageView<const L>(labels.data(), shape), ImageView<const Vec3f>(lab.data(), shape),
-        ImageView<float>(out.data(), shape), workspace, serial);
+    using namespace cross_bilateral_detail;
+    const FilterTerms terms = filter_terms(p, shape, FilteredPixels::all);
+    return filter_with<simd::scalar::F32>(terms, filter_plan(terms, shape), ImageView<const float>(depth.data(), shape),
+                                          ImageView<const L>(labels.data(), shape),
+                                          ImageView<const Vec3f>(lab.data(), shape),
+                                          ImageView<float>(out.data(), shape), workspace, serial);
   }
 
   // Equation (3.2) as it stands, in double. `weight` is the denominator.
@@ -125,7 +127,8 @@ struct Scene {
 // How far from 0 scaled colours may be where depths differ by `ratio`.
 float scaled_near_of(const CrossBilateralParams& p, Shape shape, double ratio) {
   using namespace cross_bilateral_detail;
-  return scaled_near(p, colour_grid(shape, cross_bilateral_radius(p, shape)), cross_bilateral_plan(p, shape), ratio);
+  const FilterTerms terms = filter_terms(p, shape, FilteredPixels::all);
+  return scaled_near(terms, colour_grid(shape, terms.radius_px), filter_plan(terms, shape), ratio);
 }
 
 }  // namespace
@@ -231,7 +234,7 @@ TEST_CASE("cross-bilateral scales the more colours the nearer the depths lie to 
 }
 
 TEST_CASE("cross-bilateral scales colours only where the plan leaves error for it, and only near ones") {
-  using namespace depth_detail;
+  using namespace cross_bilateral_detail;
   float data[kBlockPlanes] = {};
   data[kBlockAny] = 1;
   data[kBlockLow] = 40;
@@ -402,8 +405,7 @@ TEST_CASE("cross-bilateral: one valid pixel, a column of NaN, all invalid, colou
       CHECK(std::abs(s.out[s.at(x, y)] - expected) < 1e-5F);
     }
   }
-  p.keep_invalid = true;
-  REQUIRE(s.run(p).ok());
+  REQUIRE(s.run(p, FilteredPixels::with_depth).ok());
   for (std::size_t i = 0; i < s.out.size(); ++i) {
     CHECK(std::abs(s.out[i] - (i == s.at(10, 4) ? 7.0F : 0.0F)) < 1e-5F);
   }
@@ -476,8 +478,7 @@ TEST_CASE("cross-bilateral: 8-bit-quantised depth, and 80 % missing depth, keep 
         p.use_colour = colour;
         REQUIRE(s.run(p).ok());
         CHECK(s.worst(p) < (colour ? 3e-6 : 1e-6));
-        p.keep_invalid = true;
-        REQUIRE(s.run(p).ok());
+        REQUIRE(s.run(p, FilteredPixels::with_depth).ok());
         int filled = 0;
         for (std::size_t i = 0; i < s.out.size(); ++i) filled += !(s.depth[i] > 0) && s.out[i] != 0.0F ? 1 : 0;
         CHECK(filled == 0);
@@ -501,8 +502,8 @@ TEST_CASE("cross-bilateral gives the same bits with one lane, with chunks backwa
   REQUIRE(s.run_scalar(p).ok());
   CHECK(s.out == expected);
 
-  std::vector<unsigned char> bytes(cross_bilateral_workspace_bytes(p, s.shape));
-  Workspace workspace(bytes.data(), bytes.size());
+  npsim_test::Scratch scratch(cross_bilateral_workspace_bytes(p, s.shape));
+  Workspace& workspace = scratch.workspace();
   const SerialExecutor serial;
   std::vector<float> wide(60 * 23, -9.0F);
   std::vector<Vec3f> wide_lab(50 * 23);
@@ -517,7 +518,7 @@ TEST_CASE("cross-bilateral gives the same bits with one lane, with chunks backwa
       labels(x, y) = s.labels[s.at(x, y)];
     }
   }
-  REQUIRE(cross_bilateral(p, z, labels, lab, z, s.result, workspace, serial).ok());
+  REQUIRE(cross_bilateral(p, z, labels, lab, z, s.result, workspace, serial, FilteredPixels::all).ok());
   for (int y = 0; y < 23; ++y) {
     for (int x = 0; x < 45; ++x) CHECK(z(x, y) == expected[s.at(x, y)]);
     CHECK(wide[static_cast<std::size_t>(y * 60 + 3)] == -9.0F);

@@ -8,8 +8,8 @@
 #include <limits>
 #include <vector>
 
-#include "npsim/core/random.hpp"
 #include "fixture.hpp"
+#include "npsim/core/random.hpp"
 
 using namespace npsim;
 
@@ -30,8 +30,8 @@ struct Scene {
   }
   template <class Executor>
   Status run(Executor& executor, bool with_labels = true, const FillParams& p = {}) {
-    std::vector<unsigned char> bytes(fill_workspace_bytes(p, shape));
-    Workspace workspace(bytes.data(), bytes.size());
+    npsim_test::Scratch scratch(fill_workspace_bytes(p, shape));
+    Workspace& workspace = scratch.workspace();
     const ImageView<const Label> h =
         with_labels ? ImageView<const Label>(labels.data(), shape) : ImageView<const Label>();
     const Status s =
@@ -277,8 +277,8 @@ TEST_CASE("fill does not depend on the order of chunks, works in place and on st
   for (int y = 0; y < 66; ++y) {
     for (int x = 0; x < 70; ++x) view(x, y) = s.depth[s.at(x, y)];
   }
-  std::vector<unsigned char> bytes(fill_workspace_bytes({}, s.shape));
-  Workspace workspace(bytes.data(), bytes.size());
+  npsim_test::Scratch scratch(fill_workspace_bytes({}, s.shape));
+  Workspace& workspace = scratch.workspace();
   SerialExecutor serial;
   REQUIRE(fill_depth({}, view, {s.labels.data(), s.shape}, view, {}, workspace, serial).ok());
   for (int y = 0; y < 66; ++y) {

@@ -8,10 +8,10 @@
 #include <cmath>
 #include <vector>
 
+#include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/core/workspace.hpp"
-#include "npsim/depth/detail/refine/loss_kernel.hpp"
+#include "npsim/depth/detail/refine/losses.hpp"
 
 using namespace npsim;
 using namespace npsim::depth_detail;
@@ -98,9 +98,8 @@ struct Surface {
 template <class T>
 struct System {
   System(const LossParams& p, const Surface& s)
-      : estimate(s.z.begin(), s.z.end()),
-        bytes(16 * (loss_problem_bytes<T>(s.shape) + 4096)),
-        workspace(bytes.data(), bytes.size()) {
+      : estimate(s.z.begin(), s.z.end()), scratch(16 * (loss_problem_bytes<T>(s.shape) + 4096)) {
+    Workspace& workspace = scratch.workspace();
     for (const Vec3d& n : s.normals) normals.push_back(vec_cast<T>(n));
     const LossInput<T> input{{estimate.data(), s.shape},
                              {normals.data(), s.shape},
@@ -128,8 +127,7 @@ struct System {
   }
   std::vector<T> estimate;
   std::vector<Vec3<T>> normals;
-  std::vector<unsigned char> bytes;
-  Workspace workspace;
+  npsim_test::Scratch scratch;
   LossProblem<T> problem;
   ImageView<T> depth, gradient;
   SystemPlanes<T> out;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/detail/refine/gauss_newton.hpp"
+#include "npsim/depth/refine.hpp"
 
 #include <doctest/doctest.h>
 
@@ -143,7 +143,7 @@ TEST_CASE("the result has the same bits for one lane and for all, any order of c
     REQUIRE(s.run<simd::scalar::F32>(p, serial).ok());
     CHECK(same_bits(s.out, expected));
     CHECK(s.curve == curve);
-    const BackwardExecutor backward;
+    const npsim_test::BackwardExecutor backward;
     REQUIRE(s.run(p, backward).ok());
     CHECK(same_bits(s.out, expected));
     for (const unsigned threads : {2U, 3U}) {
@@ -324,10 +324,9 @@ TEST_CASE("nothing valid, a loss that is not finite, bad arguments and a small w
     CHECK(s.out == good);
   }
   p = printed_params();
-  std::vector<unsigned char> bytes(refine_workspace_bytes(p, s.shape) / 2);
-  Workspace small(bytes.data(), bytes.size());
+  npsim_test::Scratch small(refine_workspace_bytes(p, s.shape) / 2);
   const SerialExecutor serial;
-  CHECK(refine_with_normals(p, s.input(), {s.out.data(), s.shape}, {}, s.result, small, serial).code() ==
+  CHECK(refine_with_normals(p, s.input(), {s.out.data(), s.shape}, {}, s.result, small.workspace(), serial).code() ==
         StatusCode::workspace_exhausted);
   CHECK(s.out == good);
 }

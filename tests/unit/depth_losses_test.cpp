@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/losses.hpp"
+#include "npsim/depth/loss_gradient.hpp"
 
 #include <doctest/doctest.h>
 
@@ -9,10 +9,10 @@
 #include <limits>
 #include <vector>
 
+#include "fixture.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "reference/losses.hpp"
-#include "fixture.hpp"
 
 using namespace npsim;
 
@@ -61,8 +61,8 @@ struct Scene {
   }
   template <class V = depth_detail::LossBatch<T>, class Executor>
   Status run(const LossParams& p, Executor& executor) {
-    std::vector<unsigned char> bytes(depth_losses_workspace_bytes<T>(p, shape));
-    Workspace workspace(bytes.data(), bytes.size());
+    npsim_test::Scratch scratch(depth_losses_workspace_bytes<T>(p, shape));
+    Workspace& workspace = scratch.workspace();
     const Status s =
         depth_losses<T, V>(p, input(), {depth.data(), shape}, {gradient.data(), shape}, values, workspace, executor);
     CHECK(workspace.used() == 0);
@@ -492,8 +492,8 @@ TEST_CASE("unit normals of the losses are within 2.5e-7 of their size, whatever 
   }
   s.normals[3] = {1e-7F, 0, 0};  // too short
   s.normals[4] = {3e38F, 3e38F, 0};
-  std::vector<unsigned char> bytes(depth_losses_workspace_bytes<float>({}, s.shape));
-  Workspace workspace(bytes.data(), bytes.size());
+  npsim_test::Scratch scratch(depth_losses_workspace_bytes<float>({}, s.shape));
+  Workspace& workspace = scratch.workspace();
   const SerialExecutor serial;
   depth_detail::LossProblem<float> problem;
   REQUIRE(depth_detail::prepare_losses({}, s.input(), workspace, serial, problem).ok());

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/detail/refine/multigrid.hpp"
+#include "npsim/depth/detail/refine/linear_solver.hpp"
 
 #include <doctest/doctest.h>
 
 #include <cmath>
 #include <vector>
 
+#include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/core/workspace.hpp"
-#include "npsim/depth/detail/refine/gauss_newton.hpp"
+#include "npsim/depth/refine.hpp"
 
 using namespace npsim;
 using namespace npsim::depth_detail;
@@ -21,7 +21,8 @@ constexpr float kStiffness = GaussNewtonParams{}.grid_stiffness;
 
 // A grid with its own memory; the planes of the finest level are zero at first.
 struct Grid {
-  explicit Grid(Shape s) : shape(s), bytes(gauss_newton_bytes(s) + 4096), workspace(bytes.data(), bytes.size()) {
+  explicit Grid(Shape s) : shape(s), scratch(gauss_newton_bytes(s) + 4096) {
+    Workspace& workspace = scratch.workspace();
     REQUIRE(allocate_multigrid(s, workspace, grid).ok());
     for (ImageView<float>* plane : {&v.rhs, &v.corrected, &v.direction, &v.image, &v.sum}) {
       REQUIRE(allocate_grid_plane(s, workspace, *plane).ok());
@@ -99,8 +100,7 @@ struct Grid {
   }
 
   Shape shape;
-  std::vector<unsigned char> bytes;
-  Workspace workspace;
+  npsim_test::Scratch scratch;
   Multigrid grid;
   NewtonVectors v;
 };

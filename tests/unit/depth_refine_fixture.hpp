@@ -10,10 +10,10 @@
 #include <cstdint>
 #include <vector>
 
+#include "fixture.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/depth/normals.hpp"
 #include "npsim/depth/refine.hpp"
-#include "fixture.hpp"
 
 namespace npsim {
 namespace refine_test {
@@ -94,8 +94,8 @@ struct Street {
   }
   template <class V = simd::F32, class Executor>
   Status run(const RefineParams& p, Executor& executor) {
-    std::vector<unsigned char> bytes(refine_workspace_bytes(p, shape));
-    Workspace workspace(bytes.data(), bytes.size());
+    npsim_test::Scratch scratch(refine_workspace_bytes(p, shape));
+    Workspace& workspace = scratch.workspace();
     curve.assign(static_cast<std::size_t>(refine_max_steps(p)) + 1, -1.0F);
     const Status s = refine_with_normals<V>(p, input(), {out.data(), shape}, {curve.data(), curve.size()}, result,
                                             workspace, executor);

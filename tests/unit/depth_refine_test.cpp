@@ -10,7 +10,7 @@
 
 #include "depth_refine_fixture.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/depth/losses.hpp"
+#include "npsim/depth/loss_gradient.hpp"
 #include "npsim/depth/normals.hpp"
 
 using namespace npsim;
@@ -45,7 +45,7 @@ TEST_CASE("the thesis' biased tangents lower their loss and still make depth wor
   CHECK(s.result.last.total < s.result.first.total);
   CHECK(s.abs_rel(s.out) > s.abs_rel(s.estimate));
   RefineParams metres = thesis_refine_params();
-  metres.depth_scale_m = 1;
+  metres.loss.depth_unit_m = 1;
   REQUIRE(s.run(metres).ok());
   for (std::size_t i = 0; i < s.out.size(); ++i) CHECK(std::abs(s.out[i] - s.estimate[i]) < 0.2F);
 }
@@ -65,17 +65,15 @@ TEST_CASE("Adam follows the textbook in double") {
   for (const Vec3f& n : s.normals) normals.push_back(vec_cast<double>(n));
   std::vector<double> m(depth.size(), 0.0);
   std::vector<double> v(depth.size(), 0.0);
-  std::vector<unsigned char> bytes(depth_losses_workspace_bytes<double>(p.loss, s.shape));
+  npsim_test::Scratch scratch(depth_losses_workspace_bytes<double>(p.loss, s.shape));
   const SerialExecutor serial;
   LossParams loss = p.loss;
-  loss.depth_unit_m = p.depth_scale_m;
   for (int t = 0; t <= 60; ++t) {
-    Workspace workspace(bytes.data(), bytes.size());
     LossValues values;
     const LossInput<double> input{
         {estimate.data(), s.shape}, {normals.data(), s.shape}, {s.uncertain.data(), s.shape}, {}, {}, s.k};
-    REQUIRE(depth_losses<double>(loss, input, {depth.data(), s.shape}, {gradient.data(), s.shape}, values, workspace,
-                                 serial)
+    REQUIRE(depth_losses<double>(loss, input, {depth.data(), s.shape}, {gradient.data(), s.shape}, values,
+                                 scratch.workspace(), serial)
                 .ok());
     CHECK(std::abs(values.total - static_cast<double>(s.curve[static_cast<std::size_t>(t)])) < 1e-4 * values.total);
     if (t == 60) break;
@@ -100,7 +98,7 @@ TEST_CASE("refinement does not depend on the order of chunks, works in place and
   REQUIRE(s.run(p).ok());
   const std::vector<float> expected = s.out;
   const double loss = s.result.last.total;
-  const BackwardExecutor backward;
+  const npsim_test::BackwardExecutor backward;
   REQUIRE(s.run(p, backward).ok());
   CHECK(s.out == expected);
   CHECK(s.result.last.total == loss);
@@ -112,8 +110,8 @@ TEST_CASE("refinement does not depend on the order of chunks, works in place and
   }
   LossInput<float> input = s.input();
   input.depth_est = view;
-  std::vector<unsigned char> bytes(refine_workspace_bytes(p, s.shape));
-  Workspace workspace(bytes.data(), bytes.size());
+  npsim_test::Scratch scratch(refine_workspace_bytes(p, s.shape));
+  Workspace& workspace = scratch.workspace();
   const SerialExecutor serial;
   REQUIRE(refine_with_normals(p, input, view, {}, s.result, workspace, serial).ok());
   for (int y = 0; y < 50; ++y) {
@@ -161,8 +159,8 @@ TEST_CASE("a run of Adam that ends above the loss of its input leaves the depth 
     p.stop_relative_decrease = stop;
     p.adam.steps = 100;
     const LossInput<float> input = s.input();
-    std::vector<unsigned char> bytes(refine_workspace_bytes(p, s.shape));
-    Workspace workspace(bytes.data(), bytes.size());
+    npsim_test::Scratch scratch(refine_workspace_bytes(p, s.shape));
+    Workspace& workspace = scratch.workspace();
     const SerialExecutor serial;
     const ImageView<float> in_place(s.estimate.data(), s.shape);
     p.adam.rate = 0.1F;

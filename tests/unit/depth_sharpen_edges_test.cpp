@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/depth/detail/extend_field.hpp"
@@ -67,8 +68,8 @@ struct Scene {
   template <class Executor>
   Status run(const SharpenEdgesParams& params, io::Image<float>& out, Executor& executor) {
     out = io::Image<float>(kShape);
-    std::vector<unsigned char> memory(sharpen_edges_workspace_bytes(params, kShape));
-    Workspace workspace(memory.data(), memory.size());
+    npsim_test::Scratch scratch(sharpen_edges_workspace_bytes(params, kShape));
+    Workspace& workspace = scratch.workspace();
     const io::Image<float>& in = depth;
     return sharpen_edges(params, in.view(), objects(), out.view(), workspace, executor);
   }
@@ -229,8 +230,8 @@ TEST_CASE("an extended field keeps what is known, stays within its range and is 
     }
     const io::Image<float> before = field;
     SerialExecutor serial;
-    std::vector<unsigned char> memory(extend_field_workspace_bytes(shape));
-    Workspace workspace(memory.data(), memory.size());
+    npsim_test::Scratch scratch(extend_field_workspace_bytes(shape));
+    Workspace& workspace = scratch.workspace();
     REQUIRE(
         extend_field(static_cast<const io::Image<std::uint8_t>&>(known).view(), field.view(), workspace, serial).ok());
     for (std::size_t i = 0; i < shape.pixels(); ++i) {
@@ -249,8 +250,8 @@ TEST_CASE("an extended field keeps what is known, stays within its range and is 
     }
   }
   SerialExecutor serial;
-  std::vector<unsigned char> memory(extend_field_workspace_bytes({64, 32}));
-  Workspace workspace(memory.data(), memory.size());
+  npsim_test::Scratch scratch(extend_field_workspace_bytes({64, 32}));
+  Workspace& workspace = scratch.workspace();
   REQUIRE(extend_field(static_cast<const io::Image<std::uint8_t>&>(known).view(), half.view(), workspace, serial).ok());
   CHECK(half(40, 10) == doctest::Approx(5.0));
   CHECK(half(63, 31) == doctest::Approx(5.0));

@@ -3,9 +3,10 @@
 
 #include <vector>
 
+#include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/depth/detail/smooth_normals.hpp"
+#include "npsim/depth/guiding_normals.hpp"
 
 namespace {
 
@@ -20,8 +21,8 @@ struct Surface {
   [[nodiscard]] std::size_t at(int x, int y) const { return static_cast<std::size_t>(y * shape.width + x); }
   Status smooth() {
     const SmoothNormalsParams params;
-    std::vector<unsigned char> memory(smooth_normals_workspace_bytes(params, shape));
-    Workspace workspace(memory.data(), memory.size());
+    npsim_test::Scratch scratch(smooth_normals_workspace_bytes(params, shape));
+    Workspace& workspace = scratch.workspace();
     SerialExecutor serial;
     return smooth_normals(params, {depth.data(), shape}, {labels.data(), shape}, {normals.data(), shape}, workspace,
                           serial);

@@ -6,6 +6,7 @@
 #include <limits>
 #include <vector>
 
+#include "fixture.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "reference/uncertainty.hpp"
@@ -24,8 +25,8 @@ struct Case {
     std::vector<std::uint8_t> mask(shape.pixels(), 7);
     std::vector<std::uint8_t> windows(shape.pixels(), 7);
     std::vector<float> variance(shape.pixels(), -1.0F);
-    std::vector<unsigned char> bytes(uncertainty_workspace_bytes(p, shape));
-    Workspace workspace(bytes.data(), bytes.size());
+    npsim_test::Scratch scratch(uncertainty_workspace_bytes(p, shape));
+    Workspace& workspace = scratch.workspace();
     SerialExecutor serial;
     UncertaintyOutput out{{mask.data(), shape}, {windows.data(), shape}, {variance.data(), shape}};
     if (!with_variance) out.variance_m2 = {};

@@ -32,8 +32,8 @@ struct Images {
 
   template <class F = simd::F32, class Executor>
   Status run(const UncertaintyParams& p, Executor& executor, bool with_variance = true) {
-    std::vector<unsigned char> bytes(uncertainty_workspace_bytes(p, shape));
-    Workspace workspace(bytes.data(), bytes.size());
+    npsim_test::Scratch scratch(uncertainty_workspace_bytes(p, shape));
+    Workspace& workspace = scratch.workspace();
     UncertaintyOutput out{{mask.data(), shape}, {windows.data(), shape}, {variance.data(), shape}};
     if (!with_variance) out.variance_m2 = {};
     const Status status = uncertainty<F>(p, {depth.data(), shape}, {labels.data(), shape}, out, workspace, executor);
@@ -218,8 +218,8 @@ TEST_CASE("uncertainty on strided sub-views writes inside them only, and outputs
   for (Label& h : im.labels) h = random.uniform() < 0.1F ? label::person : label::road;
   const UncertaintyParams p;
   const Shape part{21, 13};
-  std::vector<unsigned char> bytes(uncertainty_workspace_bytes(p, part));
-  Workspace workspace(bytes.data(), bytes.size());
+  npsim_test::Scratch scratch(uncertainty_workspace_bytes(p, part));
+  Workspace& workspace = scratch.workspace();
   SerialExecutor executor;
   const ImageView<float> z(im.depth.data(), im.shape);
   const ImageView<Label> h(im.labels.data(), im.shape);

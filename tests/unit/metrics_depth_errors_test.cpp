@@ -11,9 +11,9 @@
 #include <limits>
 #include <vector>
 
+#include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "fixture.hpp"
 
 namespace {
 
@@ -31,8 +31,8 @@ struct Measured {
 template <class Executor>
 Measured measure(const std::vector<float>& estimate, const std::vector<float>& truth, Shape shape, Executor& executor,
                  const std::vector<std::uint8_t>& mask = {}) {
-  std::vector<unsigned char> memory(npsim::depth_errors_workspace_bytes(shape));
-  npsim::Workspace workspace(memory.data(), memory.size());
+  npsim_test::Scratch scratch(npsim::depth_errors_workspace_bytes(shape));
+  npsim::Workspace& workspace = scratch.workspace();
   Measured m;
   const ImageView<const std::uint8_t> selection =
       mask.empty() ? ImageView<const std::uint8_t>() : ImageView<const std::uint8_t>(mask.data(), shape);
@@ -147,16 +147,16 @@ TEST_CASE("depth errors: nothing to compare, and shapes that differ, are a statu
   const std::vector<float> plane(6, 1.0F);
   const std::vector<std::uint8_t> mask(6, 1);
   npsim::SerialExecutor serial;
-  std::vector<unsigned char> memory(npsim::depth_errors_workspace_bytes({3, 2}));
-  npsim::Workspace workspace(memory.data(), memory.size());
+  npsim_test::Scratch scratch(npsim::depth_errors_workspace_bytes({3, 2}));
+  npsim::Workspace& workspace = scratch.workspace();
   DepthErrors out;
   const ImageView<const float> a(plane.data(), {3, 2});
   const ImageView<const float> b(plane.data(), {2, 3});
   CHECK(npsim::depth_errors(b, a, {}, out, workspace, serial).code() == StatusCode::shape_mismatch);
   CHECK(npsim::depth_errors(a, a, {mask.data(), {2, 3}}, out, workspace, serial).code() == StatusCode::shape_mismatch);
   CHECK(npsim::depth_errors({}, {}, {}, out, workspace, serial).code() == StatusCode::no_valid_input);
-  npsim::Workspace small(memory.data(), 70);
-  CHECK(npsim::depth_errors(a, a, {}, out, small, serial).code() == StatusCode::workspace_exhausted);
+  npsim_test::Scratch small(70);
+  CHECK(npsim::depth_errors(a, a, {}, out, small.workspace(), serial).code() == StatusCode::workspace_exhausted);
   CHECK(out.pixels == 0);
 }
 
@@ -207,8 +207,8 @@ TEST_CASE("depth errors: a part of a larger image by its stride") {
     truth[i] = 10;
     estimate[i] = 11;
   }
-  std::vector<unsigned char> memory(npsim::depth_errors_workspace_bytes({2, 1}));
-  npsim::Workspace workspace(memory.data(), memory.size());
+  npsim_test::Scratch scratch(npsim::depth_errors_workspace_bytes({2, 1}));
+  npsim::Workspace& workspace = scratch.workspace();
   npsim::SerialExecutor serial;
   DepthErrors out;
   REQUIRE(npsim::depth_errors(ImageView<const float>(estimate.data(), {4, 3}).sub(1, 1, {2, 1}),

@@ -11,12 +11,11 @@
 #include <string>
 #include <vector>
 
+#include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/metrics/depth_edges.hpp"
 #include "npsim/metrics/depth_errors.hpp"
 #include "npsim/metrics/edge_errors.hpp"
-#include "fixture.hpp"
 
 namespace {
 
@@ -57,8 +56,8 @@ std::size_t count(const Mask& mask) {
 }
 
 EdgeErrors compare(const Mask& estimate, const Mask& truth, Shape shape) {
-  std::vector<unsigned char> memory(npsim::edge_errors_workspace_bytes({}, shape));
-  npsim::Workspace workspace(memory.data(), memory.size());
+  npsim_test::Scratch scratch(npsim::edge_errors_workspace_bytes({}, shape));
+  npsim::Workspace& workspace = scratch.workspace();
   npsim::SerialExecutor serial;
   EdgeErrors errors;
   REQUIRE(npsim::edge_errors({}, view(estimate, shape), view(truth, shape), errors, workspace, serial).ok());
@@ -228,8 +227,8 @@ TEST_CASE("edge errors: against every pair of pixels, and the same bits in any o
   const EdgeErrors one = compare(a, b, shape);
   CHECK(one.accuracy_px == doctest::Approx(sum / static_cast<double>(count(a))).epsilon(1e-10).scale(0));
   npsim_test::BackwardExecutor backward;
-  std::vector<unsigned char> memory(npsim::edge_errors_workspace_bytes({}, shape));
-  npsim::Workspace workspace(memory.data(), memory.size());
+  npsim_test::Scratch scratch(npsim::edge_errors_workspace_bytes({}, shape));
+  npsim::Workspace& workspace = scratch.workspace();
   EdgeErrors many;
   REQUIRE(npsim::edge_errors({}, view(a, shape), view(b, shape), many, workspace, backward).ok());
   CHECK(std::memcmp(&many, &one, sizeof one) == 0);
@@ -239,8 +238,8 @@ TEST_CASE("edge errors: no true edge, and what is wrong with the arguments, are 
   const Shape shape{4, 4};
   const Mask none(16, 0);
   const Mask some(16, 1);
-  std::vector<unsigned char> memory(npsim::edge_errors_workspace_bytes({}, shape));
-  npsim::Workspace workspace(memory.data(), memory.size());
+  npsim_test::Scratch scratch(npsim::edge_errors_workspace_bytes({}, shape));
+  npsim::Workspace& workspace = scratch.workspace();
   npsim::SerialExecutor serial;
   EdgeErrors out;
   CHECK(npsim::edge_errors({}, view(some, shape), view(none, shape), out, workspace, serial).code() ==
@@ -262,8 +261,8 @@ TEST_CASE("depth error near edges: zero on the exact depth, and blind to what ha
   npsim::SerialExecutor serial;
   REQUIRE(npsim::mark_near(view(edges, kPost), 3, ImageView<std::uint8_t>(near.data(), kPost), serial).ok());
   CHECK(count(near) == 14 * static_cast<std::size_t>(kPost.height));
-  std::vector<unsigned char> memory(npsim::depth_errors_workspace_bytes(kPost));
-  npsim::Workspace workspace(memory.data(), memory.size());
+  npsim_test::Scratch scratch(npsim::depth_errors_workspace_bytes(kPost));
+  npsim::Workspace& workspace = scratch.workspace();
   const auto abs_rel = [&] {
     npsim::DepthErrors errors;
     REQUIRE(npsim::depth_errors(ImageView<const float>(estimate.data(), kPost),
@@ -303,8 +302,8 @@ TEST_CASE("mask_overlap counts") {
     a[i] = i % 2 == 0 ? 3 : 0;
     b[i] = i % 3 == 0 ? 1 : 0;
   }
-  std::vector<unsigned char> memory(npsim::mask_overlap_workspace_bytes(shape));
-  npsim::Workspace workspace(memory.data(), memory.size());
+  npsim_test::Scratch scratch(npsim::mask_overlap_workspace_bytes(shape));
+  npsim::Workspace& workspace = scratch.workspace();
   npsim::SerialExecutor serial;
   MaskOverlap overlap;
   REQUIRE(npsim::mask_overlap(view(a, shape), view(b, shape), overlap, workspace, serial).ok());

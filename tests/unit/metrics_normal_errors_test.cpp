@@ -11,9 +11,9 @@
 #include <limits>
 #include <vector>
 
+#include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "fixture.hpp"
 
 namespace {
 
@@ -35,8 +35,8 @@ struct Measured {
 template <class Executor>
 Measured measure(const std::vector<Vec3f>& estimate, const std::vector<Vec3f>& truth, Shape shape, Executor& executor,
                  const std::vector<std::uint8_t>& mask = {}) {
-  std::vector<unsigned char> memory(npsim::normal_errors_workspace_bytes(shape));
-  npsim::Workspace workspace(memory.data(), memory.size());
+  npsim_test::Scratch scratch(npsim::normal_errors_workspace_bytes(shape));
+  npsim::Workspace& workspace = scratch.workspace();
   Measured m;
   const ImageView<const std::uint8_t> selection =
       mask.empty() ? ImageView<const std::uint8_t>() : ImageView<const std::uint8_t>(mask.data(), shape);
@@ -125,8 +125,8 @@ TEST_CASE("normal errors: the mask selects; nothing to compare is a status") {
   CHECK(measure({{0, 0, 0}}, {turned(1)}).status.code() == StatusCode::no_valid_input);
   CHECK(measure({turned(1)}, {{0, 0, 0}}).status.code() == StatusCode::no_valid_input);
   const std::vector<Vec3f> plane(6, turned(0));
-  std::vector<unsigned char> memory(npsim::normal_errors_workspace_bytes({3, 2}));
-  npsim::Workspace workspace(memory.data(), memory.size());
+  npsim_test::Scratch scratch(npsim::normal_errors_workspace_bytes({3, 2}));
+  npsim::Workspace& workspace = scratch.workspace();
   npsim::SerialExecutor serial;
   NormalErrors out;
   CHECK(npsim::normal_errors({plane.data(), {2, 3}}, {plane.data(), {3, 2}}, {}, out, workspace, serial).code() ==

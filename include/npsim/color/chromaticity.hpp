@@ -1,25 +1,117 @@
 // SPDX-License-Identifier: Apache-2.0
-// Colours of light: CIE xy, correlated colour temperature and channel ratios, to and from linear sRGB.
+// Colours of light: linear sRGB and CIE XYZ, CIE xy, correlated colour temperature and channel ratios, and the light
+// sources of a street at night.
 //
+// XYZ (1931, 2 degrees) is relative to white Y = 1. The matrices are computed from the chromaticities of the primaries
+// in IEC 61966-2-1 and from the white D65 = (0.95047, 1, 1.08883), and not taken from the rounded table of the
+// standard, so that R = G = B = 1 is this white exactly and greys have no colour in CIELAB. They agree with the
+// standard's four digits.
 // A light's colour is a linear sRGB triple of luminance 1, so that its product with a photometric quantity keeps that
 // quantity's value. Chromaticities outside the sRGB gamut (sodium, coloured signals) move along the straight line to
 // white D65 until the smallest channel is zero: hue is kept nearly, luminance exactly.
 // Luminance here is row Y of kLinearSrgbToXyz; the four-digit weights of luminance() in core/vec.hpp differ from it by
 // less than 1e-4, so luminance() of such a triple is 1 within 2e-3.
-// Computed in double; error: a float rounding of the result.
+// Computed in double; error: a few double roundings, and where the result is float its rounding.
 #ifndef NPSIM_COLOR_CHROMATICITY_HPP
 #define NPSIM_COLOR_CHROMATICITY_HPP
 
 #include <cstdint>
 
-#include "npsim/color/illuminants.hpp"
-#include "npsim/color/xyz.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
+
+// Row-major: out = m * in.
+struct Matrix3d {
+  double m[3][3] = {};
+
+  [[nodiscard]] constexpr Vec3d operator*(const Vec3d& v) const noexcept {
+    return {m[0][0] * v.x + m[0][1] * v.y + m[0][2] * v.z, m[1][0] * v.x + m[1][1] * v.y + m[1][2] * v.z,
+            m[2][0] * v.x + m[2][1] * v.y + m[2][2] * v.z};
+  }
+};
+
+inline constexpr Vec3d kWhiteD65Xyz{0.95047, 1.0, 1.08883};
+
+namespace color_detail {
+
+[[nodiscard]] constexpr Matrix3d inverse(const Matrix3d& a) noexcept {
+  Matrix3d out;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      // The cyclic minor of (j, i) carries its sign with it.
+      const int r0 = (j + 1) % 3;
+      const int r1 = (j + 2) % 3;
+      const int c0 = (i + 1) % 3;
+      const int c1 = (i + 2) % 3;
+      out.m[i][j] = a.m[r0][c0] * a.m[r1][c1] - a.m[r0][c1] * a.m[r1][c0];
+    }
+  }
+  const double determinant = a.m[0][0] * out.m[0][0] + a.m[0][1] * out.m[1][0] + a.m[0][2] * out.m[2][0];
+  for (auto& row : out.m) {
+    for (double& value : row) value /= determinant;
+  }
+  return out;
+}
+
+// Columns are the primaries at Y = 1, scaled so that their sum is white.
+[[nodiscard]] constexpr Matrix3d rgb_to_xyz() noexcept {
+  constexpr double kX[3] = {0.64, 0.30, 0.15};
+  constexpr double kY[3] = {0.33, 0.60, 0.06};
+  Matrix3d primaries;
+  for (int i = 0; i < 3; ++i) {
+    primaries.m[0][i] = kX[i] / kY[i];
+    primaries.m[1][i] = 1.0;
+    primaries.m[2][i] = (1.0 - kX[i] - kY[i]) / kY[i];
+  }
+  const Vec3d amount = inverse(primaries) * kWhiteD65Xyz;
+  for (auto& row : primaries.m) {
+    row[0] *= amount.x;
+    row[1] *= amount.y;
+    row[2] *= amount.z;
+  }
+  return primaries;
+}
+
+}  // namespace color_detail
+
+inline constexpr Matrix3d kLinearSrgbToXyz = color_detail::rgb_to_xyz();
+inline constexpr Matrix3d kXyzToLinearSrgb = color_detail::inverse(kLinearSrgbToXyz);
+
+[[nodiscard]] constexpr Vec3d linear_srgb_to_xyz(const Vec3d& rgb) noexcept { return kLinearSrgbToXyz * rgb; }
+[[nodiscard]] constexpr Vec3d xyz_to_linear_srgb(const Vec3d& xyz) noexcept { return kXyzToLinearSrgb * xyz; }
+
+// CIE 1931 xy, 2 degrees.
+struct Chromaticity {
+  float x = 0.3127F;
+  float y = 0.3290F;
+};
+
+// CIE 15:2018 for A, D65 and the LED-B/V and HP series (typical LEDs: B phosphor-converted blue, V phosphor-converted
+// violet; high-pressure sodium: HP1 standard, HP2 colour-enhanced). The metal halide and mercury lamps are typical
+// values and meant as defaults that a user may replace.
+namespace illuminant {
+
+inline constexpr Chromaticity kD65{0.3127F, 0.3290F};
+inline constexpr Chromaticity kA{0.44757F, 0.40745F};  // incandescent, 2856 K
+
+inline constexpr Chromaticity kLedB1{0.4560F, 0.4078F};  // about 2700 K
+inline constexpr Chromaticity kLedB2{0.4357F, 0.4012F};  // 3000 K
+inline constexpr Chromaticity kLedB3{0.3756F, 0.3723F};  // 4100 K
+inline constexpr Chromaticity kLedB4{0.3422F, 0.3502F};  // 5100 K
+inline constexpr Chromaticity kLedV1{0.4548F, 0.4044F};  // 2700 K
+inline constexpr Chromaticity kLedV2{0.3781F, 0.3775F};  // 4100 K
+
+inline constexpr Chromaticity kHighPressureSodium1{0.5330F, 0.4150F};  // HP1, 2000 K
+inline constexpr Chromaticity kHighPressureSodium2{0.4778F, 0.4158F};  // HP2, 2500 K
+inline constexpr Chromaticity kMetalHalideWarm{0.4286F, 0.3882F};
+inline constexpr Chromaticity kMetalHalideNeutral{0.3731F, 0.3714F};
+inline constexpr Chromaticity kMercury{0.3112F, 0.3829F};
+
+}  // namespace illuminant
 
 // Luminance-1 linear sRGB of a chromaticity with 0 <= x, 1e-3 <= y, x + y <= 1.
 [[nodiscard]] constexpr Result<Vec3f> xy_to_linear_srgb(const Chromaticity& xy) noexcept {

@@ -18,8 +18,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "npsim/color/chromaticity.hpp"
 #include "npsim/color/srgb.hpp"
-#include "npsim/color/xyz.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"

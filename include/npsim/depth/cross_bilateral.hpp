@@ -4,12 +4,13 @@
 //   d(p) = sum_q Gs(|q - p|) [delta(h(q), h(p)) + mu Gc(|J(q) - J(p)|)] d^(q)  /  the same sum without d^(q)
 // with G(r) = exp(-r^2 / (2 sigma^2)), delta = 1 for equal labels, J in CIELAB (Delta E 1976), q in the square window
 // of the given radius. Samples outside the image and samples whose depth is invalid have weight 0; a sample or centre
-// whose colour is not finite, or beyond 1e9, has colour weight 0. A pixel that itself is invalid is computed from its
-// neighbours, or stays invalid with keep_invalid. Where the weights sum to less than 1e-12 the result is 0 (invalid).
-// Any positive plane may stand for the depth, inverse depth say, with values in 1e-25..1e25.
+// whose colour is not finite, or beyond 1e9, has colour weight 0. A pixel that itself is invalid stays so, unless all
+// pixels are asked for: then it is computed from its neighbours. Where the weights sum to less than 1e-12 the result is
+// 0 (invalid). Any positive plane may stand for the depth, inverse depth say, with values in 1e-25..1e25.
 //
-// The two terms are summed apart: cross_bilateral_label.hpp by masked Gaussians, cross_bilateral_colour.hpp tap by tap.
-// Every tap of the equation is evaluated, except blocks of which it is proven that they do not matter to the bound.
+// The two terms are summed apart, labels by masked Gaussians (detail/cross_bilateral/label.hpp), colours tap by tap
+// (colour.hpp there). Every tap of the equation is evaluated, except blocks of which it is proven that they do not
+// matter to the bound.
 // Error: the caller bounds it; the method is the cheapest that provably keeps the bound, and what it keeps is returned.
 // The bound is relative and holds for every pixel with depth and colour, or whose weights sum to mu, where depths in
 // one window differ by a factor of 1000 at most; beyond, it grows by 7 %, and by 3e-7 per further factor of 2. At R =
@@ -17,306 +18,159 @@
 // street. Label term alone: bound 9.6e-7, measured 3e-7. Tightest bound that can be asked at R = 30: 1.22e-5, with
 // labels alone 9.6e-7. It grows with R: the default can be kept up to R = 1100 in images of any size. Depths outside
 // 1e-25..1e25 are outside the promise.
-// Cost: see those headers; colour makes nearly all of it. Memory at R = 30: 54 bytes per pixel, 12 with labels alone,
-// 41 with colour alone.
+// Cost: colour makes nearly all of it, (2R + 1)^2 / 2 weights per pixel. Memory at R = 30: 54 bytes per pixel, 12 with
+// labels alone, 41 with colour alone.
 // The same bits for every number of lanes and threads.
 #ifndef NPSIM_DEPTH_CROSS_BILATERAL_HPP
 #define NPSIM_DEPTH_CROSS_BILATERAL_HPP
 
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <type_traits>
 
-#include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
-#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
-#include "npsim/core/slot_pool.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/detail/cross_bilateral/blocks.hpp"
-#include "npsim/depth/detail/cross_bilateral/colour.hpp"
-#include "npsim/depth/detail/cross_bilateral/label.hpp"
-#include "npsim/depth/detail/cross_bilateral/params.hpp"
-#include "npsim/depth/detail/valid_depths.hpp"
+#include "npsim/depth/detail/cross_bilateral/filter.hpp"
+#include "npsim/depth/detail/cross_bilateral/grids.hpp"
+#include "npsim/depth/detail/cross_bilateral/plan.hpp"
 #include "npsim/simd/batch.hpp"
-#include "npsim/simd/math.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
-namespace depth_detail {
 
-inline constexpr float kNoWeight = 1e-12F;
+// Section 3.4.1.
+inline constexpr float kCrossBilateralMu = 5.0F;
+// What the code of Sakaridis et al. (ECCV 2018) amounts to: it normalises its grid kernels to sum 1, which turns the
+// same 5 into 5 / (1 + 2 exp(-1/2))^3 here.
+inline constexpr float kCrossBilateralMuCitedCode = 0.461307F;
 
-template <class LabelPixel>
-struct CrossBilateralState {
-  ColourGrid grid;
-  ColourSamples samples;
-  ColourTerm colour;
-  LabelTerm<LabelPixel> label;
+struct CrossBilateralParams {
+  float mu = kCrossBilateralMu;  // weight of the colour term, >= 0
+  float sigma_s_px = 10.0F;      // section 3.4.1
+  float sigma_c = 5.0F;          // section 3.4.1, CIELAB units, in 1e-3..1e6
+  int radius_px = -1;            // half the window's side, centre excluded; negative: ceil(3 sigma_s)
+  bool use_labels = true;
+  bool use_colour = true;
+  // What the result may differ from equation (3.2) evaluated without rounding, relative to the result, for the pixels
+  // and depths that cross_bilateral.hpp names. At R = 30 no less than 1.22e-5 can be asked, with labels alone 9.6e-7.
+  float max_relative_error = 2e-5F;
 };
 
-template <class T>
-[[nodiscard]] Status allocate_padded(const ColourGrid& g, Workspace& workspace, ImageView<T>& plane) noexcept {
-  Span<T> elements;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(g.samples(), elements));
-  plane = ImageView<T>(elements.data() + g.padding, g.shape, g.sample_stride);
-  return {};
-}
-
-// The least and the largest of some depths.
-struct DepthRange {
-  float low = std::numeric_limits<float>::max();
-  float high = 0.0F;
+enum class CrossBilateralMethod {
+  label_sums,         // no colour: separable sums, and nothing else
+  quintic_weights,    // colour weights within 3e-7
+  quartic_weights,    // 2.7e-6; with the default bound
+  cubic_weights,      // 7.5e-5
+  quadratic_weights,  // 1.7e-3
 };
 
-// Samples of one row as the colour term reads them, padding included.
-template <class F>
-[[nodiscard]] DepthRange load_row(const CrossBilateralParams& params, const ColourGrid& g, ImageView<const float> depth,
-                                  ImageView<const Vec3f> lab, const ColourSamples& s, int y) noexcept {
-  const F zero(0.0F);
-  const F most(kMaxColour);
-  const float no_colour_b = kNoColour * static_cast<float>(y + 1);
-  const auto no_colour_a = [&](auto x) { return decltype(x)(kNoColour) * (x + decltype(x)(1.0F)); };
-  const int width = g.shape.width;
-  DepthRange range;
-  F low(range.low);
-  F high(range.high);
-  for (int x = 0; x < width; x += F::lanes) {
-    const int n = width - x < F::lanes ? width - x : F::lanes;
-    const F z = F::load(depth.row(y) + x, n);
-    const simd::F32x3<F> c = simd::load3<F>(&lab.row(y)[x].x, n);
-    const auto valid = are_valid_depths(z);
-    auto coloured = (abs(c.x) <= most) & (abs(c.y) <= most) & (abs(c.z) <= most);
-    if (params.keep_invalid) coloured = coloured & valid;
-    low = select(valid, min(low, z), low);
-    high = select(valid, max(high, z), high);
-    select(valid, z, zero).store(s.depth.row(y) + x);
-    select(coloured, c.x, zero).store(s.l.row(y) + x);
-    select(coloured, c.y, no_colour_a(F(static_cast<float>(x + g.padding)) + F::iota())).store(s.a.row(y) + x);
-    select(coloured, c.z, F(no_colour_b)).store(s.b.row(y) + x);
+struct CrossBilateralResult {
+  CrossBilateralMethod method = CrossBilateralMethod::label_sums;
+  // Holds for every pixel with depth and colour, or whose weights sum to mu, where depths in one window differ by a
+  // factor of 1000 at most and lie in 1e-25..1e25; beyond, it grows by 7 %, and by 3e-7 per further factor of 2.
+  float relative_error_bound = 0.0F;
+};
+
+// Which pixels get a value.
+enum class FilteredPixels : std::uint8_t {
+  with_depth,  // what has no depth (the sky) stays without
+  all,         // as equation (3.2) has it
+};
+
+[[nodiscard]] inline Status validate(const CrossBilateralParams& params) noexcept {
+  const auto in_range = [](float v, float low, float high) { return v >= low && v <= high; };  // false for NaN
+  if (!in_range(params.mu, 0.0F, 1e6F)) {
+    return {StatusCode::invalid_argument, "cross_bilateral: mu must lie in 0..1e6"};
   }
-  const auto none = [&](int x) {
-    s.depth.row(y)[x] = 0.0F;
-    s.l.row(y)[x] = 0.0F;
-    s.a.row(y)[x] = no_colour_a(static_cast<float>(x + g.padding));
-    s.b.row(y)[x] = no_colour_b;
-  };
-  for (int x = -g.padding; x < 0; ++x) none(x);
-  for (int x = width; x < g.sample_stride - g.padding; ++x) none(x);
-  return {simd::least_lane(low), -simd::least_lane(-high)};
-}
-
-// The depth of a batch of pixels from both sums; z is what they had.
-template <class F>
-[[nodiscard]] F divide_sums(const CrossBilateralParams& params, F numerator, F denominator, F z) noexcept {
-  const F d = numerator / denominator;
-  auto valid = (denominator > F(kNoWeight)) & simd::is_finite(d);
-  if (params.keep_invalid) valid = valid & are_valid_depths(z);
-  return select(valid, d, F(0.0F));
-}
-
-// Both terms together, or colour alone, one row.
-template <class F, class LabelPixel>
-void combine_row(const CrossBilateralParams& params, const CrossBilateralState<LabelPixel>& s, int y,
-                 ImageView<float> output) noexcept {
-  const ColourGrid& g = s.grid;
-  const F zero(0.0F);
-  const int strip = y / g.strip_rows;
-  const bool tail = strip > 0 && y - strip * g.strip_rows < g.ry;
-  for (int x = 0; x < g.shape.width; x += F::lanes) {
-    const int n = g.shape.width - x < F::lanes ? g.shape.width - x : F::lanes;
-    const F z = F::load(s.samples.depth.row(y) + x);
-    const auto total = [&](int plane) {
-      const float* hi = s.colour.sums_row(strip, y) + 2 * plane * g.width + x;
-      F sum = F::load(hi) + F::load(hi + g.width);
-      if (tail) {
-        const float* above = s.colour.sums_row(strip - 1, y) + 2 * plane * g.width + x;
-        sum = sum + (F::load(above) + F::load(above + g.width));
-      }
-      return sum;
-    };
-    const F self = select((F::load(s.samples.a.row(y) + x) < F(kMaxColour * 2.0F)) & (z > zero), F(1.0F), zero);
-    F numerator = F(params.mu) * fma(self, z, total(0));
-    F denominator = F(params.mu) * (self + total(1));
-    if (params.use_labels) {
-      numerator = numerator + F::load(s.label.numerator.row(y) + x);
-      denominator = denominator + F::load(s.label.denominator.row(y) + x);
-    }
-    divide_sums(params, numerator, denominator, z).store(output.row(y) + x, n);
+  if (!in_range(params.sigma_s_px, 1e-3F, 1e6F) || !in_range(params.sigma_c, 1e-3F, 1e6F)) {
+    return {StatusCode::invalid_argument, "cross_bilateral: sigma_s_px and sigma_c must lie in 1e-3..1e6"};
   }
-}
-
-// Labels alone, one tile.
-template <class F, class LabelPixel>
-void combine_tile(const CrossBilateralParams& params, const LabelTerm<LabelPixel>& t, const LabelTile& tile,
-                  ImageView<float> output) noexcept {
-  const int width = output.width();
-  const int end = tile.k1 * kLabelChunkPx < width ? tile.k1 * kLabelChunkPx : width;
-  for (int y = tile.y0; y < tile.y1; ++y) {
-    for (int x = tile.k0 * kLabelChunkPx; x < end; x += F::lanes) {
-      const F numerator = F::load(sum_at(t, t.numerator, tile, x, y));
-      const F denominator = F::load(sum_at(t, t.denominator, tile, x, y));
-      const F z = params.keep_invalid ? load_depths<F>(t.depth, x, y) : F(0.0F);
-      const int n = width - x < F::lanes ? width - x : F::lanes;
-      divide_sums(params, numerator, denominator, z).store(output.row(y) + x, n);
-    }
+  if (!(params.max_relative_error > 0.0F)) {
+    return {StatusCode::invalid_argument, "cross_bilateral: max_relative_error must be positive"};
   }
-}
-
-// Whether two images lie in the same memory, or in turns.
-[[nodiscard]] inline bool overlap(const ImageView<const float>& a, const ImageView<const float>& b) noexcept {
-  const auto begin = [](const ImageView<const float>& v) { return reinterpret_cast<std::uintptr_t>(v.row(0)); };
-  const auto end = [](const ImageView<const float>& v) {
-    return reinterpret_cast<std::uintptr_t>(v.row(v.height() - 1) + v.width());
-  };
-  return begin(a) < end(b) && begin(b) < end(a);
-}
-
-template <class LabelPixel>
-[[nodiscard]] Status allocate_colour_term(const CrossBilateralParams& params, const CrossBilateralPlan& plan,
-                                          CrossBilateralState<LabelPixel>& s, Workspace& workspace) noexcept {
-  const ColourGrid& g = s.grid;
-  ColourTerm& t = s.colour;
-  NPSIM_RETURN_IF_ERROR(allocate_padded(g, workspace, s.samples.l));
-  NPSIM_RETURN_IF_ERROR(allocate_padded(g, workspace, s.samples.a));
-  NPSIM_RETURN_IF_ERROR(allocate_padded(g, workspace, s.samples.b));
-  Span<float> blocks;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(block_elements(g), blocks));
-  t.blocks.data = blocks.data();
-  t.blocks.stride = block_stride(g);
-  t.blocks.plane_stride = t.blocks.stride * g.block_rows();
-  t.blocks.padding = g.padding / kChunkPx;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(spatial_elements(g), t.spatial));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(colour_sums_elements(g), t.sums));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(colour_scratch_elements(g), t.scratch));
-  t.grid = g;
-  t.samples = s.samples;
-  const double sigma_s = static_cast<double>(params.sigma_s_px);
-  const double sigma_c = static_cast<double>(params.sigma_c);
-  constexpr double kLog2E = 1.4426950408889634;
-  std::size_t at = 0;
-  for (int dy = 0; dy <= g.ry; ++dy) {
-    for (int dx = -g.rx; dx <= g.rx; ++dx) {
-      const double exponent = -0.5 * kLog2E / (sigma_s * sigma_s) * (double(dx) * dx + double(dy) * dy);
-      const bool other_way = dy == 0 && dx <= 0;
-      t.spatial[at++] = other_way || exponent < -1e30 ? -1e30F : static_cast<float>(exponent);
-    }
-  }
-  t.spatial[at] = t.spatial[at + 1] = -1e30F;
-  t.scale = static_cast<float>(0.5 * kLog2E / (sigma_c * sigma_c));
-  t.root_scale = static_cast<float>(root_scale(params));
-  // Rounded up, by more than what the logarithms of the blocks and the exponents of the pairs can be off.
-  t.prune.on = plan.prune_error > 0;
-  t.prune.scale = t.scale;
-  t.prune.spatial_scale = static_cast<float>(0.5 * kLog2E / (sigma_s * sigma_s));
-  if (t.prune.on) {
-    t.prune.log_threshold =
-        log2_of(static_cast<float>(static_cast<double>(params.mu) * g.taps() / plan.prune_error)) + 0.01F;
+  if (!params.use_labels && !(params.use_colour && params.mu > 0.0F)) {
+    return {StatusCode::invalid_argument, "cross_bilateral: neither labels nor colour would be used"};
   }
   return {};
 }
 
-// The filter with a given batch; cross_bilateral() calls it with the native one.
-template <class F, class LabelPixel, class Executor>
-[[nodiscard]] Status cross_bilateral_with(const CrossBilateralParams& params, const CrossBilateralPlan& plan,
-                                          ImageView<const float> depth, ImageView<const LabelPixel> labels,
-                                          ImageView<const Vec3f> lab, ImageView<float> output, Workspace& workspace,
-                                          Executor& executor) noexcept {
-  static_assert(F::lanes <= kChunkPx);
-  const Shape shape = depth.shape();
+// A window wider than the image adds nothing.
+[[nodiscard]] constexpr int cross_bilateral_radius(const CrossBilateralParams& params, Shape shape) noexcept {
+  const int side = shape.width > shape.height ? shape.width : shape.height;
+  if (params.radius_px >= 0) return params.radius_px < side ? params.radius_px : side;
+  const float three_sigma = 3.0F * params.sigma_s_px;
+  if (!(three_sigma < static_cast<float>(side))) return side;
+  const int below = three_sigma > 0.0F ? static_cast<int>(three_sigma) : 0;
+  return static_cast<float>(below) < three_sigma ? below + 1 : below;
+}
+
+[[nodiscard]] constexpr std::size_t cross_bilateral_workspace_bytes(const CrossBilateralParams& params,
+                                                                    Shape shape) noexcept {
+  using namespace cross_bilateral_detail;
+  if (shape.empty()) return kWorkspaceAlignment;
   const int radius = cross_bilateral_radius(params, shape);
-  const bool colour = uses_colour(params);
-  const WorkspaceScope scope(workspace);
-  CrossBilateralState<LabelPixel> s;
-  s.grid = colour_grid(shape, radius);
-  NPSIM_RETURN_IF_ERROR(allocate_padded(s.grid, workspace, s.samples.depth));
-  if (params.use_labels) {
-    s.label.depth = depth;
-    s.label.labels = labels;
-    NPSIM_RETURN_IF_ERROR(allocate_label_term(label_grid(shape, radius), radius, static_cast<double>(params.sigma_s_px),
-                                              !colour, workspace, s.label));
-  }
-  Span<DepthRange> ranges;  // by row
-  if (colour) {
-    NPSIM_RETURN_IF_ERROR(allocate_colour_term(params, plan, s, workspace));
-    NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(shape.height), ranges));
-  }
-
-  const auto rows = static_cast<std::size_t>(shape.height);
-  const auto for_each = [&](std::size_t count, std::size_t chunk, auto&& f) {
-    executor.for_chunks(count, chunk, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) f(static_cast<int>(i));
-    });
-  };
-  // Labels alone write a tile's result while others still read depths.
-  const bool in_place = !colour && overlap(depth, output);
-  if (in_place) s.label.depth = s.samples.depth;
-  for_each(rows, 16, [&](int y) {
-    if (colour) ranges[static_cast<std::size_t>(y)] = load_row<F>(params, s.grid, depth, lab, s.samples, y);
-    for (int x = 0; in_place && x < shape.width; ++x) s.samples.depth(x, y) = depth(x, y);
-    if (params.use_labels) find_uniform_chunks<F>(s.label, y);
-  });
-  if (params.use_labels) {
-    SlotPool slots(s.label.grid.slots());
-    for_each(static_cast<std::size_t>(s.label.grid.tiles()), 1, [&](int index) {
-      const LabelTile tile = label_tile(s.label.grid, index, slots.take());
-      filter_label_tile<F>(s.label, tile);
-      if (!colour) combine_tile<F>(params, s.label, tile, output);
-      slots.give(tile.slot);
-    });
-  }
-  if (colour) {
-    DepthRange whole;
-    for (const DepthRange& r : ranges) {
-      whole.low = r.low < whole.low ? r.low : whole.low;
-      whole.high = r.high > whole.high ? r.high : whole.high;
-    }
-    const double ratio = whole.high > 0 ? static_cast<double>(whole.high) / static_cast<double>(whole.low) : 1.0;
-    s.colour.near = simd::kFusedFma ? scaled_near(params, s.grid, plan, ratio) : -1.0F;
-    for_each(static_cast<std::size_t>(s.grid.block_rows()), 8, [&](int row) {
-      measure_block_row<F>(s.grid, s.samples, params.mu, params.use_labels ? s.label.numerator : ImageView<float>(),
-                           params.use_labels ? s.label.denominator : ImageView<float>(), row, s.colour.blocks);
-    });
-    for_each(static_cast<std::size_t>(s.grid.strips), 1, [&](int i) {
-      if (plan.degree == 2) weigh_strip<F, 2>(s.colour, i);
-      if (plan.degree == 3) weigh_strip<F, 3>(s.colour, i);
-      if (plan.degree == 4) weigh_strip<F, 4>(s.colour, i);
-      if (plan.degree == 5) weigh_strip<F, 5>(s.colour, i);
-    });
-  }
-  if (colour) for_each(rows, 16, [&](int y) { combine_row<F>(params, s, y, output); });
-  return {};
+  const ColourGrid g = colour_grid(shape, radius);
+  const bool colour = params.use_colour && params.mu > 0.0F;
+  return kWorkspaceAlignment + allocation_bytes<float>(g.samples()) +
+         (params.use_labels ? label_workspace_bytes(label_grid(shape, radius), !colour) : 0) +
+         (colour ? colour_workspace_bytes(g) : 0);
 }
 
-}  // namespace depth_detail
+namespace cross_bilateral_detail {
+
+[[nodiscard]] constexpr FilterTerms filter_terms(const CrossBilateralParams& params, Shape shape,
+                                                 FilteredPixels pixels) noexcept {
+  FilterTerms terms;
+  terms.mu = params.mu;
+  terms.sigma_s_px = params.sigma_s_px;
+  terms.sigma_c = params.sigma_c;
+  terms.radius_px = cross_bilateral_radius(params, shape);
+  terms.labels = params.use_labels;
+  terms.colour = params.use_colour && params.mu > 0.0F;
+  terms.keep_invalid = pixels == FilteredPixels::with_depth;
+  terms.max_relative_error = params.max_relative_error;
+  return terms;
+}
+
+[[nodiscard]] constexpr CrossBilateralResult filter_result(const FilterPlan& plan) noexcept {
+  constexpr CrossBilateralMethod kMethods[] = {
+      CrossBilateralMethod::quadratic_weights, CrossBilateralMethod::cubic_weights,
+      CrossBilateralMethod::quartic_weights, CrossBilateralMethod::quintic_weights};
+  return {plan.degree == 0 ? CrossBilateralMethod::label_sums : kMethods[plan.degree - kMinDegree],
+          plan.relative_error_bound};
+}
+
+}  // namespace cross_bilateral_detail
 
 // depth: metres. labels: 8- or 16-bit classes or instances (may be empty without use_labels). lab: CIELAB (may be empty
 // without use_colour). output: the shape of depth, 0 where invalid; it may be the same memory as depth.
 template <class AnyLabel, class Executor>
 [[nodiscard]] Status cross_bilateral(const CrossBilateralParams& params, ImageView<const float> depth,
                                      ImageView<AnyLabel> labels, ImageView<const Vec3f> lab, ImageView<float> output,
-                                     CrossBilateralResult& result, Workspace& workspace, Executor& executor) noexcept {
+                                     CrossBilateralResult& result, Workspace& workspace, Executor& executor,
+                                     FilteredPixels pixels = FilteredPixels::with_depth) noexcept {
+  using namespace cross_bilateral_detail;
   using LabelPixel = std::remove_const_t<AnyLabel>;
   static_assert(std::is_same_v<LabelPixel, std::uint8_t> || std::is_same_v<LabelPixel, std::uint16_t>,
                 "labels are 8- or 16-bit and unsigned");
-  NPSIM_RETURN_IF_ERROR(cross_bilateral_detail::validate(params));
+  NPSIM_RETURN_IF_ERROR(npsim::validate(params));
   if (depth.empty()) return {StatusCode::no_valid_input, "cross_bilateral: the depth image is empty"};
   const Shape shape = depth.shape();
-  const bool colour = cross_bilateral_detail::uses_colour(params);
-  if (output.empty() || output.shape() != shape || (params.use_labels && (labels.empty() || labels.shape() != shape)) ||
-      (colour && (lab.empty() || lab.shape() != shape))) {
+  const FilterTerms terms = filter_terms(params, shape, pixels);
+  if (output.empty() || output.shape() != shape || (terms.labels && (labels.empty() || labels.shape() != shape)) ||
+      (terms.colour && (lab.empty() || lab.shape() != shape))) {
     return {StatusCode::shape_mismatch, "cross_bilateral: labels, lab and output must have the shape of the depth"};
   }
-  const cross_bilateral_detail::CrossBilateralPlan plan = cross_bilateral_detail::cross_bilateral_plan(params, shape);
+  const FilterPlan plan = filter_plan(terms, shape);
   if (!plan.possible) {
     return {StatusCode::invalid_argument, "cross_bilateral: max_relative_error is below what floats can hold"};
   }
-  NPSIM_RETURN_IF_ERROR(depth_detail::cross_bilateral_with<simd::F32>(
-      params, plan, depth, ImageView<const LabelPixel>(labels), lab, output, workspace, executor));
-  result = plan.result;
+  NPSIM_RETURN_IF_ERROR(filter_with<simd::F32>(terms, plan, depth, ImageView<const LabelPixel>(labels), lab, output,
+                                               workspace, executor));
+  result = filter_result(plan);
   return {};
 }
 

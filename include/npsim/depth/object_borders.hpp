@@ -35,7 +35,6 @@ struct ObjectMap {
   }
 };
 
-
 // distance_px: 0.5 beside a border, at most `cap`.
 inline void border_distance(const ObjectMap& objects, float cap, ImageView<float> distance_px) noexcept {
   const int width = distance_px.width();

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Drops measurements that cannot be: stereo mismatches on the ground, and specks in an otherwise dense depth map.
 //
-// Off the ground: a pixel with a ground label whose point lies further from the ground plane than `ground_tolerance` of the
-// camera's height, or than `ground_slope` of its depth where that is more (streets rise and fall). Reflections on the bonnet and on wet roads make such depths.
-// Speck: a sample with fewer than `speck_share` of the samples of its (2 r + 1)^2 window within `speck_tolerance` of its
-// inverse depth. Looked for only where at least half of the image is measured: a sparse range sensor has specks only.
-// Ground is exempt: seen at a grazing angle its depth does change within a window. Without labels nothing is dropped.
+// Off the ground: a pixel with a ground label whose point lies further from the ground plane than `ground_tolerance` of
+// the camera's height, or than `ground_slope` of its depth where that is more (streets rise and fall). Reflections on
+// the bonnet and on wet roads make such depths.
+// Speck: a sample with fewer than `speck_share` of the samples of its (2 r + 1)^2 window within `speck_tolerance` of
+// its inverse depth. Looked for only where at least half of the image is measured: a sparse range sensor has specks
+// only. Ground is exempt: seen at a grazing angle its depth does change within a window. Without labels nothing is
+// dropped.
 // Dropped samples become 0 (missing), to be filled like any other hole. Nothing is moved, nothing is added.
 // Cost: (2 r + 1)^2 comparisons per sample. Memory: none.
 #ifndef NPSIM_DEPTH_OUTLIERS_HPP
@@ -28,10 +30,19 @@ struct OutlierParams {
   LabelSet ground = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground);
   float ground_tolerance = 0.3F;  // 0 switches the test off
   float ground_slope = 0.05F;
-  int speck_radius_px = 5;        // 0 switches the test off; at most 32
+  int speck_radius_px = 5;  // 0 switches the test off; at most 32
   float speck_share = 0.25F;
-  float speck_tolerance = 0.1F;   // relative
+  float speck_tolerance = 0.1F;  // relative
 };
+
+[[nodiscard]] inline Status validate(const OutlierParams& params) noexcept {
+  if (!(params.ground_tolerance >= 0.0F) || !(params.ground_slope >= 0.0F) || params.speck_radius_px < 0 ||
+      params.speck_radius_px > 32 || !(params.speck_share >= 0.0F && params.speck_share <= 1.0F) ||
+      !(params.speck_tolerance > 0.0F)) {
+    return {StatusCode::invalid_argument, "drop_outliers: tolerances positive, radius in 0..32, share in 0..1"};
+  }
+  return {};
+}
 
 namespace depth_detail {
 
@@ -60,13 +71,10 @@ template <class Executor>
 [[nodiscard]] Status drop_outliers(const OutlierParams& params, ImageView<const float> depth,
                                    ImageView<const Label> labels, const Vec3f& up, float height_m,
                                    const Intrinsics& camera, ImageView<float> output, Executor& executor) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(params));
   const Shape shape = depth.shape();
   if (output.shape() != shape || (!labels.empty() && labels.shape() != shape)) {
     return {StatusCode::shape_mismatch, "drop_outliers: depth, labels and output must have one shape"};
-  }
-  if (!(params.ground_tolerance >= 0.0F) || !(params.ground_slope >= 0.0F) || params.speck_radius_px < 0 || params.speck_radius_px > 32 ||
-      !(params.speck_share >= 0.0F && params.speck_share <= 1.0F) || !(params.speck_tolerance > 0.0F)) {
-    return {StatusCode::invalid_argument, "drop_outliers: tolerances positive, radius in 0..32, share in 0..1"};
   }
   if (labels.empty()) {
     copy_pixels(depth, output);

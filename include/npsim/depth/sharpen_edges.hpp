@@ -41,6 +41,14 @@ struct SharpenEdgesParams {
       LabelSet::of(label::ground, label::road, label::sidewalk, label::parking, label::rail_track, label::terrain);
 };
 
+[[nodiscard]] inline Status validate(const SharpenEdgesParams& params) noexcept {
+  if (!(params.radius_px >= 0.0F && params.radius_px <= 64.0F) || !(params.min_contrast >= 0.0F) ||
+      !(params.min_change >= 0.0F)) {
+    return {StatusCode::invalid_argument, "sharpen_edges: radius_px in 0..64, contrast and change not negative"};
+  }
+  return {};
+}
+
 [[nodiscard]] constexpr std::size_t sharpen_edges_workspace_bytes(const SharpenEdgesParams&, Shape shape) noexcept {
   return kWorkspaceAlignment + 2 * allocation_bytes<float>(shape.pixels());
 }
@@ -137,13 +145,10 @@ template <class Executor>
 [[nodiscard]] Status sharpen_edges(const SharpenEdgesParams& params, ImageView<const float> depth,
                                    const ObjectMap& objects, ImageView<float> output, Workspace& workspace,
                                    Executor& executor) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(params));
   const Shape shape = depth.shape();
   if (output.shape() != shape || !objects.fits(shape)) {
     return {StatusCode::shape_mismatch, "sharpen_edges: depth, labels, instances and output must have one shape"};
-  }
-  if (!(params.radius_px >= 0.0F && params.radius_px <= 64.0F) || !(params.min_contrast >= 0.0F) ||
-      !(params.min_change >= 0.0F)) {
-    return {StatusCode::invalid_argument, "sharpen_edges: radius_px in 0..64, contrast and change not negative"};
   }
   const WorkspaceScope scope(workspace);
   depth_detail::EdgeBand band;

@@ -10,13 +10,13 @@
 //
 // How: labels first, as bytes, in strips of 512 columns and bands of 16 rows; where no window of a band can hold a
 // foreground edge, depth is not read at all. Elsewhere variance is merged in single precision, with or without holes,
-// and a window whose variance lies too close to mu for that is decided in double (uncertainty_variance.hpp has the
-// bounds). With a window other than 8 or the variance asked for, it is double from the start.
+// and a window whose variance lies too close to mu for that is decided in double. With a window other than 8 or the
+// variance asked for, it is double from the start.
 // Error: every decision is that of the variance in double, which is within 1e-12 relative at any depth with the default
-// window (uncertainty_variance.hpp has wider ones: 2e-9 at 256); variance_m2 is within 5e-7 relative, and never
-// negative. Same bytes for every instruction set and every number of threads.
-// Cost: with the default window, one to two copies of the depth, with holes or without; about four where every pixel
-// is a class of its own, nine with holes as well. Memory: one bit per pixel, and 50 KiB of stack (150 KiB for windows
+// window, 2e-9 at 256 (the bounds are derived in detail/uncertainty/variance.hpp); variance_m2 is within 5e-7 relative,
+// and never negative. Same bytes for every instruction set and every number of threads.
+// Cost: with the default window, one to two copies of the depth, with holes or without; about four where every pixel is
+// a class of its own, nine with holes as well. Memory: one bit per pixel, and 50 KiB of stack (150 KiB for windows
 // above 16).
 #ifndef NPSIM_DEPTH_UNCERTAINTY_HPP
 #define NPSIM_DEPTH_UNCERTAINTY_HPP
@@ -27,15 +27,13 @@
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
-#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/detail/uncertainty/bits.hpp"
 #include "npsim/depth/detail/uncertainty/labels.hpp"
 #include "npsim/depth/detail/uncertainty/search.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/simd/bytes.hpp"
+#include "npsim/simd/batch.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -58,47 +56,23 @@ struct UncertaintyOutput {
   return kWorkspaceAlignment + allocation_bytes<std::uint64_t>(words * static_cast<std::size_t>(shape.height));
 }
 
-namespace depth_detail {
-
-template <class F, int kMaxWindow, class Executor>
-void find_windows(const UncertaintyParams& params, ImageView<const float> depth, ImageView<const Label> labels,
-                  ImageView<std::uint64_t> fires, const UncertaintyOutput& output, Executor& executor) noexcept {
-  const int l = params.window_px;
-  const WindowSearch<F, kMaxWindow> search{
-      depth, labels, LabelCodes(params.foreground), l, params.variance_m2, fires, output.variance_m2};
-  executor.for_chunks(static_cast<std::size_t>(depth.height()), kBandRows<kMaxWindow>,
-                      [&](std::size_t begin, std::size_t end) {
-                        const int first = static_cast<int>(begin);
-                        const int last = static_cast<int>(end);
-                        const int right = depth.width() - l + 1;
-                        const int bottom = depth.height() - l + 1;
-                        for (int y = first; y < last; ++y) {
-                          for (int w = 0; w < fires.width(); ++w) fires(w, y) = 0;
-                          if (output.variance_m2.empty()) continue;
-                          const int inside = y < bottom && right > 0 ? right : 0;
-                          for (int x = inside; x < depth.width(); ++x) output.variance_m2(x, y) = 0;
-                        }
-                        if (first < bottom) search.band(first, last < bottom ? last : bottom);
-                        for (int y = first; y < last; ++y) {
-                          if (!output.windows.empty())
-                            write_bits<F>(fires.row(y), output.windows.row(y), depth.width());
-                          widen_bits(fires.row(y), fires.width(), l);
-                        }
-                      });
+[[nodiscard]] inline Status validate(const UncertaintyParams& params) noexcept {
+  if (params.window_px < 1 || params.window_px > 256) {
+    return {StatusCode::invalid_argument, "uncertainty: window_px must lie in 1..256"};
+  }
+  if (!(params.variance_m2 >= 0) || !std::isfinite(params.variance_m2)) {
+    return {StatusCode::invalid_argument, "uncertainty: variance_m2 must be finite and not negative"};
+  }
+  return {};
 }
-
-}  // namespace depth_detail
 
 // F: the float batch, simd::scalar::F32 for the one-lane twin.
 template <class F = simd::F32, class Executor>
 [[nodiscard]] Status uncertainty(const UncertaintyParams& params, ImageView<const float> depth,
                                  ImageView<const Label> labels, const UncertaintyOutput& output, Workspace& workspace,
                                  Executor& executor) noexcept {
-  const int l = params.window_px;
-  if (l < 1 || l > 256) return {StatusCode::invalid_argument, "uncertainty: window_px must lie in 1..256"};
-  if (!(params.variance_m2 >= 0) || !std::isfinite(params.variance_m2)) {
-    return {StatusCode::invalid_argument, "uncertainty: variance_m2 must be finite and not negative"};
-  }
+  using namespace depth_detail;
+  NPSIM_RETURN_IF_ERROR(validate(params));
   if (depth.empty()) return {StatusCode::no_valid_input, "uncertainty: the depth image is empty"};
   const Shape shape = depth.shape();
   const auto fits = [shape](const auto& view) { return view.empty() || view.shape() == shape; };
@@ -110,29 +84,16 @@ template <class F = simd::F32, class Executor>
   const WorkspaceScope scope(workspace);
   ImageView<std::uint64_t> fires;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(Shape{(shape.width - 1) / 64 + 1, shape.height}, fires));
+  const int l = params.window_px;
+  const LabelCodes codes(params.foreground);
   if (l <= 16) {
-    depth_detail::find_windows<F, 16>(params, depth, labels, fires, output, executor);
+    find_windows(WindowSearch<F, 16>{depth, labels, codes, l, params.variance_m2, fires, output.variance_m2},
+                 output.windows, executor);
   } else {
-    depth_detail::find_windows<F, 256>(params, depth, labels, fires, output, executor);
+    find_windows(WindowSearch<F, 256>{depth, labels, codes, l, params.variance_m2, fires, output.variance_m2},
+                 output.windows, executor);
   }
-  if (output.mask.empty()) return {};
-
-  // The bits are already as wide as their windows; here the rows of a window are joined.
-  executor.for_chunks(static_cast<std::size_t>(shape.height), 16, [&](std::size_t begin, std::size_t end) {
-    constexpr int kWords = 32;
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      for (int w = 0; w < fires.width(); w += kWords) {
-        const int n = fires.width() - w < kWords ? fires.width() - w : kWords;
-        std::uint64_t joined[kWords] = {};
-        for (int row = y - l + 1 > 0 ? y - l + 1 : 0; row <= y; ++row) {
-          const std::uint64_t* bits = fires.row(row) + w;
-          for (int i = 0; i < n; ++i) joined[i] |= bits[i];
-        }
-        const int left = shape.width - 64 * w;
-        depth_detail::write_bits<F>(joined, output.mask.row(y) + 64 * w, left < 64 * kWords ? left : 64 * kWords);
-      }
-    }
-  });
+  if (!output.mask.empty()) mark_windows<F>(ImageView<const std::uint64_t>(fires), l, output.mask, executor);
   return {};
 }
 

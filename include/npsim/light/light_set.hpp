@@ -12,7 +12,7 @@
 
 #include <cstddef>
 
-#include "npsim/color/illuminants.hpp"
+#include "npsim/color/chromaticity.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"

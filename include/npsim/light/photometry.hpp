@@ -14,7 +14,6 @@
 #include <cstdint>
 
 #include "npsim/color/chromaticity.hpp"
-#include "npsim/color/xyz.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/light/emitter.hpp"

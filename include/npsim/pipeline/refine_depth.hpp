@@ -116,7 +116,6 @@ namespace refine_detail {
 
 [[nodiscard]] constexpr CrossBilateralParams scaled_filter(const RefineDepthParams& params, Shape shape) noexcept {
   CrossBilateralParams filter = params.filter;
-  filter.keep_invalid = true;
   if (params.reference_width_px > 0) {
     const float sigma = filter.sigma_s_px * reference_scale(params, shape);
     filter.sigma_s_px = sigma < 0.5F ? 0.5F : sigma;  // a NaN stays one and is refused

@@ -2,26 +2,27 @@
 // The label term of the dual-reference cross-bilateral filter (3.2): for every pixel p the sums
 //   sum_q Gs(|q - p|) z(q)  and  sum_q Gs(|q - p|)   over the pixels q of the window that have p's label.
 //
-// By tiles of 384x128, for each class that has pixels in one: cross_bilateral_label_class.hpp. A tile with more than
-// kMaxTileClasses classes, or where that would cost more, takes the direct form, tap by tap.
+// By tiles of 384x128, for each class that has pixels in one: label_class.hpp. A tile with more than kMaxTileClasses
+// classes, or where that would cost more, takes the direct form, tap by tap.
 // Error: label_sum_roundings() 2^-24 of either sum, label_roundings() 2^-24 of both together, 15 at R = 30. The bits
 // depend on neither lanes nor threads.
 // Cost: per pixel and class 3 (R + 2) products, as many again for the sum of weights where the class does not fill the
-// window; two thirds in double. Direct: (2R + 1)^2, less where no pixel of a batch has a sample's label. Memory: a
-// quarter of a byte per pixel, 8 bytes more beside colour, and what cross_bilateral_label_grid.hpp says.
+// window; two thirds in double. Direct: (2R + 1)^2, less where no pixel of a batch has a sample's label. Memory: see
+// grids.hpp.
 #ifndef NPSIM_DEPTH_DETAIL_CROSS_BILATERAL_LABEL_HPP
 #define NPSIM_DEPTH_DETAIL_CROSS_BILATERAL_LABEL_HPP
 
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/bits.hpp"
 #include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/detail/cross_bilateral/grids.hpp"
 #include "npsim/depth/detail/cross_bilateral/label_class.hpp"
-#include "npsim/depth/detail/cross_bilateral/label_grid.hpp"
-#include "npsim/depth/detail/cross_bilateral/label_members.hpp"
 #include "npsim/depth/detail/valid_depths.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/double.hpp"
@@ -32,10 +33,6 @@ namespace cross_bilateral_detail {
 
 inline constexpr int kMaxTileClasses = 256;
 inline constexpr int kDirectRun = 4;  // taps of the direct form that are added up in floats
-
-}  // namespace cross_bilateral_detail
-
-namespace depth_detail {
 
 struct TileClasses {
   TileClass classes[kMaxTileClasses];
@@ -251,7 +248,7 @@ void filter_label_tile(const LabelTerm<LabelPixel>& t, const LabelTile& tile) no
   }
 }
 
-}  // namespace depth_detail
+}  // namespace cross_bilateral_detail
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 

@@ -10,14 +10,13 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/camera.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
-#include "npsim/depth/detail/uncertainty/bits.hpp"
-#include "npsim/depth/detail/uncertainty/counted.hpp"
-#include "npsim/depth/detail/uncertainty/edges.hpp"
 #include "npsim/depth/detail/uncertainty/labels.hpp"
-#include "npsim/depth/detail/uncertainty/moments.hpp"
 #include "npsim/depth/detail/uncertainty/variance.hpp"
-#include "npsim/simd/batch.hpp"
+#include "npsim/labels/cityscapes.hpp"
+#include "npsim/simd/bytes.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -208,6 +207,55 @@ struct WindowSearch {
     }
   }
 };
+
+// Searches all windows of the image. search.fires: becomes the bits of the windows that fire, each with the l - 1
+// columns that follow it. windows: empty, or gets 1 at the upper-left pixel of each, else 0.
+template <class F, int kMaxWindow, class Executor>
+void find_windows(const WindowSearch<F, kMaxWindow>& search, ImageView<std::uint8_t> windows,
+                  Executor& executor) noexcept {
+  const int width = search.depth.width();
+  const int height = search.depth.height();
+  const int right = width - search.l + 1;
+  const int bottom = height - search.l + 1;
+  const ImageView<std::uint64_t>& fires = search.fires;
+  executor.for_chunks(static_cast<std::size_t>(height), kBandRows<kMaxWindow>, [&](std::size_t begin, std::size_t end) {
+    const int first = static_cast<int>(begin);
+    const int last = static_cast<int>(end);
+    for (int y = first; y < last; ++y) {
+      for (int w = 0; w < fires.width(); ++w) fires(w, y) = 0;
+      if (search.variance.empty()) continue;
+      const int inside = y < bottom && right > 0 ? right : 0;
+      for (int x = inside; x < width; ++x) search.variance(x, y) = 0;
+    }
+    if (first < bottom) search.band(first, last < bottom ? last : bottom);
+    for (int y = first; y < last; ++y) {
+      if (!windows.empty()) write_bits<F>(fires.row(y), windows.row(y), width);
+      widen_bits(fires.row(y), fires.width(), search.l);
+    }
+  });
+}
+
+// 1 at the pixels of every window that fires. fires: as find_windows() leaves it; here the rows of a window are joined.
+template <class F, class Executor>
+void mark_windows(ImageView<const std::uint64_t> fires, int l, ImageView<std::uint8_t> mask,
+                  Executor& executor) noexcept {
+  const int width = mask.width();
+  executor.for_chunks(static_cast<std::size_t>(mask.height()), 16, [&](std::size_t begin, std::size_t end) {
+    constexpr int kWords = 32;
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      for (int w = 0; w < fires.width(); w += kWords) {
+        const int n = fires.width() - w < kWords ? fires.width() - w : kWords;
+        std::uint64_t joined[kWords] = {};
+        for (int row = y - l + 1 > 0 ? y - l + 1 : 0; row <= y; ++row) {
+          const std::uint64_t* bits = fires.row(row) + w;
+          for (int i = 0; i < n; ++i) joined[i] |= bits[i];
+        }
+        const int left = width - 64 * w;
+        write_bits<F>(joined, mask.row(y) + 64 * w, left < 64 * kWords ? left : 64 * kWords);
+      }
+    }
+  });
+}
 
 }  // namespace depth_detail
 }  // namespace NPSIM_ABI
