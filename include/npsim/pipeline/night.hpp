@@ -85,7 +85,7 @@ struct Night {
 
 // Enough for every scene of that shape with at most so many marked lamps, so that static memory can be sized. Far more
 // than most scenes take: make_nights() asks the workspace for what it needs once it knows the mesh (Workspace::ensure()).
-[[nodiscard]] inline std::size_t night_workspace_bytes(const NightParams& params, Shape shape,
+[[nodiscard]] constexpr std::size_t night_workspace_bytes(const NightParams& params, Shape shape,
                                                        std::size_t marks) noexcept {
   const std::size_t pixels = shape.pixels();
   const SceneMeshSize most = SceneMeshSize::most(shape);

@@ -159,7 +159,7 @@ namespace refine_detail {
 }
 
 // The planes of RefinedDepth, and on top of them the step that takes most.
-[[nodiscard]] inline std::size_t refine_depth_workspace_bytes(const RefineDepthParams& params,
+[[nodiscard]] constexpr std::size_t refine_depth_workspace_bytes(const RefineDepthParams& params,
                                                                  Shape shape) noexcept {
   const std::size_t pixels = shape.pixels();
   const std::size_t steps =
