@@ -123,24 +123,16 @@ struct LayerMesh {
 }
 
 // The lamps as the renderer places them.
-[[nodiscard]] inline Status placed_lamps(const PlacementParams& placement, const GroundParams& ground_params,
-                                         const SceneView& scene, const RefinedDepth& refined,
-                                         std::vector<Emitter>& out) {
+[[nodiscard]] inline Status placed_lamps(const PlacementParams& placement, const SceneView& scene,
+                                         const RefinedDepth& refined, std::vector<Emitter>& out) {
   out.clear();
   if (scene.light_index.empty() || scene.lights.empty()) return {};
-  std::vector<unsigned char> memory(std::max(placement_workspace_bytes(placement, scene.shape()),
-                                             ground_workspace_bytes(ground_params, scene.shape())));
-  GroundPlane ground;
-  {
-    Workspace workspace(memory.data(), memory.size());
-    NPSIM_RETURN_IF_ERROR(
-        estimate_ground(ground_params, refined.depth, refined.labels, scene.camera, workspace, ground));
-  }
+  std::vector<unsigned char> memory(placement_workspace_bytes(placement, scene.shape()));
   out.resize(scene.lights.size());
   std::size_t count = 0;
   Workspace workspace(memory.data(), memory.size());
   NPSIM_RETURN_IF_ERROR(place_lights(placement, scene.lights, scene.light_index, refined.depth, refined.labels,
-                                     refined.uncertain, refined.normals, scene.camera, ground, workspace,
+                                     refined.uncertain, refined.normals, scene.camera, refined.ground, workspace,
                                      Span<Emitter>(out.data(), out.size()), count));
   out.resize(count);
   return {};
@@ -219,7 +211,7 @@ inline Status evaluate_mesh(const ReconstructParams& params, const SceneView& sc
   if (judges.mesh == nullptr || !judges.mesh->known() || judges.true_normals.empty()) return {};
   const std::array<io::Image<float>, 2> shown = {shown_depth(meshes[0], shape), shown_depth(meshes[1], shape)};
   std::vector<Emitter> lamps;
-  NPSIM_RETURN_IF_ERROR(placed_lamps(judges.placement, params.ground, scene, refined, lamps));
+  NPSIM_RETURN_IF_ERROR(placed_lamps(judges.placement, scene, refined, lamps));
   std::vector<ShadowCaster> casters(kMeshStages);
   for (std::size_t i = 0; i < stages.size(); ++i) {
     SceneMesh stage = meshes[i + 1 < kMeshStages ? 0 : 1];
@@ -258,12 +250,15 @@ struct TrueDepthAsRefined {
         depth(x, y) = good ? truth(x, y) : 0.0F;
       }
     }
-    std::vector<unsigned char> memory(uncertainty_workspace_bytes(params, shape));
+    std::vector<unsigned char> memory(
+        std::max(uncertainty_workspace_bytes(params, shape), ground_workspace_bytes(GroundParams{}, shape)));
     Workspace workspace(memory.data(), memory.size());
     UncertaintyOutput out;
     out.mask = uncertain.view();
     NPSIM_RETURN_IF_ERROR(uncertainty(params, ImageView<const float>(depth.view()), like.labels, out, workspace, pool));
     refined = like;
+    NPSIM_RETURN_IF_ERROR(estimate_ground(GroundParams{}, ImageView<const float>(depth.view()), like.labels,
+                                          scene.camera, workspace, refined.ground));
     refined.depth = depth.view();
     refined.surface = surface.view();
     refined.uncertain = uncertain.view();

@@ -84,7 +84,7 @@ class NightWriter {
       if (!drawn.ok()) return io::Error{options_.scene, "views of the mesh", drawn.message()};
       counts_ = {vertices_of_faces(mesh.mesh), mesh.mesh.vertices.size(), mesh.mesh.faces.size(), mesh.background_faces,
                  light.emitters.size()};
-      ground_ = light.ground;
+      ground_ = refined.ground;
       if (auto o = io::write_png(path("depth.png"), panels_[2].picture.view()); !o) return o;
       if (auto o = io::write_pfm(path("depth.pfm"), refined.depth); !o) return o;
       if (auto o = io::write_png(path("uncertain.png"), refined.uncertain); !o) return o;

@@ -57,11 +57,10 @@ struct AnchorGroundParams {
 
 inline constexpr std::size_t kAnchorSamples = 1024;
 
-[[nodiscard]] constexpr std::size_t anchor_ground_workspace_bytes(const GroundParams& ground, Shape shape) noexcept {
-  const std::size_t field = 3 * allocation_bytes<float>(shape.pixels()) +
-                            allocation_bytes<std::uint8_t>(shape.pixels()) + allocation_bytes<float>(kAnchorSamples) +
-                            extend_field_workspace_bytes(shape);
-  return kWorkspaceAlignment + field + ground_workspace_bytes(ground, shape);
+[[nodiscard]] constexpr std::size_t anchor_ground_workspace_bytes(Shape shape) noexcept {
+  return kWorkspaceAlignment + 3 * allocation_bytes<float>(shape.pixels()) +
+         allocation_bytes<std::uint8_t>(shape.pixels()) + allocation_bytes<float>(kAnchorSamples) +
+         extend_field_workspace_bytes(shape);
 }
 
 namespace refine_detail {
@@ -159,17 +158,16 @@ void average_surroundings(ImageView<const std::uint8_t> classes, int radius, Ima
 
 // depth: in place, 0 where there is no surface. camera_height_m: of the camera above the road, 0 if not known. normals:
 // given ones, towards the camera; may be empty.
-// ground: the plane of the result; inlier_share 0 if there is none.
+// ground: the plane fitted to the depth as it is, inlier_share 0 if there is none; then that of the result.
 template <class Executor>
-[[nodiscard]] Status anchor_ground(const AnchorGroundParams& params, const GroundParams& ground_params,
-                                   float camera_height_m, const Intrinsics& k, ImageView<const Label> labels,
-                                   ImageView<const Vec3f> normals, ImageView<float> depth, GroundPlane& ground,
-                                   Workspace& workspace, Executor& executor) noexcept {
+[[nodiscard]] Status anchor_ground(const AnchorGroundParams& params, float camera_height_m, const Intrinsics& k,
+                                   ImageView<const Label> labels, ImageView<const Vec3f> normals,
+                                   ImageView<float> depth, GroundPlane& ground, Workspace& workspace,
+                                   Executor& executor) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(params));
   if (!(camera_height_m >= 0.0F) || !std::isfinite(camera_height_m)) {
     return {StatusCode::invalid_argument, "anchor_ground: the camera's height must be finite and not negative"};
   }
-  NPSIM_RETURN_IF_ERROR(estimate_ground(ground_params, ImageView<const float>(depth), labels, k, workspace, ground));
   if (!params.enabled || labels.empty() || !(ground.inlier_share > 0.0F)) return {};
   if (!normals.empty() && normals.shape() != depth.shape()) {
     return {StatusCode::shape_mismatch, "anchor_ground: normals and depth must have one shape"};

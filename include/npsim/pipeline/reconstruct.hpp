@@ -18,7 +18,6 @@
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/geometry/ground.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/mesh/complete_background.hpp"
 #include "npsim/mesh/complete_foreground.hpp"
@@ -54,7 +53,6 @@ struct ReconstructParams {
   ForegroundParams foreground;
   bool backs = true;  // objects are solids, not shells
   SolidifyParams solidify;
-  GroundParams ground;         // that solids stand on
   bool simplify_faces = true;  // of the mesh: no more than these bounds need
   SimplifyParams simplify = default_simplification();
   TracedFaces traced = TracedFaces::layers;
@@ -237,11 +235,8 @@ template <class Executor>
   around.labels = refined.labels;
   around.foreground = params.foreground.foreground;
   around.background = layers.background.vertices;
-  GroundPlane ground;
-  NPSIM_RETURN_IF_ERROR(
-      estimate_ground(params.ground, refined.depth, refined.labels, scene.camera, workspace, ground));
-  around.up = ground.up;
-  around.camera_height_m = ground.inlier_share > 0.0F ? ground.camera_height_m : 0.0F;
+  around.up = refined.ground.up;
+  around.camera_height_m = refined.ground.inlier_share > 0.0F ? refined.ground.camera_height_m : 0.0F;
   const SolidifyFront seen{{buffers.vertices.sub(behind.vertices, front.vertices),
                             buffers.faces.sub(behind.faces, front.faces)},
                            buffers.pixels.sub(behind.vertices, front.vertices),

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Section 3.4: the depth refinement kernel, from the depth as given to one that a mesh can be built on.
 //
-//   drop outliers, fill -> sharpen edges -> anchor ground -> cross-bilateral filter (3.2) -> uncertain map (3.3)
+//   fit the ground plane -> drop outliers, fill -> sharpen edges -> anchor ground -> cross-bilateral filter (3.2) -> uncertain map (3.3)
 //     -> normal-guided refinement (3.6 - 3.9)
 // The thesis has neither sharpening nor anchoring. The uncertain map is of the filtered depth: refinement moves
 // surfaces, not the edges between them. Without labels everything is one class and nothing is uncertain. Without given
@@ -155,7 +155,14 @@ namespace refine_detail {
 [[nodiscard]] inline Status validate(const RefineDepthParams& params) noexcept {
   if (!(params.border_jump >= 0.0F)) return {StatusCode::invalid_argument, "refine_depth: border_jump is not negative"};
   NPSIM_RETURN_IF_ERROR(validate(params.ground));
-  return validate(params.anchor);
+  NPSIM_RETURN_IF_ERROR(validate(params.outliers));
+  NPSIM_RETURN_IF_ERROR(validate(params.fill));
+  NPSIM_RETURN_IF_ERROR(validate(params.sharpen));
+  NPSIM_RETURN_IF_ERROR(validate(params.anchor));
+  NPSIM_RETURN_IF_ERROR(validate(params.filter));
+  NPSIM_RETURN_IF_ERROR(validate(params.uncertainty));
+  NPSIM_RETURN_IF_ERROR(validate(params.normals));
+  return validate(params.refine);
 }
 
 // The planes of RefinedDepth, and on top of them the step that takes most.
@@ -166,7 +173,7 @@ namespace refine_detail {
       std::max({fill_workspace_bytes(params.fill, shape) + allocation_bytes<float>(pixels) +
                     ground_workspace_bytes(params.ground, shape),
                 sharpen_edges_workspace_bytes(params.sharpen, shape) + allocation_bytes<float>(pixels),
-                anchor_ground_workspace_bytes(params.ground, shape),
+                anchor_ground_workspace_bytes(shape),
                 allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(pixels) +
                     allocation_bytes<std::uint16_t>(pixels) +
                     cross_bilateral_workspace_bytes(refine_detail::scaled_filter(params, shape), shape),
@@ -225,12 +232,11 @@ template <class Executor>
   ImageView<float> measured;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
   copy_pixels(scene.depth, measured);
+  NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, out.ground));
   if (params.drop_outliers) {
-    GroundPlane ground;
-    NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, out.labels, scene.camera, workspace, ground));
-    NPSIM_RETURN_IF_ERROR(drop_outliers(scaled_outliers(params, shape), scene.depth, scene.labels, ground.up,
-                                        ground.inlier_share > 0.0F ? ground.camera_height_m : 0.0F, scene.camera,
-                                        measured, executor));
+    const float height_m = out.ground.inlier_share > 0.0F ? out.ground.camera_height_m : 0.0F;
+    NPSIM_RETURN_IF_ERROR(drop_outliers(scaled_outliers(params, shape), scene.depth, scene.labels, out.ground.up,
+                                        height_m, scene.camera, measured, executor));
   }
   NPSIM_RETURN_IF_ERROR(fill_depth(params.fill, ImageView<const float>(measured), scene.labels, out.depth,
                                    ImageView<std::uint8_t>(), workspace, executor));
@@ -258,8 +264,8 @@ template <class Executor>
 template <class Executor>
 [[nodiscard]] Status anchor(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace,
                             Executor& executor, RefinedDepth& out) {
-  return anchor_ground(scaled_anchor(params, scene.shape()), params.ground, scene.camera_height_m, scene.camera,
-                       out.labels, scene.normals, out.depth, out.ground, workspace, executor);
+  return anchor_ground(scaled_anchor(params, scene.shape()), scene.camera_height_m, scene.camera, out.labels,
+                       scene.normals, out.depth, out.ground, workspace, executor);
 }
 
 inline void invert_depth(ImageView<float> plane) noexcept {

@@ -21,7 +21,6 @@
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/geometry/ground.hpp"
 #include "npsim/light/activation.hpp"
 #include "npsim/light/emitter.hpp"
 #include "npsim/light/headlamps.hpp"
@@ -50,7 +49,6 @@ struct RelightParams {
   DenoiseParams denoise;
   SkyParams sky;
   MaterialParams material;
-  GroundParams ground;
   int bounces = 2;             // diffuse bounces after the direct light, 1..16
   float f0 = 0.04F;            // normal reflectance of a dielectric of index 1.5
   bool ego_headlamps = true;   // the low beams of the car that carries the camera
@@ -72,7 +70,6 @@ struct RelightParams {
 
 // Everything that the variants share; spans into the workspace.
 struct Relighting {
-  GroundPlane ground;
   SkyParams sky;                                 // with the scene's up direction
   SurfacePoints points;
   ImageView<const std::uint32_t> visible_point;  // per pixel; kNoPoint where the scene has no surface
@@ -148,20 +145,20 @@ inline constexpr float kInversePi = 0.31830989F;
 
 // The marked lamps, then the own car's.
 [[nodiscard]] inline Status place_emitters(const RelightParams& params, const SceneView& scene,
-                                           const RefinedDepth& refined, const GroundPlane& ground,
-                                           Workspace& workspace, Span<Emitter>& emitters,
+                                           const RefinedDepth& refined, Workspace& workspace,
+                                           Span<Emitter>& emitters,
                                            Span<std::uint32_t>& emitter_of_mark) {
   NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size() + kEgoHeadlampCount, emitters));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), emitter_of_mark));
   std::size_t count = 0;
   if (!scene.light_index.empty() && !scene.lights.empty()) {
     NPSIM_RETURN_IF_ERROR(place_lights(params.placement, scene.lights, scene.light_index, refined.depth, refined.labels,
-                                       refined.uncertain, refined.normals, scene.camera, ground, workspace,
+                                       refined.uncertain, refined.normals, scene.camera, refined.ground, workspace,
                                        emitters.sub(0, scene.lights.size()), count));
   }
   for (std::uint32_t& e : emitter_of_mark) e = kNoPoint;
   for (std::size_t e = 0; e < count; ++e) emitter_of_mark[emitters[e].mark - 1U] = static_cast<std::uint32_t>(e);
-  if (params.ego_headlamps) count += place_ego_headlamps(params.ego, ground, emitters.sub(count, kEgoHeadlampCount));
+  if (params.ego_headlamps) count += place_ego_headlamps(params.ego, refined.ground, emitters.sub(count, kEgoHeadlampCount));
   emitters = emitters.sub(0, count);
   return {};
 }
@@ -254,14 +251,11 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   NPSIM_RETURN_IF_ERROR(workspace.ensure(relight_workspace_bytes(params, traced, scene.shape(), size)));
 
   observer.begin(Stage::lights);
-  NPSIM_RETURN_IF_ERROR(
-      estimate_ground(params.ground, refined.depth, refined.labels, scene.camera, workspace, out.ground));
   out.sky = params.sky;
-  out.sky.up = out.ground.up;
+  out.sky.up = refined.ground.up;
   Span<Emitter> emitters;
   Span<std::uint32_t> emitter_of_mark;
-  NPSIM_RETURN_IF_ERROR(relight_detail::place_emitters(params, scene, refined, out.ground, workspace, emitters,
-                                                       emitter_of_mark));
+  NPSIM_RETURN_IF_ERROR(relight_detail::place_emitters(params, scene, refined, workspace, emitters, emitter_of_mark));
   Span<Activation> activations;
   Span<float> peak_cd;
   NPSIM_RETURN_IF_ERROR(relight_detail::draw_activations(params.activation, key, variants, scene, emitters,

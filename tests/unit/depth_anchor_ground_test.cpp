@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "npsim/depth/anchor_ground.hpp"
+
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -10,7 +13,7 @@
 #include "npsim/core/random.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/depth/anchor_ground.hpp"
+#include "fixture.hpp"
 
 using namespace npsim;
 
@@ -50,11 +53,12 @@ struct Scene {
   }
   template <class Executor>
   Status run(const AnchorGroundParams& params, float height_m, Executor& executor) {
-    std::vector<unsigned char> memory(anchor_ground_workspace_bytes({}, kShape));
-    Workspace workspace(memory.data(), memory.size());
-    const Status status = anchor_ground(params, {}, height_m, k, static_cast<const io::Image<Label>&>(labels).view(),
-                                        normals, depth.view(), ground, workspace, executor);
-    CHECK(workspace.used() == 0);
+    const ImageView<const Label> seen = static_cast<const io::Image<Label>&>(labels).view();
+    npsim_test::Scratch scratch(std::max(ground_workspace_bytes({}, kShape), anchor_ground_workspace_bytes(kShape)));
+    REQUIRE(estimate_ground({}, depth.view(), seen, k, scratch.workspace(), ground).ok());
+    const Status status =
+        anchor_ground(params, height_m, k, seen, normals, depth.view(), ground, scratch.workspace(), executor);
+    CHECK(scratch.workspace().used() == 0);
     return status;
   }
   // Largest relative error of one label.
