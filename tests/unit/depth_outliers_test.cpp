@@ -1,38 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 
-#include <vector>
-
+#include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/depth/outliers.hpp"
 
 namespace {
 
 using namespace npsim;
+using npsim_test::Image;
 
 struct Road {
   Shape shape{64, 48};
   Intrinsics camera{50, 50, 32, 10};
-  std::vector<float> depth = std::vector<float>(shape.pixels());
-  std::vector<Label> labels = std::vector<Label>(shape.pixels(), label::road);
+  Image<float> depth{shape};
+  Image<Label> labels{shape, label::road};
 
   // A level road 1.5 m below the camera under row 14, a wall at 40 m above it.
   Road() {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
-        at(x, y) = y < 14 ? 40.0F : 1.5F * 50 / (static_cast<float>(y) + 0.5F - 10);
-        if (y < 14) labels[index(x, y)] = label::building;
+        depth(x, y) = y < 14 ? 40.0F : 1.5F * 50 / (static_cast<float>(y) + 0.5F - 10);
+        if (y < 14) labels(x, y) = label::building;
       }
     }
   }
-  [[nodiscard]] std::size_t index(int x, int y) const { return static_cast<std::size_t>(y * shape.width + x); }
-  float& at(int x, int y) { return depth[index(x, y)]; }
-  [[nodiscard]] std::vector<float> cleaned(float height_m = 1.5F, const OutlierParams& params = {}) const {
-    std::vector<float> out(depth.size());
+  [[nodiscard]] Image<float> cleaned(float height_m = 1.5F, const OutlierParams& params = {}) const {
+    Image<float> out(shape);
     SerialExecutor serial;
-    REQUIRE(drop_outliers(params, {depth.data(), shape}, {labels.data(), shape}, {0, -1, 0}, height_m, camera,
-                          {out.data(), shape}, serial)
-                .ok());
+    REQUIRE(drop_outliers(params, depth.view(), labels.view(), {0, -1, 0}, height_m, camera, out.view(), serial).ok());
     return out;
   }
 };
@@ -43,33 +39,34 @@ TEST_CASE("drop_outliers keeps a clean road and wall to the bit, and takes a pat
   Road road;
   CHECK(road.cleaned() == road.depth);
   for (int y = 30; y < 40; ++y) {
-    for (int x = 20; x < 40; ++x) road.at(x, y) *= 2;
+    for (int x = 20; x < 40; ++x) road.depth(x, y) *= 2;
   }
-  const std::vector<float> out = road.cleaned();
+  const Image<float> out = road.cleaned();
   for (int y = 30; y < 40; ++y) {
-    for (int x = 20; x < 40; ++x) CHECK(out[road.index(x, y)] == 0.0F);
+    for (int x = 20; x < 40; ++x) CHECK(out(x, y) == 0.0F);
   }
-  CHECK(out[road.index(19, 35)] == road.at(19, 35));
+  CHECK(out(19, 35) == road.depth(19, 35));
   CHECK(road.cleaned(0.0F) == road.depth);  // no ground plane known
 }
 
 TEST_CASE("drop_outliers takes a speck on a dense wall, but none from a map that is sparse everywhere") {
   Road road;
-  road.at(30, 6) = 7;
-  road.at(31, 6) = 7;
-  CHECK(road.cleaned()[road.index(30, 6)] == 0.0F);
-  CHECK(road.cleaned()[road.index(29, 6)] == 40.0F);
+  road.depth(30, 6) = 7;
+  road.depth(31, 6) = 7;
+  CHECK(road.cleaned()(30, 6) == 0.0F);
+  CHECK(road.cleaned()(29, 6) == 40.0F);
   Road sparse;
-  for (std::size_t i = 0; i < sparse.depth.size(); ++i) {
-    if (i % 5 != 0) sparse.depth[i] = 0;
+  int i = 0;
+  for (float& z : sparse.depth.view().pixels()) {
+    if (i++ % 5 != 0) z = 0;
   }
-  sparse.at(30, 6) = 7;
+  sparse.depth(30, 6) = 7;
   CHECK(sparse.cleaned() == sparse.depth);
 }
 
 TEST_CASE("drop_outliers: nothing measured, one pixel, parameters out of range") {
   Road road;
-  for (float& z : road.depth) z = 0;
+  for (float& z : road.depth.view().pixels()) z = 0;
   CHECK(road.cleaned() == road.depth);
   OutlierParams params;
   params.speck_radius_px = 33;

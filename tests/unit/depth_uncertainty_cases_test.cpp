@@ -16,9 +16,7 @@ using namespace npsim;
 namespace {
 
 struct Case {
-  explicit Case(Shape s) : shape(s), depth(s.pixels(), 10.0F), labels(s.pixels(), label::road) {}
-  float& z(int x, int y) { return depth[static_cast<std::size_t>(y * shape.width + x)]; }
-  Label& h(int x, int y) { return labels[static_cast<std::size_t>(y * shape.width + x)]; }
+  explicit Case(Shape s) : shape(s), z(s, 10.0F), h(s, label::road) {}
 
   template <class F>
   void check_with(const UncertaintyParams& p, const reference::Uncertainty& expected, bool with_variance) {
@@ -30,7 +28,7 @@ struct Case {
     SerialExecutor serial;
     UncertaintyOutput out{{mask.data(), shape}, {windows.data(), shape}, {variance.data(), shape}};
     if (!with_variance) out.variance_m2 = {};
-    REQUIRE(uncertainty<F>(p, {depth.data(), shape}, {labels.data(), shape}, out, workspace, serial).ok());
+    REQUIRE(uncertainty<F>(p, z.cview(), h.cview(), out, workspace, serial).ok());
     CHECK(mask == expected.mask);
     CHECK(windows == expected.windows);
     if (!with_variance) return;
@@ -48,7 +46,7 @@ struct Case {
     CAPTURE(shape.height);
     CAPTURE(p.window_px);
     const reference::Uncertainty expected =
-        reference::uncertainty({depth.data(), shape}, {labels.data(), shape}, p.window_px, p.variance_m2, p.foreground);
+        reference::uncertainty(z.view(), h.view(), p.window_px, p.variance_m2, p.foreground);
     for (const bool with_variance : {true, false}) {
       check_with<simd::F32>(p, expected, with_variance);
       check_with<simd::scalar::F32>(p, expected, with_variance);
@@ -71,8 +69,8 @@ struct Case {
   }
 
   Shape shape;
-  std::vector<float> depth;
-  std::vector<Label> labels;
+  npsim_test::Image<float> z;  // depth
+  npsim_test::Image<Label> h;  // labels
 };
 
 }  // namespace
@@ -115,7 +113,7 @@ TEST_CASE("uncertainty: 80 % missing depth") {
     c.street();
     RandomStream random(32, RandomPurpose::test, static_cast<std::uint32_t>(l), 0, 0, 0);
     int missing = 0;
-    for (float& z : c.depth) {
+    for (float& z : c.z.view().pixels()) {
       if (!(random.uniform() < 0.8F)) continue;
       z = random.uniform() < 0.5F ? 0.0F : std::numeric_limits<float>::quiet_NaN();
       ++missing;

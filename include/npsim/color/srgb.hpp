@@ -69,7 +69,6 @@ inline constexpr SrgbTables kSrgbTables = make_srgb_tables();
 
 }  // namespace color_detail
 
-
 template <class F>
 [[nodiscard]] F srgb_decode(F v) noexcept {
   const F base = fma(v, F(static_cast<float>(1.0 / 1.055)), F(static_cast<float>(0.055 / 1.055)));

@@ -54,8 +54,8 @@ struct CrossBilateralParams {
   int radius_px = -1;            // half the window's side, centre excluded; negative: ceil(3 sigma_s)
   bool use_labels = true;
   bool use_colour = true;
-  // What the result may differ from equation (3.2) evaluated without rounding, relative to the result, for the pixels
-  // and depths that cross_bilateral.hpp names. At R = 30 no less than 1.22e-5 can be asked, with labels alone 9.6e-7.
+  // How far the result may be from equation (3.2) evaluated without rounding, relative to the result, for the pixels
+  // and depths that the first comment names. At R = 30 no less than 1.22e-5 can be asked, with labels alone 9.6e-7.
   float max_relative_error = 2e-5F;
 };
 
@@ -69,8 +69,7 @@ enum class CrossBilateralMethod {
 
 struct CrossBilateralResult {
   CrossBilateralMethod method = CrossBilateralMethod::label_sums;
-  // Holds for every pixel with depth and colour, or whose weights sum to mu, where depths in one window differ by a
-  // factor of 1000 at most and lie in 1e-25..1e25; beyond, it grows by 7 %, and by 3e-7 per further factor of 2.
+  // For the pixels and depths that the first comment names.
   float relative_error_bound = 0.0F;
 };
 
@@ -156,7 +155,7 @@ template <class AnyLabel, class Executor>
   using LabelPixel = std::remove_const_t<AnyLabel>;
   static_assert(std::is_same_v<LabelPixel, std::uint8_t> || std::is_same_v<LabelPixel, std::uint16_t>,
                 "labels are 8- or 16-bit and unsigned");
-  NPSIM_RETURN_IF_ERROR(npsim::validate(params));
+  NPSIM_RETURN_IF_ERROR(validate(params));
   if (depth.empty()) return {StatusCode::no_valid_input, "cross_bilateral: the depth image is empty"};
   const Shape shape = depth.shape();
   const FilterTerms terms = filter_terms(params, shape, pixels);

@@ -23,7 +23,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <initializer_list>
 #include <limits>
 
 #include "npsim/core/camera.hpp"
@@ -200,10 +199,10 @@ inline std::size_t describe_ground(const FillParams& params, FillState& state) n
     most = s.n;
     ground = c;
     // The plane is linear, so it is nearest at a corner of the label's extent.
-    for (const int x : {s.label_left, s.label_right}) {
-      for (const int y : {s.label_top, s.label_bottom}) {
-        nearest = plane_at(c, x, y) > nearest ? plane_at(c, x, y) : nearest;
-      }
+    for (int corner = 0; corner < 4; ++corner) {
+      const double w = plane_at(c, (corner & 1) != 0 ? s.label_right : s.label_left,
+                                (corner & 2) != 0 ? s.label_bottom : s.label_top);
+      nearest = w > nearest ? w : nearest;
     }
   }
   if (!ground.plane) return 0;

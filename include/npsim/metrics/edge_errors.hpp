@@ -78,7 +78,7 @@ struct DepthSteps {
     const double least =
         static_cast<double>(params.min_step) * (first_is_nearer ? inverse(x, y) : inverse(x + dx, y + dy));
     if (!(std::fabs(s) > least)) return false;
-    for (const int side : {-1, 1}) {
+    for (int side = -1; side <= 1; side += 2) {
       double next = 0;
       if (step(x + side * dx, y + side * dy, dx, dy, next) && (next < 0) == (s < 0)) {
         if (side < 0 ? std::fabs(next) > std::fabs(s) : std::fabs(next) >= std::fabs(s)) return false;
