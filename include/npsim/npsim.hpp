@@ -58,7 +58,6 @@
 
 // sections 3.1, 3.3, 3.5: the layered scene mesh
 #include "npsim/mesh/check.hpp"
-#include "npsim/mesh/check_layer.hpp"
 #include "npsim/mesh/complete_background.hpp"
 #include "npsim/mesh/complete_foreground.hpp"
 #include "npsim/mesh/index.hpp"

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "mesh_fixture.hpp"
-#include "npsim/mesh/detail/background/state.hpp"
+#include "npsim/mesh/detail/background/anchors.hpp"
 #include "npsim/simd/batch.hpp"
 #include "reference/mesh_layers.hpp"
 

@@ -7,7 +7,7 @@
 
 #include "mesh_fixture.hpp"
 #include "mesh_masks.hpp"
-#include "npsim/mesh/check_layer.hpp"
+#include "npsim/mesh/check.hpp"
 #include "npsim/mesh/simplify.hpp"
 #include "npsim/mesh/solidify.hpp"
 

@@ -17,7 +17,6 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/mesh/detail/connect.hpp"
 #include "npsim/mesh/detail/layer.hpp"
 #include "npsim/simd/bytes.hpp"
 
@@ -36,21 +35,6 @@ struct PruneParams {
 };
 
 namespace mesh_detail {
-
-// Bits of the first n <= 64 bytes for which test(batch) gives bits.
-template <class U, class Test>
-[[nodiscard]] std::uint64_t test_bytes(const std::uint8_t* p, int n, const Test& test) noexcept {
-  std::uint64_t all = 0;
-  for (int i = 0; i < n; i += U::lanes) {
-    const U bytes = n - i >= U::lanes ? U::load(p + i) : U::load(p + i, n - i);
-    all |= test(bytes) << static_cast<unsigned>(i);
-  }
-  return all & low_bits(n);
-}
-template <class U>
-[[nodiscard]] std::uint64_t nonzero_bits(const std::uint8_t* p, int n) noexcept {
-  return test_bytes<U>(p, n, [](U bytes) { return less_bits(U(0), bytes); });
-}
 
 [[nodiscard]] inline bool within_foreground(const PruneParams& params, ImageView<const Label> labels,
                                             ImageView<const Vec3f> vertices, const Face& corners, int x,

@@ -167,25 +167,6 @@ template <class Executor>
   return {};
 }
 
-// Edges of a layer's faces that have no face on their other side.
-[[nodiscard]] inline std::size_t count_rim_edges(const SheetLayer& layer) noexcept {
-  const ImageView<std::uint8_t> quads = layer.quads;
-  const auto has = [&](int x, int y, mesh_detail::QuadEdge edge) {
-    return quads.contains(x, y) && mesh_detail::edge_has_face(quads(x, y), edge);
-  };
-  std::size_t n = 0;
-  for (int y = 0; y <= quads.height(); ++y) {
-    for (int x = 0; x <= quads.width(); ++x) {
-      n += has(x, y, mesh_detail::QuadEdge::top) != has(x, y - 1, mesh_detail::QuadEdge::bottom) ? 1U : 0U;
-      n += has(x, y, mesh_detail::QuadEdge::left) != has(x - 1, y, mesh_detail::QuadEdge::right) ? 1U : 0U;
-      if (!quads.contains(x, y)) continue;
-      const unsigned faces = quads(x, y) & (kQuadUpperFace | kQuadLowerFace);
-      n += faces == kQuadUpperFace || faces == kQuadLowerFace ? 1U : 0U;
-    }
-  }
-  return n;
-}
-
 }  // namespace reconstruct_detail
 
 template <class Executor, class Observer>
@@ -221,16 +202,18 @@ Status reconstruct(const ReconstructParams& params, const SceneView& scene, cons
   observer.end(Stage::prune);
 
   observer.begin(Stage::complete);
-  NPSIM_RETURN_IF_ERROR(complete_background(params.background, background.vertices, refined.labels, refined.uncertain,
-                                            refined.surface, scene.camera, background, state, workspace, executor));
-  NPSIM_RETURN_IF_ERROR(complete_foreground(params.foreground, params.sheet, refined.depth, refined.surface,
-                                            refined.labels, scene.instances, refined.uncertain, state, scene.camera,
+  NPSIM_RETURN_IF_ERROR(complete_background(
+      params.background, {background.vertices, refined.labels, refined.uncertain, refined.surface, scene.camera},
+      background, state, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(complete_foreground(params.foreground,
+                                            {params.sheet, refined.depth, refined.surface, refined.labels,
+                                             scene.instances, refined.uncertain, state, scene.camera},
                                             foreground, object, workspace, executor));
   const MeshSize behind = mesh_size(background);
   const MeshSize front = mesh_size(foreground);
   MeshSize backs;
   if (params.backs) {
-    backs = {front.vertices, back_faces(front.faces, reconstruct_detail::count_rim_edges(foreground))};
+    backs = {front.vertices, back_faces(front.faces, rim_edge_count(foreground))};
   }
   const std::size_t vertices = behind.vertices + front.vertices + backs.vertices;
   MeshBuffers buffers;
