@@ -80,7 +80,6 @@
 #include "npsim/light/light_set.hpp"
 #include "npsim/light/photometry.hpp"
 #include "npsim/light/placement.hpp"
-#include "npsim/light/sampler.hpp"
 #include "npsim/light/sky.hpp"
 
 #include "npsim/material/albedo.hpp"

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // From annotated regions to emitters in space: one per marked source that has pixels and whose distance can be known.
 //
-// Depth: the median over the region's surface pixels, certain ones first, without outliers (region_depth.hpp); that of
-// its surroundings where the region has none. Street lamps hang before the sky, where depth is worst: street_lamp.hpp.
+// Depth: the median over the region's surface pixels, certain ones first, without outliers (detail/lamp_depth.hpp); that of
+// its surroundings where the region has none. Street lamps hang before the sky, where depth is worst: same header.
 // Patch: the region's rectangle with the region's area. Windows and signs lie in their facade's plane and face along
 // its normal; lamps are parallel to the image; a street lamp's is level, at the lower edge of its head. All are pulled
 // off their surface by offset_m along the axis, so that the surface does not shade them.
@@ -28,8 +28,7 @@
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/labels/light_classes.hpp"
-#include "npsim/light/detail/region_depth.hpp"
-#include "npsim/light/detail/street_lamp.hpp"
+#include "npsim/light/detail/lamp_depth.hpp"
 #include "npsim/light/emitter.hpp"
 
 namespace npsim {

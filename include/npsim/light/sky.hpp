@@ -45,12 +45,6 @@ struct SkyParams {
   return s >= 0.0F ? direction : normalized(direction - p.up * (s * 1.0001F));
 }
 
-// Illuminance in lx, linear RGB, on an unobstructed level surface.
-[[nodiscard]] inline Vec3f sky_illuminance_level(const SkyParams& p) noexcept {
-  constexpr float kPi = 3.14159265F;
-  return p.zenith_cd_m2 * kPi + (p.horizon_cd_m2 - p.zenith_cd_m2) * (kPi / 15.0F);
-}
-
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 

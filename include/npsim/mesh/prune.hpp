@@ -34,6 +34,13 @@ struct PruneParams {
   float max_spread_m = 3.0F;
 };
 
+[[nodiscard]] inline Status validate(const PruneParams& p) noexcept {
+  if (p.policy != PrunePolicy::keep_within_foreground || (p.max_spread_m >= 0.0F && std::isfinite(p.max_spread_m))) {
+    return {};
+  }
+  return {StatusCode::invalid_argument, "the depth spread of a kept face must be finite and not negative"};
+}
+
 namespace mesh_detail {
 
 [[nodiscard]] inline bool within_foreground(const PruneParams& params, ImageView<const Label> labels,
@@ -59,12 +66,10 @@ namespace mesh_detail {
 template <class F = simd::F32, class Executor>
 [[nodiscard]] Status prune(const PruneParams& params, ImageView<const std::uint8_t> uncertain,
                            ImageView<const Label> labels, const SheetLayer& sheet, Executor& executor) {
+  NPSIM_RETURN_IF_ERROR(validate(params));
   NPSIM_RETURN_IF_ERROR(validate(sheet));
   const Shape shape = sheet.vertices.shape();
   const bool keep = params.policy == PrunePolicy::keep_within_foreground;
-  if (keep && !(params.max_spread_m >= 0.0F && std::isfinite(params.max_spread_m))) {
-    return {StatusCode::invalid_argument, "the depth spread of a kept face must be finite and not negative"};
-  }
   if (uncertain.data() == nullptr || uncertain.shape() != shape ||
       (keep && (labels.data() == nullptr || labels.shape() != shape))) {
     return {StatusCode::shape_mismatch, "uncertain mask, labels and sheet must have one shape"};

@@ -40,7 +40,6 @@ struct VisibilityParams {
   float small_angle = 0.02F;        // patch side / distance below which one ray is enough
   float cutoff_lx = 5e-4F;          // full moon: 0.25 lx; city sky: 0.07 lx
   float relative_bias = 3e-3F;      // see pulled_out()
-  std::uint64_t seed = 0;
 };
 
 [[nodiscard]] inline Status validate(const VisibilityParams& p) noexcept {
@@ -141,11 +140,11 @@ inline void add_rays(const Emitter& emitter, const Vec3f& origin, int k, RandomS
 
 }  // namespace visibility_detail
 
-// `scene`: see trace/scene.hpp. `peak_cd[e]`: greatest luminous intensity that emitter e has in any variant; 0 skips
+// `seed`: of the draws, one stream per pair. `scene`: see trace/scene.hpp. `peak_cd[e]`: greatest luminous intensity that emitter e has in any variant; 0 skips
 // it. `face_mark[f]`: mark of the face's lamp, 0 for none. `wanted[p]`: 0 where nobody will ask; such points get 0;
 // empty: all are wanted. `visibility` has emitters * points elements.
 template <class Scene, class Executor, class Observer>
-Status compute_visibility(const VisibilityParams& params, const Scene& scene, const SurfacePoints& points,
+Status compute_visibility(const VisibilityParams& params, std::uint64_t seed, const Scene& scene, const SurfacePoints& points,
                           Span<const std::uint8_t> wanted, Span<const Emitter> emitters, Span<const float> peak_cd,
                           Span<const std::uint16_t> face_mark, Span<std::uint8_t> visibility, Executor& executor,
                           Observer& observer) {
@@ -199,7 +198,7 @@ Status compute_visibility(const VisibilityParams& params, const Scene& scene, co
           const bool small = extent < params.small_angle * length(emitter.centre_m - origin);
           const int k = more ? params.samples_per_side : (small ? 1 : 2);
           if (batch.count + static_cast<std::size_t>(k * k) > kRaysPerBatch) trace();
-          RandomStream random(params.seed, RandomPurpose::direct, 0, static_cast<std::uint32_t>(e),
+          RandomStream random(seed, RandomPurpose::direct, 0, static_cast<std::uint32_t>(e),
                               static_cast<std::uint32_t>(begin + i), 0);
           if (more) {
             for (int drawn = 0; drawn < 8; ++drawn) static_cast<void>(random.uniform());  // by the first four rays

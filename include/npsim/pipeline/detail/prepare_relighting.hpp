@@ -192,11 +192,9 @@ Status prepare_relighting(const RelightParams& params, std::uint64_t seed, int v
   NPSIM_RETURN_IF_ERROR(
       workspace.allocate(receiver_count * static_cast<std::size_t>(params.gather.rays), hits));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(receiver_count, sky_irradiance));
-  GatherParams gather_params = params.gather;
-  gather_params.seed = seed;
   const auto point_of = [&rays](const Hit& hit) { return rays.point_of(hit); };
-  NPSIM_RETURN_IF_ERROR(trace_gather_rays(gather_params, rays.scene, point_of, out.points, receivers, out.sky, hits,
-                                          sky_irradiance, executor, observer));
+  NPSIM_RETURN_IF_ERROR(trace_gather_rays(params.gather, seed, rays.scene, point_of, out.points, receivers, out.sky,
+                                          hits, sky_irradiance, executor, observer));
   // Light is asked for at the points that pixels show and those that their bounces reach.
   Span<std::uint8_t> wanted;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(points, wanted));
@@ -207,10 +205,8 @@ Status prepare_relighting(const RelightParams& params, std::uint64_t seed, int v
   }
   Span<std::uint8_t> visibility;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(count * points, visibility));
-  VisibilityParams visibility_params = params.visibility;
-  visibility_params.seed = seed;
-  NPSIM_RETURN_IF_ERROR(compute_visibility(visibility_params, rays.scene, out.points, wanted, emitters, peak_cd,
-                                           face_mark, visibility, executor, observer));
+  NPSIM_RETURN_IF_ERROR(compute_visibility(params.visibility, seed, rays.scene, out.points, wanted, emitters,
+                                           peak_cd, face_mark, visibility, executor, observer));
   observer.end(Stage::render);
 
   out.visible_point = mesh.visible_vertex;
