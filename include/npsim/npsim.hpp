@@ -92,7 +92,6 @@
 #include "npsim/render/gather.hpp"
 #include "npsim/render/preview.hpp"
 #include "npsim/render/surface_points.hpp"
-#include "npsim/render/view_pose.hpp"
 #include "npsim/render/visibility.hpp"
 
 // section 3.6.3: the camera

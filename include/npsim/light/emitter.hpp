@@ -46,7 +46,6 @@ struct Emitter {
 
 inline constexpr float kStreetGlow = 0.01F;  // share of the peak that leaves in every direction, upwards included
 
-
 // `direction` is a unit vector that leaves the emitter.
 [[nodiscard]] inline float relative_intensity(const Emitter& e, const Vec3f& direction) noexcept {
   const float c = dot(e.axis, direction);

@@ -9,7 +9,8 @@
 //    divided out by half (square root), which halves the contrast of large cast shadows in log terms; their edges
 //    stay. Vehicles, people and signs vary too much to tell light from paint, and so does everything without labels:
 //    no step 3 there.
-// 4. Scale: per class, so that the median luminance meets the prior of detail/class_priors.hpp; texture in a class stays.
+// 4. Scale: per class, so that the median luminance meets the prior of detail/class_priors.hpp; texture in a class
+// stays.
 // 5. Bounds: luminance ratio to the prior at most max_ratio, values in [min_albedo, max_albedo]. Saturated pixels (a
 //    channel at or above saturated_level: sky in panes, lit lamps, sun glints) have no trustworthy colour: grey.
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior. Without labels all

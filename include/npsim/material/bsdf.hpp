@@ -3,14 +3,13 @@
 //
 //   f(wi, wo) = (1 - E(n.wi)) (1 - E(n.wo)) / (1 - mean E) albedo / pi + D(h) V(wi, wo) F(wi.h)
 // D and V are GGX with height-correlated Smith masking (Walter et al., EGSR 2007; Heitz, JCGT 2014), F is Schlick's
-// Fresnel term, E the directional albedo of the second part (detail/specular_albedo.hpp). The diffuse part is reciprocal and
-// takes exactly what the interface lets through (Kelemen and Szirmay-Kalos, EG 2001). With 1 - F(n.w) instead, a dry
-// road 30 m ahead, seen and lit at two degrees, would keep a fiftieth of its light: no facet is grazed where the mean
-// is.
-// Invariants, tested: f(wi, wo) = f(wo, wi) to 1e-5 relative; f >= 0 and finite for every input, 0 below the horizon; a
-// white dielectric (f0 <= 0.1) in a white furnace reflects 1 within 0.02 at every angle and roughness.
-// Cost: seven square roots, four divisions, two table look-ups. `alpha` is kept at or above kMinAlpha, where float
-// still resolves the lobe.
+// Fresnel term, E the directional albedo of the second part (detail/specular_albedo.hpp). The diffuse part is
+// reciprocal and takes exactly what the interface lets through (Kelemen and Szirmay-Kalos, EG 2001). With 1 - F(n.w)
+// instead, a dry road 30 m ahead, seen and lit at two degrees, would keep a fiftieth of its light: no facet is grazed
+// where the mean is. Invariants, tested: f(wi, wo) = f(wo, wi) to 1e-5 relative; f >= 0 and finite for every input, 0
+// below the horizon; a white dielectric (f0 <= 0.1) in a white furnace reflects 1 within 0.02 at every angle and
+// roughness. Cost: seven square roots, four divisions, two table look-ups. `alpha` is kept at or above kMinAlpha, where
+// float still resolves the lobe.
 #ifndef NPSIM_MATERIAL_BSDF_HPP
 #define NPSIM_MATERIAL_BSDF_HPP
 

@@ -39,7 +39,6 @@ struct GatherParams {
   return good ? Status() : Status(StatusCode::invalid_argument, "gather: rays in 1..4096, bias in [0, 1)");
 }
 
-
 // Traces the rays of `receivers` (indices into points) through `scene` (trace/scene.hpp). point_of(hit) is the point
 // that stands for a hit.
 // hits[r * rays + s] becomes the point that ray s of receiver r reaches, or kNoPoint; sky_irradiance[r] (lx, linear

@@ -68,8 +68,10 @@ inline constexpr float kSaturationExposure = 78.0F;  // lx s at ISO 1
     camera.iso = iso;
     NPSIM_RETURN_IF_ERROR(validate(camera));
   }
-  if (p.iso_min <= p.iso_max && p.target_mean > 0.0F && p.target_mean < 1.0F && p.steps >= 1 && p.steps <= 64) return {};
-  return {StatusCode::invalid_argument, "automatic exposure: iso_min <= iso_max, target mean in (0, 1), steps in 1..64"};
+  if (p.iso_min <= p.iso_max && p.target_mean > 0.0F && p.target_mean < 1.0F && p.steps >= 1 && p.steps <= 64)
+    return {};
+  return {StatusCode::invalid_argument,
+          "automatic exposure: iso_min <= iso_max, target mean in (0, 1), steps in 1..64"};
 }
 
 // Exposure of the sensor in lx s for a scene luminance in cd/m2.
@@ -86,7 +88,6 @@ inline constexpr float kSaturationExposure = 78.0F;  // lx s at ISO 1
   const std::size_t rows = shape.empty() ? 0 : static_cast<std::size_t>(shape.height);
   return allocation_bytes<double>(chunk_count(rows, kSensorRowChunk)) + kWorkspaceAlignment;
 }
-
 
 // signal = luminance * signal_per_luminance(camera), not clipped. `out` may be `in`.
 template <class Executor>

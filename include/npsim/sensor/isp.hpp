@@ -86,7 +86,6 @@ struct WhiteBalanceParams {
   return allocation_bytes<Vec3d>(chunk_count(rows, kSensorRowChunk)) + kWorkspaceAlignment;
 }
 
-
 // Gains for IspParams::white_balance; 1 each when every pixel is black or saturated.
 template <class Executor>
 [[nodiscard]] Status auto_white_balance(const WhiteBalanceParams& params, ImageView<const Vec3f> signal, Vec3f& gains,

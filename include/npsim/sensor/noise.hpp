@@ -11,8 +11,8 @@
 // deviation is .55 to 1.25 / 255 at every level up to 128, as in flat areas of real night photographs (.6 to 1.2);
 // theirs rises with the level, that of one factor peaks near level 10. The grain size that denoisers leave is not
 // modelled either. The result is not clipped: negative noise survives in a raw signal, and clipping belongs to the ISP.
-// Randomness: one Philox block per pixel, keyed by (seed, image, pixel index). A normal number comes from 32 random bits
-// by inverting the cumulative distribution (Wichura, "Algorithm AS 241: the percentage points of the normal
+// Randomness: one Philox block per pixel, keyed by (seed, image, pixel index). A normal number comes from 32 random
+// bits by inverting the cumulative distribution (Wichura, "Algorithm AS 241: the percentage points of the normal
 // distribution", Applied Statistics 37, 1988; its 7-digit version) with +, *, /, sqrt and frexp alone, which IEEE 754
 // rounds alike everywhere: noise has the same bits on every machine, which std::log would not promise.
 // Cost: about .1 us per pixel.
@@ -141,8 +141,7 @@ template <class Executor>
     const Vec3f* from = signal.row(y);
     Vec3f* to = out.row(y);
     for (std::uint32_t x = 0; x < width; ++x) {
-      RandomStream random(seed, RandomPurpose::noise, image, 0, static_cast<std::uint32_t>(y) * width + x,
-                          0);
+      RandomStream random(seed, RandomPurpose::noise, image, 0, static_cast<std::uint32_t>(y) * width + x, 0);
       const Vec3f rgb = sane_sample(from[x]);
       const float r = noisy(rgb.x, random.next_u32());
       const float g = noisy(rgb.y, random.next_u32());
