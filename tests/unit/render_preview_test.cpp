@@ -48,18 +48,15 @@ struct Buffers {
 template <class Executor>
 Status rasterized(const Soup& soup, const Intrinsics& k, const ViewPose& pose, Buffers& out, Executor& executor,
                   const RasterizeParams& params = {}) {
-  std::vector<unsigned char> bytes(rasterize_workspace_bytes(soup.vertices.size(), soup.faces.size()));
-  Workspace workspace(bytes.data(), bytes.size());
-  return rasterize(params, soup.view(), k, pose, out.view(), workspace, executor);
+  npsim_test::Scratch scratch(rasterize_workspace_bytes(soup.vertices.size(), soup.faces.size()));
+  return rasterize(params, soup.view(), k, pose, out.view(), scratch.workspace(), executor);
 }
 
 template <class Executor>
 Status previewed(const PreviewParams& params, const Soup& soup, const PreviewColours& colours, const Intrinsics& k,
                  const ViewPose& pose, io::Image<Rgb8>& out, Executor& executor) {
-  std::vector<unsigned char> bytes(
-      preview_workspace_bytes(params, out.shape(), soup.vertices.size(), soup.faces.size()));
-  Workspace workspace(bytes.data(), bytes.size());
-  return preview(params, soup.view(), colours, k, pose, out.view(), workspace, executor);
+  npsim_test::Scratch scratch(preview_workspace_bytes(params, out.shape(), soup.vertices.size(), soup.faces.size()));
+  return preview(params, soup.view(), colours, k, pose, out.view(), scratch.workspace(), executor);
 }
 
 struct Random {
