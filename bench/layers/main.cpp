@@ -112,15 +112,21 @@ void measure(const street::Street& street, Shape shape, unsigned threads, int ro
         must(prune({}, std::as_const(p.uncertain).view(), std::as_const(p.labels).view(), p.background.view(), pool));
         break;
       case kBackground:
-        must(complete_background(background, std::as_const(p.background.vertices).view(),
-                                 std::as_const(p.labels).view(), std::as_const(p.uncertain).view(),
-                                 std::as_const(p.surface).view(), p.intrinsics, p.background.view(), p.state.view(),
-                                 arena.workspace(), pool));
+        must(complete_background(
+            background,
+            {p.background.vertices.view(), p.labels.view(), p.uncertain.view(), p.surface.view(), p.intrinsics},
+            p.background.view(), p.state.view(), arena.workspace(), pool));
         break;
       case kForeground:
-        must(complete_foreground(foreground, {}, std::as_const(p.depth).view(), std::as_const(p.surface).view(),
-                                 std::as_const(p.labels).view(), std::as_const(p.instances).view(),
-                                 std::as_const(p.uncertain).view(), std::as_const(p.state).view(), p.intrinsics,
+        must(complete_foreground(foreground,
+                                 {{},
+                                  p.depth.view(),
+                                  p.surface.view(),
+                                  p.labels.view(),
+                                  p.instances.view(),
+                                  p.uncertain.view(),
+                                  p.state.view(),
+                                  p.intrinsics},
                                  p.foreground.view(), p.object.view(), arena.workspace(), pool));
         break;
       default: {

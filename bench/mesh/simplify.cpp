@@ -83,11 +83,13 @@ class Case {
     const SheetLayer back = layers_[0].view();
     must(build_sheet(params.sheet, refined.depth, refined.surface, scene.camera, back, pool));
     must(prune(params.prune, refined.uncertain, refined.labels, back, pool));
-    must(complete_background(params.background, back.vertices, refined.labels, refined.uncertain, refined.surface,
-                             scene.camera, back, state.view(), workspace, pool));
-    must(complete_foreground(params.foreground, params.sheet, refined.depth, refined.surface, refined.labels,
-                             scene.instances, refined.uncertain, state.view(), scene.camera, layers_[1].view(),
-                             object.view(), workspace, pool));
+    must(complete_background(params.background,
+                             {back.vertices, refined.labels, refined.uncertain, refined.surface, scene.camera}, back,
+                             state.view(), workspace, pool));
+    must(complete_foreground(params.foreground,
+                             {params.sheet, refined.depth, refined.surface, refined.labels, scene.instances,
+                              refined.uncertain, state.view(), scene.camera},
+                             layers_[1].view(), object.view(), workspace, pool));
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
         const std::uint32_t lamp = scene.light_index.empty() ? 0U : scene.light_index(x, y);

@@ -45,11 +45,13 @@ Layers layers_of(const SceneView& scene, ThreadPool& pool) {
   must(prune(params.prune, refined.uncertain, refined.labels, sheet, pool));
   copy_pixels(sheet.vertices, out.all[1].vertices.view());
   copy_pixels(sheet.quads, out.all[1].quads.view());
-  must(complete_background(params.background, sheet.vertices, refined.labels, refined.uncertain, refined.surface,
-                           scene.camera, out.all[1].view(), state.view(), workspace, pool));
-  must(complete_foreground(params.foreground, params.sheet, refined.depth, refined.surface, refined.labels,
-                           scene.instances, refined.uncertain, state.view(), scene.camera, out.all[2].view(),
-                           object.view(), workspace, pool));
+  must(complete_background(params.background,
+                           {sheet.vertices, refined.labels, refined.uncertain, refined.surface, scene.camera},
+                           out.all[1].view(), state.view(), workspace, pool));
+  must(complete_foreground(params.foreground,
+                           {params.sheet, refined.depth, refined.surface, refined.labels, scene.instances,
+                            refined.uncertain, state.view(), scene.camera},
+                           out.all[2].view(), object.view(), workspace, pool));
   return out;
 }
 

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "npsim/core/camera.hpp"
+#include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/mesh/detail/layer.hpp"
 
 namespace npsim::bench {
 

@@ -57,7 +57,6 @@
 
 // sections 3.1, 3.3, 3.5: the layered scene mesh
 #include "npsim/mesh/check.hpp"
-#include "npsim/mesh/check_layer.hpp"
 #include "npsim/mesh/complete_background.hpp"
 #include "npsim/mesh/complete_foreground.hpp"
 #include "npsim/mesh/index.hpp"
@@ -80,7 +79,6 @@
 #include "npsim/light/light_set.hpp"
 #include "npsim/light/photometry.hpp"
 #include "npsim/light/placement.hpp"
-#include "npsim/light/sampler.hpp"
 #include "npsim/light/sky.hpp"
 
 #include "npsim/material/albedo.hpp"
@@ -93,7 +91,6 @@
 #include "npsim/render/gather.hpp"
 #include "npsim/render/preview.hpp"
 #include "npsim/render/surface_points.hpp"
-#include "npsim/render/view_pose.hpp"
 #include "npsim/render/visibility.hpp"
 
 // section 3.6.3: the camera

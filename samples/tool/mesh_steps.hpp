@@ -18,7 +18,7 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/mesh/check_layer.hpp"
+#include "npsim/mesh/check.hpp"
 #include "npsim/mesh/complete_background.hpp"
 #include "npsim/mesh/complete_foreground.hpp"
 #include "npsim/mesh/index.hpp"
@@ -131,14 +131,16 @@ inline Status measure_mesh_steps(const ReconstructParams& params, const SceneVie
     return prune(params.prune, refined.uncertain, refined.labels, background, pool);
   }));
   NPSIM_RETURN_IF_ERROR(timed("complete_background", layer_bytes + shape.pixels(), [&](Workspace& workspace) {
-    return complete_background(params.background, background.vertices, refined.labels, refined.uncertain,
-                               refined.surface, scene.camera, background, state.view(), workspace, pool);
+    return complete_background(params.background,
+                               {background.vertices, refined.labels, refined.uncertain, refined.surface, scene.camera},
+                               background, state.view(), workspace, pool);
   }));
   NPSIM_RETURN_IF_ERROR(
       timed("complete_objects", layer_bytes + shape.pixels() * sizeof(std::uint32_t), [&](Workspace& workspace) {
-        return complete_foreground(params.foreground, params.sheet, refined.depth, refined.surface, refined.labels,
-                                   scene.instances, refined.uncertain, state.view(), scene.camera, foreground,
-                                   object.view(), workspace, pool);
+        return complete_foreground(params.foreground,
+                                   {params.sheet, refined.depth, refined.surface, refined.labels, scene.instances,
+                                    refined.uncertain, state.view(), scene.camera},
+                                   foreground, object.view(), workspace, pool);
       }));
   {
     Workspace workspace(arena.data(), arena.bytes());

@@ -17,7 +17,6 @@
 #include "npsim/io/image.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/render/preview.hpp"
-#include "npsim/render/view_pose.hpp"
 #include "pictures.hpp"
 
 namespace npsim::tool {

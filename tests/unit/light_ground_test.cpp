@@ -10,6 +10,7 @@
 #include "npsim/light/activation.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/light/headlamps.hpp"
+#include "unit/fixture.hpp"
 
 namespace {
 
@@ -20,15 +21,13 @@ struct Street {
   Intrinsics k;
   std::vector<float> depth;
   std::vector<Label> labels;
-  std::vector<unsigned char> bytes;
 
   Street(int width, int height, Vec3f up, float camera_height, float noise, float outliers)
       : shape{width, height},
         k{0.9F * static_cast<float>(width), 0.9F * static_cast<float>(width), 0.5F * static_cast<float>(width),
           0.45F * static_cast<float>(height)},
         depth(shape.pixels(), 0.0F),
-        labels(shape.pixels(), label::sky),
-        bytes(ground_workspace_bytes({}, shape)) {
+        labels(shape.pixels(), label::sky) {
     up = normalized(up);
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {
@@ -45,10 +44,10 @@ struct Street {
     }
   }
   GroundPlane fit(const GroundParams& params = {}) {
-    Workspace workspace(bytes.data(), bytes.size());
+    npsim_test::Scratch scratch(ground_workspace_bytes(params, shape));
     GroundPlane out;
     REQUIRE(estimate_ground(params, ImageView<const float>(depth.data(), shape),
-                            ImageView<const Label>(labels.data(), shape), k, workspace, out)
+                            ImageView<const Label>(labels.data(), shape), k, scratch.workspace(), out)
                 .ok());
     return out;
   }
@@ -96,9 +95,9 @@ TEST_CASE("ground: few road pixels are joined by the pavement; without labels th
     if (l == label::road) l = label::sidewalk;
   }
   CHECK(street.fit().camera_height_m == doctest::Approx(1.4).epsilon(1e-3));
-  Workspace workspace(street.bytes.data(), street.bytes.size());
+  npsim_test::Scratch scratch(ground_workspace_bytes({}, street.shape));
   GroundPlane out;
-  REQUIRE(estimate_ground({}, ImageView<const float>(street.depth.data(), street.shape), {}, street.k, workspace, out)
+  REQUIRE(estimate_ground({}, ImageView<const float>(street.depth.data(), street.shape), {}, street.k, scratch.workspace(), out)
               .ok());
   CHECK(out.camera_height_m == doctest::Approx(1.4).epsilon(1e-3));
 }
@@ -106,17 +105,17 @@ TEST_CASE("ground: few road pixels are joined by the pavement; without labels th
 TEST_CASE("ground: refuses shapes that disagree, bad parameters and a small workspace; repeats itself") {
   Street street(40, 30, {0, -1, 0}, 1.5F, 0.02F, 0.1F);
   CHECK(street.fit().camera_height_m == street.fit().camera_height_m);
-  Workspace workspace(street.bytes.data(), street.bytes.size());
+  npsim_test::Scratch scratch(ground_workspace_bytes({}, street.shape));
   GroundPlane out;
   const ImageView<const float> depth(street.depth.data(), street.shape);
-  CHECK(estimate_ground({}, depth, ImageView<const Label>(street.labels.data(), {20, 30}), street.k, workspace, out)
+  CHECK(estimate_ground({}, depth, ImageView<const Label>(street.labels.data(), {20, 30}), street.k, scratch.workspace(), out)
             .code() == StatusCode::shape_mismatch);
   GroundParams bad;
   bad.iterations = 0;
-  CHECK(estimate_ground(bad, depth, {}, street.k, workspace, out).code() == StatusCode::invalid_argument);
-  CHECK(estimate_ground({}, {}, {}, street.k, workspace, out).code() == StatusCode::invalid_argument);
-  Workspace tiny(street.bytes.data(), 100);
-  CHECK(estimate_ground({}, depth, {}, street.k, tiny, out).code() == StatusCode::workspace_exhausted);
+  CHECK(estimate_ground(bad, depth, {}, street.k, scratch.workspace(), out).code() == StatusCode::invalid_argument);
+  CHECK(estimate_ground({}, {}, {}, street.k, scratch.workspace(), out).code() == StatusCode::invalid_argument);
+  npsim_test::Scratch tiny(100);
+  CHECK(estimate_ground({}, depth, {}, street.k, tiny.workspace(), out).code() == StatusCode::workspace_exhausted);
 }
 
 TEST_CASE("ego headlamps: height, distance apart, ahead of the camera, kerb side to the right, over a pitched ground") {
@@ -124,7 +123,7 @@ TEST_CASE("ego headlamps: height, distance apart, ahead of the camera, kerb side
   ground.up = normalized(Vec3f{0.02F, -1, -0.05F});
   ground.camera_height_m = 1.3F;
   Emitter lamps[2];
-  REQUIRE(place_ego_headlamps(ground, lamps) == 2);
+  REQUIRE(place_ego_headlamps({}, ground, lamps) == 2);
   CHECK(lamps[0].centre_m.x < 0);
   CHECK(lamps[1].centre_m.x > 0);
   CHECK(length(lamps[0].centre_m - lamps[1].centre_m) == doctest::Approx(1.2).epsilon(1e-5));
@@ -144,14 +143,14 @@ TEST_CASE("ego headlamps: height, distance apart, ahead of the camera, kerb side
     CHECK(relative_intensity(e, normalized(road - e.centre_m)) >
           20 * relative_intensity(e, normalized(eye - e.centre_m)));
   }
-  CHECK(place_ego_headlamps(ground, Span<Emitter>(lamps, 1)) == 0);
+  CHECK(place_ego_headlamps({}, ground, Span<Emitter>(lamps, 1)) == 0);
   ground.camera_height_m = std::numeric_limits<float>::quiet_NaN();
-  CHECK(place_ego_headlamps(ground, lamps) == 0);
+  CHECK(place_ego_headlamps({}, ground, lamps) == 0);
 }
 
 TEST_CASE("both ego headlamps get the same technology and strength in a night") {
   Emitter lamps[2];
-  REQUIRE(place_ego_headlamps(GroundPlane{}, lamps) == 2);
+  REQUIRE(place_ego_headlamps({}, GroundPlane{}, lamps) == 2);
   int changed = 0;
   float last = 0;
   for (std::uint32_t v = 0; v < 20; ++v) {

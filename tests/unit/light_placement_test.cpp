@@ -8,10 +8,12 @@
 
 #include "npsim/core/random.hpp"
 #include "npsim/light/placement.hpp"
+#include "unit/fixture.hpp"
 
 namespace {
 
 using namespace npsim;
+using npsim_test::Image;
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
@@ -20,11 +22,11 @@ struct Scene {
   Shape shape{200, 100};
   Intrinsics k{180, 180, 100, 50};
   GroundPlane ground;
-  std::vector<float> depth = std::vector<float>(shape.pixels(), 0.0F);
-  std::vector<Label> labels = std::vector<Label>(shape.pixels(), label::sky);
-  std::vector<std::uint8_t> uncertain = std::vector<std::uint8_t>(shape.pixels(), 0);
-  std::vector<Vec3f> normals = std::vector<Vec3f>(shape.pixels());
-  std::vector<std::uint16_t> index = std::vector<std::uint16_t>(shape.pixels(), 0);
+  Image<float> depth{shape};
+  Image<Label> labels{shape, label::sky};
+  Image<std::uint8_t> uncertain{shape};
+  Image<Vec3f> normals{shape};
+  Image<std::uint16_t> index{shape};
   std::vector<LightMark> marks;
   std::vector<Emitter> out = std::vector<Emitter>(64);
   std::size_t count = 0;
@@ -35,22 +37,18 @@ struct Scene {
   Scene() {
     for (int y = 51; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
-        at(depth, x, y) = 1.5F * k.fy / (static_cast<float>(y) + 0.5F - k.cy);
-        at(labels, x, y) = label::road;
-        at(normals, x, y) = {0, -1, 0};
+        depth(x, y) = 1.5F * k.fy / (static_cast<float>(y) + 0.5F - k.cy);
+        labels(x, y) = label::road;
+        normals(x, y) = {0, -1, 0};
       }
     }
-  }
-  template <class T>
-  T& at(std::vector<T>& plane, int x, int y) const {
-    return plane[static_cast<std::size_t>(y * shape.width + x)];
   }
   void paint(int x0, int y0, int x1, int y1, Label l, float z, Vec3f n = {0, 0, -1}) {
     for (int y = y0; y <= y1; ++y) {
       for (int x = x0; x <= x1; ++x) {
-        at(labels, x, y) = l;
-        at(depth, x, y) = z;
-        at(normals, x, y) = n;
+        labels(x, y) = l;
+        depth(x, y) = z;
+        normals(x, y) = n;
       }
     }
   }
@@ -59,19 +57,16 @@ struct Scene {
     marks.push_back({static_cast<std::uint32_t>(100 + marks.size()), cls, state, group});
     const auto value = static_cast<std::uint16_t>(marks.size());
     for (int y = y0; y <= y1; ++y) {
-      for (int x = x0; x <= x1; ++x) at(index, x, y) = value;
+      for (int x = x0; x <= x1; ++x) index(x, y) = value;
     }
     return value;
   }
   Status place() {
-    std::vector<unsigned char> bytes(placement_workspace_bytes(params, shape));
-    Workspace workspace(bytes.data(), bytes.size());
-    return place_lights(params, Span<const LightMark>(marks.data(), marks.size()), {index.data(), shape},
-                        {depth.data(), shape},
-                        with_labels ? ImageView<const Label>(labels.data(), shape) : ImageView<const Label>(),
-                        {uncertain.data(), shape},
-                        with_normals ? ImageView<const Vec3f>(normals.data(), shape) : ImageView<const Vec3f>(), k,
-                        ground, workspace, Span<Emitter>(out.data(), out.size()), count);
+    npsim_test::Scratch scratch(placement_workspace_bytes(params, shape));
+    return place_lights(params, Span<const LightMark>(marks.data(), marks.size()), index.cview(), depth.cview(),
+                        with_labels ? labels.cview() : ImageView<const Label>(), uncertain.cview(),
+                        with_normals ? normals.cview() : ImageView<const Vec3f>(), k, ground, scratch.workspace(),
+                        Span<Emitter>(out.data(), out.size()), count);
   }
   const Emitter& only() {
     REQUIRE(place().ok());
@@ -114,7 +109,7 @@ TEST_CASE("a window in a slanted facade lies in its plane, however many normals 
     }
   }
   s.mark(LightClass::window_building, 30, 10, 49, 29);
-  for (int y = 10; y < 30; ++y) s.at(s.normals, 35, y) = {kNan, kNan, kNan};
+  for (int y = 10; y < 30; ++y) s.normals(35, y) = {kNan, kNan, kNan};
   const Emitter& e = s.only();
   check_frame(e);
   CHECK(length(e.axis - n) < 1e-4F);
@@ -154,13 +149,13 @@ TEST_CASE("depth of a region is not moved by wrong, uncertain and missing pixels
   s.paint(60, 50, 120, 80, label::car, 15);
   s.mark(LightClass::moving_rear, 70, 60, 79, 65);
   for (int y = 60; y <= 65; ++y) {
-    s.at(s.depth, 70, y) = kNan;
-    s.at(s.depth, 71, y) = 0;
-    s.at(s.depth, 72, y) = 300;
-    s.at(s.depth, 73, y) = -5;
+    s.depth(70, y) = kNan;
+    s.depth(71, y) = 0;
+    s.depth(72, y) = 300;
+    s.depth(73, y) = -5;
     for (int x = 77; x < 80; ++x) {
-      s.at(s.depth, x, y) = 40;
-      s.at(s.uncertain, x, y) = 255;
+      s.depth(x, y) = 40;
+      s.uncertain(x, y) = 255;
     }
   }
   const Emitter& e = s.only();
@@ -172,10 +167,10 @@ TEST_CASE("a region without any depth takes that of its surroundings; with none 
   s.paint(60, 52, 120, 80, label::car, 15);
   s.mark(LightClass::moving_rear, 70, 60, 79, 65);
   for (int y = 60; y <= 65; ++y) {
-    for (int x = 70; x < 80; ++x) s.at(s.depth, x, y) = kNan;
+    for (int x = 70; x < 80; ++x) s.depth(x, y) = kNan;
   }
   CHECK(s.only().centre_m.z == doctest::Approx(15).epsilon(0.01));
-  for (float& z : s.depth) z = kNan;
+  s.depth = Image<float>(s.shape, kNan);
   REQUIRE(s.place().ok());
   CHECK(s.count == 0);
 }
@@ -312,9 +307,9 @@ TEST_CASE("placement refuses what it cannot use and never writes past the end") 
   s.out.resize(1);
   CHECK(s.place().code() == StatusCode::capacity_exceeded);
   s.out.resize(2);
-  s.at(s.index, 0, 0) = 77;
+  s.index(0, 0) = 77;
   CHECK(s.place().code() == StatusCode::invalid_argument);
-  s.at(s.index, 0, 0) = 0;
+  s.index(0, 0) = 0;
   s.ground.up = {0, -2, 0};
   CHECK(s.place().code() == StatusCode::invalid_argument);
   s.ground.up = {0, -1, 0};
@@ -322,14 +317,12 @@ TEST_CASE("placement refuses what it cannot use and never writes past the end") 
   CHECK(s.place().code() == StatusCode::invalid_argument);
   s.params.min_area_m2 = 1e-3F;
   CHECK(s.place().ok());
-  std::vector<unsigned char> bytes(64);
-  Workspace tiny(bytes.data(), bytes.size());
-  CHECK(place_lights(s.params, Span<const LightMark>(s.marks.data(), s.marks.size()), {s.index.data(), s.shape},
-                     {s.depth.data(), s.shape}, {}, {}, {}, s.k, s.ground, tiny,
-                     Span<Emitter>(s.out.data(), s.out.size()), s.count)
+  npsim_test::Scratch tiny(64);
+  CHECK(place_lights(s.params, Span<const LightMark>(s.marks.data(), s.marks.size()), s.index.cview(), s.depth.cview(),
+                     {}, {}, {}, s.k, s.ground, tiny.workspace(), Span<Emitter>(s.out.data(), s.out.size()), s.count)
             .code() == StatusCode::workspace_exhausted);
-  CHECK(place_lights(s.params, Span<const LightMark>(s.marks.data(), s.marks.size()), {s.index.data(), s.shape},
-                     {s.depth.data(), {10, 10}}, {}, {}, {}, s.k, s.ground, tiny,
+  CHECK(place_lights(s.params, Span<const LightMark>(s.marks.data(), s.marks.size()), s.index.cview(),
+                     s.depth.cview().sub(0, 0, {10, 10}), {}, {}, {}, s.k, s.ground, tiny.workspace(),
                      Span<Emitter>(s.out.data(), s.out.size()), s.count)
             .code() == StatusCode::shape_mismatch);
 }
@@ -339,12 +332,14 @@ TEST_CASE("single pixels, image corners and random planes of every class: finite
     Scene s;
     RandomStream r(11, RandomPurpose::test, round, 0, 0, 0);
     const float odd[] = {kNan, 0, -1, std::numeric_limits<float>::infinity(), 1e-30F, 1e30F, 5, 50};
-    for (std::size_t i = 0; i < s.depth.size(); ++i) {
+    for (int i = 0; i < s.shape.width * s.shape.height; ++i) {
       RandomStream q(12, RandomPurpose::test, round, 0, static_cast<std::uint32_t>(i), 0);
-      if (q.uniform() < 0.7F) s.depth[i] = odd[q.next_u32() % 8];
-      s.labels[i] = static_cast<Label>(q.next_u32() % 40);
-      s.normals[i] = {q.uniform(-1, 1), q.uniform() < 0.1F ? kNan : q.uniform(-1, 1), q.uniform(-1, 1)};
-      s.uncertain[i] = q.uniform() < 0.3F ? 255 : 0;
+      const int x = i % s.shape.width;
+      const int y = i / s.shape.width;
+      if (q.uniform() < 0.7F) s.depth(x, y) = odd[q.next_u32() % 8];
+      s.labels(x, y) = static_cast<Label>(q.next_u32() % 40);
+      s.normals(x, y) = {q.uniform(-1, 1), q.uniform() < 0.1F ? kNan : q.uniform(-1, 1), q.uniform(-1, 1)};
+      s.uncertain(x, y) = q.uniform() < 0.3F ? 255 : 0;
     }
     for (int c = 0; c < kLightClassCount; ++c) {
       const int x = static_cast<int>(r.next_u32() % 200);

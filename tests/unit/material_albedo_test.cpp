@@ -10,6 +10,7 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/material/albedo.hpp"
+#include "npsim/material/roughness.hpp"
 #include "fixture.hpp"
 
 namespace {
@@ -33,11 +34,10 @@ struct Picture {
 
   template <class Executor = SerialExecutor>
   Status run(const AlbedoParams& p = {}, bool with_labels = true, Executor executor = {}) {
-    std::vector<unsigned char> bytes(estimate_albedo_workspace_bytes(p, shape));
-    Workspace workspace(bytes.data(), bytes.size());
+    npsim_test::Scratch scratch(estimate_albedo_workspace_bytes(p, shape));
     return estimate_albedo(p, ImageView<const Rgb8>(day.data(), shape),
                            with_labels ? ImageView<const Label>(labels.data(), shape) : ImageView<const Label>(),
-                           workspace, ImageView<Vec3f>(albedo.data(), shape), executor);
+                           scratch.workspace(), ImageView<Vec3f>(albedo.data(), shape), executor);
   }
   double median(Label l) const {
     std::vector<float> v;
@@ -171,8 +171,7 @@ TEST_CASE("the order of chunks never changes a bit; one row and one column work;
 TEST_CASE("albedo: strided views, and refusals") {
   Picture p = street({1, 1, 1}, false);
   REQUIRE(p.run().ok());
-  std::vector<unsigned char> bytes(estimate_albedo_workspace_bytes({}, p.shape));
-  Workspace workspace(bytes.data(), bytes.size());
+  npsim_test::Scratch scratch(estimate_albedo_workspace_bytes({}, p.shape));
   const Shape part{100, 60};
   std::vector<Vec3f> wide(200 * 60, Vec3f{-1, -1, -1});
   std::vector<Vec3f> dense(part.pixels());
@@ -187,9 +186,9 @@ TEST_CASE("albedo: strided views, and refusals") {
     }
   }
   SerialExecutor serial;
-  REQUIRE(estimate_albedo({}, day, labels, workspace, ImageView<Vec3f>(wide.data(), part, 200), serial).ok());
+  REQUIRE(estimate_albedo({}, day, labels, scratch.workspace(), ImageView<Vec3f>(wide.data(), part, 200), serial).ok());
   REQUIRE(estimate_albedo({}, ImageView<const Rgb8>(day_copy.data(), part),
-                          ImageView<const Label>(label_copy.data(), part), workspace,
+                          ImageView<const Label>(label_copy.data(), part), scratch.workspace(),
                           ImageView<Vec3f>(dense.data(), part), serial)
               .ok());
   for (int y = 0; y < part.height; ++y) {
@@ -200,12 +199,12 @@ TEST_CASE("albedo: strided views, and refusals") {
   }
   AlbedoParams bad;
   bad.tile_px = 0;
-  CHECK(estimate_albedo(bad, day, labels, workspace, ImageView<Vec3f>(dense.data(), part), serial).code() ==
+  CHECK(estimate_albedo(bad, day, labels, scratch.workspace(), ImageView<Vec3f>(dense.data(), part), serial).code() ==
         StatusCode::invalid_argument);
-  CHECK(estimate_albedo({}, day, labels, workspace, ImageView<Vec3f>(dense.data(), {50, 60}), serial).code() ==
+  CHECK(estimate_albedo({}, day, labels, scratch.workspace(), ImageView<Vec3f>(dense.data(), {50, 60}), serial).code() ==
         StatusCode::shape_mismatch);
-  Workspace tiny(bytes.data(), 1000);
-  CHECK(estimate_albedo({}, day, labels, tiny, ImageView<Vec3f>(dense.data(), part), serial).code() ==
+  npsim_test::Scratch tiny(1000);
+  CHECK(estimate_albedo({}, day, labels, tiny.workspace(), ImageView<Vec3f>(dense.data(), part), serial).code() ==
         StatusCode::workspace_exhausted);
 }
 
@@ -215,7 +214,7 @@ TEST_CASE("roughness follows the label and the weather; the priors are usable") 
   SerialExecutor serial;
   const Shape shape{2, 2};
   REQUIRE(
-      estimate_roughness(ImageView<const Label>(labels.data(), shape), ImageView<float>(alpha.data(), shape), serial)
+      estimate_roughness({}, ImageView<const Label>(labels.data(), shape), ImageView<float>(alpha.data(), shape), serial)
           .ok());
   CHECK(alpha[0] == surface_prior(label::road).alpha);
   CHECK(alpha[2] < alpha[1]);

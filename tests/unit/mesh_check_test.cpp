@@ -6,7 +6,6 @@
 #include <string>
 
 #include "mesh_fixture.hpp"
-#include "npsim/mesh/check_layer.hpp"
 
 using namespace mesh_test;
 

@@ -178,12 +178,11 @@ TEST_CASE("the kerbs and the vanishing point of a street are found to a pixel") 
   Picture p = street_of_planes(true);
   p.rectangle(60, 35, 110, 80, label::car, 6.0F);
   p.run();
-  std::vector<unsigned char> memory(complete_background_workspace_bytes({}, p.shape));
-  Workspace workspace(memory.data(), memory.size());
+  Scratch scratch(complete_background_workspace_bytes({}, p.shape));
   SerialExecutor executor;
   StreetFloor floor;
-  REQUIRE(mesh_detail::find_floor({}, p.sheet.vertices.cview(), p.labels.cview(), {}, p.state.cview(), p.intrinsics,
-                                  workspace, executor, floor)
+  REQUIRE(mesh_detail::find_floor<simd::F32>({}, p.sheet.vertices.cview(), p.labels.cview(), {}, p.state.cview(),
+                                             p.intrinsics, scratch.workspace(), executor, floor)
               .ok());
   REQUIRE(floor.valid);
   CHECK(floor.camera_height_m == doctest::Approx(1.5).epsilon(1e-5));
@@ -587,28 +586,26 @@ TEST_CASE("the order of the rows, and writing over the sheet, do not change a bi
     }
   }
   Picture b = a;
-  const ReverseExecutor reverse;
+  const BackwardExecutor reverse;
   SerialExecutor serial;
   a.run({}, {}, serial);
   b.run({}, {}, reverse);
-  CHECK(a.background.vertices.data == b.background.vertices.data);
-  CHECK(a.background.quads.data == b.background.quads.data);
-  CHECK(a.foreground.vertices.data == b.foreground.vertices.data);
-  CHECK(a.foreground.quads.data == b.foreground.quads.data);
-  CHECK(a.object.data == b.object.data);
+  CHECK(a.background.vertices == b.background.vertices);
+  CHECK(a.background.quads == b.background.quads);
+  CHECK(a.foreground.vertices == b.foreground.vertices);
+  CHECK(a.foreground.quads == b.foreground.quads);
+  CHECK(a.object == b.object);
   CHECK(index(a.background.view(), reverse).vertices == index(b.background.view(), serial).vertices);
-  std::vector<unsigned char> bytes(complete_background_workspace_bytes({}, b.shape));
-  Workspace workspace(bytes.data(), bytes.size());
-  REQUIRE(complete_background({}, b.sheet.vertices.cview(), b.labels.cview(), b.uncertain.cview(), b.surface.cview(),
-                              b.intrinsics, b.sheet.view(), b.state.view(), workspace, serial)
-              .ok());
-  CHECK(a.background.vertices.data == b.sheet.vertices.data);
+  Scratch scratch(complete_background_workspace_bytes({}, b.shape));
+  REQUIRE(
+      complete_background({}, b.background_input(), b.sheet.view(), b.state.view(), scratch.workspace(), serial).ok());
+  CHECK(a.background.vertices == b.sheet.vertices);
 }
 
 TEST_CASE("the albedo behind an object is interpolated along its rows, and not from the sky") {
   SerialExecutor executor;
-  Plane<std::uint8_t> state({8, 2}, row_state::missing, row_state::known);
-  Plane<Vec3f> albedo({8, 2}, Vec3f{9, 9, 9}, Vec3f{-1, -1, -1});
+  Image<std::uint8_t> state({8, 2}, row_state::missing, kPadding, row_state::known);
+  Image<Vec3f> albedo({8, 2}, Vec3f{9, 9, 9}, kPadding, Vec3f{-1, -1, -1});
   state(0, 0) = state(5, 0) = row_state::known;
   state(7, 0) = row_state::blocked;
   albedo(0, 0) = {1, 0, 0};
@@ -630,11 +627,9 @@ TEST_CASE("wrong arguments and a small workspace of the background completion ar
   p.run();
   SerialExecutor executor;
   const auto run = [&](const BackgroundParams& params, std::size_t bytes, ImageView<const Label> labels) {
-    std::vector<unsigned char> memory(bytes + 1);
-    Workspace workspace(memory.data(), bytes);
-    return complete_background(params, p.sheet.vertices.cview(), labels, {}, {}, p.intrinsics, p.background.view(),
-                               p.state.view(), workspace, executor)
-        .code();
+    Scratch scratch(bytes);
+    const BackgroundInput in{p.sheet.vertices.view(), labels, {}, {}, p.intrinsics};
+    return complete_background(params, in, p.background.view(), p.state.view(), scratch.workspace(), executor).code();
   };
   const std::size_t enough = complete_background_workspace_bytes(kThesis, p.shape);
   CHECK(run(kThesis, enough, p.labels.cview()) == StatusCode::ok);

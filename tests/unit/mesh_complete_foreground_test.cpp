@@ -149,7 +149,7 @@ TEST_CASE("two objects of one label that touch are told apart by their instances
   CHECK(p.object(5, 2) == 1);
   CHECK(p.object(6, 2) == 2);
   check_objects(p);
-  p.instances = Plane<std::uint16_t>(p.shape, 0, 0);
+  p.instances = Image<std::uint16_t>(p.shape, 0, kPadding, 0);
   p.run();
   CHECK(check_layer(p.foreground.view()).components == 1);
 }
@@ -367,7 +367,7 @@ TEST_CASE("300 random pictures against a naive search, level by level") {
       for (int x = 0; x < width; ++x) REQUIRE(p.foreground.vertices(x, y).z == z[at(x, y)]);
     }
     const Layer plain = p.foreground;
-    const Plane<std::uint32_t> plain_object = p.object;
+    const Image<std::uint32_t> plain_object = p.object;
     p.run(background, {});
     check_layer(p.foreground.view());
     check_objects(p);
@@ -383,21 +383,20 @@ TEST_CASE("300 random pictures against a naive search, level by level") {
 
 TEST_CASE("components are numbered in raster order, along a spiral and a comb") {
   const char* rows[] = {"#.#.#.#", "#.#.#.#", "#######", ".......", "##.#.##", "#..#..#", "####.##"};
-  Plane<std::uint32_t> ids({7, 7}, 9, 9);
-  std::vector<unsigned char> bytes(connected_components_workspace_bytes({7, 7}));
-  Workspace workspace(bytes.data(), bytes.size());
+  Picture p({7, 7});
+  for (int y = 0; y < 7; ++y) {
+    for (int x = 0; x < 7; ++x) p.labels(x, y) = rows[y][x] == '#' ? label::car : label::building;
+  }
+  p.run({}, ForegroundParams::thesis());
+  CHECK(p.object(6, 0) == 1);
+  CHECK(p.object(3, 4) == 2);
+  CHECK(p.object(0, 4) == 2);
+  CHECK(p.object(5, 6) == 3);
+  CHECK(p.object(1, 0) == 0);
   std::uint32_t count = 0;
-  const auto member = [&rows](int x, int y) { return rows[y][x] == '#'; };
-  const auto same = [](int, int, int, int) { return true; };
-  REQUIRE(connected_components(member, same, ids.view(), workspace, count).ok());
+  for (int y = 0; y < 7; ++y)
+    count = std::max(count, *std::max_element(p.object.view().row(y), p.object.view().row(y) + 7));
   CHECK(count == 3);
-  CHECK(ids(6, 0) == 1);
-  CHECK(ids(3, 4) == 2);
-  CHECK(ids(0, 4) == 2);
-  CHECK(ids(5, 6) == 3);
-  CHECK(ids(1, 0) == 0);
-  Workspace none;
-  CHECK(connected_components(member, same, ids.view(), none, count).code() == StatusCode::workspace_exhausted);
 }
 
 TEST_CASE("wrong arguments and a small workspace of the foreground completion are refused") {
@@ -406,11 +405,13 @@ TEST_CASE("wrong arguments and a small workspace of the foreground completion ar
   p.run();
   SerialExecutor executor;
   const auto run = [&](std::size_t bytes, ImageView<const Label> labels) {
-    std::vector<unsigned char> memory(bytes + 1);
-    Workspace workspace(memory.data(), bytes);
-    return complete_foreground({}, {}, p.depth.cview(), p.surface.cview(), labels, {}, {}, {}, p.intrinsics,
-                               p.foreground.view(), p.object.view(), workspace, executor)
-        .code();
+    Scratch scratch(bytes);
+    ForegroundInput in = p.foreground_input();
+    in.labels = labels;
+    in.instances = {};
+    in.uncertain = {};
+    in.background_state = {};
+    return complete_foreground({}, in, p.foreground.view(), p.object.view(), scratch.workspace(), executor).code();
   };
   const std::size_t enough = complete_foreground_workspace_bytes({}, p.shape);
   CHECK(run(enough, p.labels.cview()) == StatusCode::ok);

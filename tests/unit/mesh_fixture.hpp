@@ -17,59 +17,38 @@
 #include "npsim/mesh/index.hpp"
 #include "npsim/mesh/prune.hpp"
 #include "npsim/mesh/sheet.hpp"
+#include "unit/fixture.hpp"
 
 namespace mesh_test {
 
 using namespace npsim;  // NOLINT(google-build-using-namespace)
+using npsim_test::BackwardExecutor;
+using npsim_test::Image;
+using npsim_test::Scratch;
 
 inline constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 
-struct ReverseExecutor {  // the last chunk first: another order must give the same bits
-  template <class F>
-  void for_chunks(std::size_t count, std::size_t chunk, F&& f) const {
-    const std::size_t step = chunk == 0 ? 1 : chunk;
-    for (std::size_t i = chunk_count(count, step); i-- > 0;) {
-      f(i * step, (i + 1) * step < count ? (i + 1) * step : count);
-    }
-  }
-};
-
-// Row-major plane with padding at the end of each row, so that strides are exercised everywhere.
-template <class T>
-struct Plane {
-  static constexpr int kPadding = 3;
-  Plane() = default;
-  Plane(Shape s, T fill, T pad)
-      : shape(s), data(static_cast<std::size_t>(s.width + kPadding) * static_cast<std::size_t>(s.height) + 1, pad) {
-    for (int y = 0; y < s.height; ++y) {
-      for (int x = 0; x < s.width; ++x) (*this)(x, y) = fill;
-    }
-  }
-  T& operator()(int x, int y) { return view()(x, y); }
-  const T& operator()(int x, int y) const { return cview()(x, y); }
-  ImageView<T> view() { return {data.data(), shape, shape.width + kPadding}; }
-  ImageView<const T> cview() const { return {data.data(), shape, shape.width + kPadding}; }
-  Shape shape{};
-  std::vector<T> data;
-};
+// Columns at the end of each row that belong to nobody, so that strides are exercised everywhere.
+inline constexpr int kPadding = 3;
 
 struct Layer {
-  explicit Layer(Shape s) : vertices(s, Vec3f{9, 9, 9}, Vec3f{7, 7, 7}), quads(quad_shape(s), 0xFF, 0xEE) {}
+  explicit Layer(Shape s)
+      : vertices(s, Vec3f{9, 9, 9}, kPadding, Vec3f{7, 7, 7}), quads(quad_shape(s), 0xFF, kPadding, 0xEE) {}
   SheetLayer view() { return {vertices.view(), quads.view()}; }
-  Plane<Vec3f> vertices;
-  Plane<std::uint8_t> quads;
+  Image<Vec3f> vertices;
+  Image<std::uint8_t> quads;
 };
 
 struct Picture {
   explicit Picture(Shape s)
       : shape(s),
-        depth(s, 10.0F, -5.0F),
-        labels(s, label::building, 99),
-        instances(s, 0, 999),
-        uncertain(s, 0, 1),
-        surface(s, 1, 0),
-        state(s, 77, 78),
-        object(s, 12345, 54321),
+        depth(s, 10.0F, kPadding, -5.0F),
+        labels(s, label::building, kPadding, 99),
+        instances(s, 0, kPadding, 999),
+        uncertain(s, 0, kPadding, 1),
+        surface(s, 1, kPadding, 0),
+        state(s, 77, kPadding, 78),
+        object(s, 12345, kPadding, 54321),
         sheet(s),
         background(s),
         foreground(s) {
@@ -92,18 +71,22 @@ struct Picture {
   template <class Executor>
   void run(const BackgroundParams& bp, const ForegroundParams& fp, Executor& executor) {
     REQUIRE(build_sheet(SheetParams{}, depth.cview(), surface.cview(), intrinsics, sheet.view(), executor).ok());
-    std::vector<unsigned char> bytes(complete_background_workspace_bytes(bp, shape));
-    Workspace for_background(bytes.data(), bytes.size());
-    REQUIRE(complete_background(bp, sheet.vertices.cview(), labels.cview(), uncertain.cview(), surface.cview(),
-                                intrinsics, background.view(), state.view(), for_background, executor)
+    Scratch for_background(complete_background_workspace_bytes(bp, shape));
+    REQUIRE(complete_background(bp, background_input(), background.view(), state.view(), for_background.workspace(),
+                                executor)
                 .ok());
-    bytes.resize(complete_foreground_workspace_bytes(fp, shape));
-    Workspace for_foreground(bytes.data(), bytes.size());
-    REQUIRE(complete_foreground(fp, SheetParams{}, depth.cview(), surface.cview(), labels.cview(), instances.cview(),
-                                uncertain.cview(), state.cview(), intrinsics, foreground.view(), object.view(),
-                                for_foreground, executor)
+    Scratch for_foreground(complete_foreground_workspace_bytes(fp, shape));
+    REQUIRE(complete_foreground(fp, foreground_input(), foreground.view(), object.view(), for_foreground.workspace(),
+                                executor)
                 .ok());
     REQUIRE(prune(PruneParams{}, uncertain.cview(), labels.cview(), sheet.view(), executor).ok());
+  }
+  [[nodiscard]] BackgroundInput background_input() const {
+    return {sheet.vertices.view(), labels.view(), uncertain.view(), surface.view(), intrinsics};
+  }
+  [[nodiscard]] ForegroundInput foreground_input() const {
+    return {{},           depth.view(), surface.view(), labels.view(), instances.view(), uncertain.view(),
+            state.view(), intrinsics};
   }
   void run(const BackgroundParams& bp = {}, const ForegroundParams& fp = {}) {
     SerialExecutor executor;
@@ -112,11 +95,11 @@ struct Picture {
 
   Shape shape;
   Intrinsics intrinsics;
-  Plane<float> depth;
-  Plane<Label> labels;
-  Plane<std::uint16_t> instances;
-  Plane<std::uint8_t> uncertain, surface, state;
-  Plane<std::uint32_t> object;
+  Image<float> depth;
+  Image<Label> labels;
+  Image<std::uint16_t> instances;
+  Image<std::uint8_t> uncertain, surface, state;
+  Image<std::uint32_t> object;
   Layer sheet, background, foreground;
 };
 
@@ -134,11 +117,10 @@ Indexed index(const SheetLayer& layer, Executor& executor) {
   MeshSize size = mesh_size(layer);
   Indexed mesh{std::vector<Vec3f>(size.vertices), std::vector<Face>(size.faces),
                std::vector<std::uint32_t>(size.vertices)};
-  std::vector<unsigned char> bytes(index_layer_workspace_bytes(layer.vertices.shape()));
-  Workspace workspace(bytes.data(), bytes.size());
+  Scratch scratch(index_layer_workspace_bytes(layer.vertices.shape()));
   const MeshBuffers out{
       {mesh.vertices.data(), size.vertices}, {mesh.faces.data(), size.faces}, {mesh.pixels.data(), size.vertices}};
-  const Status status = index_layer(layer, 0, out, size, workspace, executor);
+  const Status status = index_layer(layer, 0, out, size, scratch.workspace(), executor);
   REQUIRE_MESSAGE(status.ok(), status.message());
   CHECK(size.vertices == mesh.vertices.size());
   CHECK(size.faces == mesh.faces.size());
@@ -150,10 +132,9 @@ inline Indexed index(const SheetLayer& layer) {
 }
 
 inline MeshReport report(const TriangleMeshView& mesh) {
-  std::vector<unsigned char> bytes(check_mesh_workspace_bytes(mesh.vertices.size(), mesh.faces.size()));
-  Workspace workspace(bytes.data(), bytes.size());
+  Scratch scratch(check_mesh_workspace_bytes(mesh.vertices.size(), mesh.faces.size()));
   MeshReport r;
-  REQUIRE(check_mesh(mesh, workspace, r).ok());
+  REQUIRE(check_mesh(mesh, scratch.workspace(), r).ok());
   return r;
 }
 

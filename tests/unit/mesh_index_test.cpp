@@ -98,14 +98,14 @@ TEST_CASE("two layers in one mesh: the second's indices follow the first's verti
   std::vector<Vec3f> vertices(background.vertices + foreground.vertices);
   std::vector<Face> faces(background.faces + foreground.faces);
   std::vector<std::uint32_t> pixels(vertices.size());
-  std::vector<unsigned char> bytes(index_layer_workspace_bytes(p.shape));
-  Workspace workspace(bytes.data(), bytes.size());
+  Scratch scratch(index_layer_workspace_bytes(p.shape));
   SerialExecutor executor;
   MeshSize first;
   MeshSize second;
   const MeshBuffers out{
       {vertices.data(), vertices.size()}, {faces.data(), faces.size()}, {pixels.data(), pixels.size()}};
-  REQUIRE(index_layers(p.background.view(), p.foreground.view(), out, first, second, workspace, executor).ok());
+  REQUIRE(
+      index_layers(p.background.view(), p.foreground.view(), out, first, second, scratch.workspace(), executor).ok());
   CHECK(first.faces == background.faces);
   CHECK(second.vertices == foreground.vertices);
   const MeshReport r = report({{vertices.data(), vertices.size()}, {faces.data(), faces.size()}});
@@ -117,13 +117,13 @@ TEST_CASE("two layers in one mesh: the second's indices follow the first's verti
   for (std::size_t i = first.faces; i < faces.size(); ++i) CHECK(faces[i].a >= first.vertices);
 
   const MeshBuffers small{out.vertices, {faces.data(), faces.size() - 1}, {}};
-  CHECK(index_layers(p.background.view(), p.foreground.view(), small, first, second, workspace, executor).code() ==
-        StatusCode::capacity_exceeded);
+  CHECK(index_layers(p.background.view(), p.foreground.view(), small, first, second, scratch.workspace(), executor)
+            .code() == StatusCode::capacity_exceeded);
   CHECK(second.faces == foreground.faces);
   const MeshBuffers few_pixels{out.vertices, out.faces, {pixels.data(), background.vertices}};
-  CHECK(index_layers(p.background.view(), p.foreground.view(), few_pixels, first, second, workspace, executor).code() ==
-        StatusCode::capacity_exceeded);
-  CHECK(index_layer(p.background.view(), 0xFFFFFFFFU, out, first, workspace, executor).code() ==
+  CHECK(index_layers(p.background.view(), p.foreground.view(), few_pixels, first, second, scratch.workspace(), executor)
+            .code() == StatusCode::capacity_exceeded);
+  CHECK(index_layer(p.background.view(), 0xFFFFFFFFU, out, first, scratch.workspace(), executor).code() ==
         StatusCode::capacity_exceeded);
   Workspace none;
   CHECK(index_layer(p.background.view(), 0, out, first, none, executor).code() == StatusCode::workspace_exhausted);

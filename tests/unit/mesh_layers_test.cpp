@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "mesh_fixture.hpp"
-#include "npsim/mesh/detail/background/state.hpp"
+#include "npsim/mesh/detail/background/anchors.hpp"
 #include "npsim/simd/batch.hpp"
 #include "reference/mesh_layers.hpp"
 
@@ -14,11 +14,11 @@ using namespace mesh_test;
 namespace {
 
 template <class T>
-[[nodiscard]] bool same_bytes(const Plane<T>& plane, const std::vector<T>& expected) {
+[[nodiscard]] bool same_bytes(const Image<T>& image, const std::vector<T>& expected) {
   std::size_t i = 0;
-  for (int y = 0; y < plane.shape.height; ++y) {
-    for (int x = 0; x < plane.shape.width; ++x, ++i) {
-      if (std::memcmp(&plane(x, y), &expected[i], sizeof(T)) != 0) return false;
+  for (int y = 0; y < image.shape().height; ++y) {
+    for (int x = 0; x < image.shape().width; ++x, ++i) {
+      if (std::memcmp(&image(x, y), &expected[i], sizeof(T)) != 0) return false;
     }
   }
   return i == expected.size();
@@ -26,12 +26,10 @@ template <class T>
 
 // What stands between the rows is nobody's.
 template <class T>
-[[nodiscard]] bool padding_intact(const Plane<T>& plane, const Plane<T>& fresh) {
-  for (int y = 0; y < plane.shape.height; ++y) {
-    const auto end = static_cast<std::size_t>(y * (plane.shape.width + Plane<T>::kPadding) + plane.shape.width);
-    if (std::memcmp(plane.data.data() + end, fresh.data.data() + end, sizeof(T) * Plane<T>::kPadding) != 0) {
-      return false;
-    }
+[[nodiscard]] bool padding_intact(const Image<T>& image, const Image<T>& fresh) {
+  const int width = image.shape().width;
+  for (int y = 0; y < image.shape().height; ++y) {
+    if (std::memcmp(image.view().row(y) + width, fresh.view().row(y) + width, sizeof(T) * kPadding) != 0) return false;
   }
   return true;
 }
@@ -59,17 +57,21 @@ void compare(Picture& p, const Options& o, Executor& executor) {
   REQUIRE(same_bytes(p.sheet.vertices, sheet.vertices));
   REQUIRE(same_bytes(p.sheet.quads, sheet.quads));
 
-  std::vector<unsigned char> bytes(complete_background_workspace_bytes(o.background, p.shape));
-  Workspace for_background(bytes.data(), bytes.size());
-  REQUIRE(complete_background(o.background, p.sheet.vertices.cview(), p.labels.cview(), uncertain, surface,
-                              p.intrinsics, p.background.view(), p.state.view(), for_background, executor)
+  BackgroundInput behind = p.background_input();
+  behind.uncertain = uncertain;
+  behind.surface = surface;
+  Scratch for_background(complete_background_workspace_bytes(o.background, p.shape));
+  REQUIRE(complete_background(o.background, behind, p.background.view(), p.state.view(), for_background.workspace(),
+                              executor)
               .ok());
   const reference::Objects objects = reference::complete_foreground(
       o.foreground, sheet, {p.labels.cview(), instances, uncertain, p.state.cview(), p.intrinsics});
-  bytes.assign(complete_foreground_workspace_bytes(o.foreground, p.shape), 0xA5);
-  Workspace for_foreground(bytes.data(), bytes.size());
-  REQUIRE(complete_foreground<F>(o.foreground, {}, p.depth.cview(), surface, p.labels.cview(), instances, uncertain,
-                                 p.state.cview(), p.intrinsics, p.foreground.view(), p.object.view(), for_foreground,
+  ForegroundInput in = p.foreground_input();
+  in.surface = surface;
+  in.instances = instances;
+  in.uncertain = uncertain;
+  Scratch for_foreground(complete_foreground_workspace_bytes(o.foreground, p.shape));
+  REQUIRE(complete_foreground<F>(o.foreground, in, p.foreground.view(), p.object.view(), for_foreground.workspace(),
                                  executor)
               .ok());
   REQUIRE(same_bytes(p.object, objects.object));
@@ -95,11 +97,10 @@ void compare_index(const SheetLayer& layer, Executor& executor) {
   REQUIRE(size.faces == expected.faces.size());
   Indexed mesh{std::vector<Vec3f>(size.vertices), std::vector<Face>(size.faces),
                std::vector<std::uint32_t>(size.vertices)};
-  std::vector<unsigned char> bytes(index_layer_workspace_bytes(layer.vertices.shape()), 0xA5);
-  Workspace workspace(bytes.data(), bytes.size());
+  Scratch scratch(index_layer_workspace_bytes(layer.vertices.shape()));
   const MeshBuffers out{
       {mesh.vertices.data(), size.vertices}, {mesh.faces.data(), size.faces}, {mesh.pixels.data(), size.vertices}};
-  REQUIRE(index_layer<F>(layer, 0, out, size, workspace, executor).ok());
+  REQUIRE(index_layer<F>(layer, 0, out, size, scratch.workspace(), executor).ok());
   REQUIRE(mesh.pixels == expected.pixels);
   REQUIRE(mesh.vertices == expected.vertices);
   REQUIRE((size.faces == 0 || std::memcmp(mesh.faces.data(), expected.faces.data(), size.faces * sizeof(Face)) == 0));
@@ -107,7 +108,7 @@ void compare_index(const SheetLayer& layer, Executor& executor) {
 
 void compare_all(Picture& p, const Options& o) {
   SerialExecutor serial;
-  ReverseExecutor reverse;
+  BackwardExecutor reverse;
   compare<simd::F32>(p, o, serial);
   compare<simd::F32>(p, o, reverse);
   compare<simd::scalar::F32>(p, o, serial);

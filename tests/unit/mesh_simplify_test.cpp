@@ -31,11 +31,11 @@ Simplified simplify(const SheetLayer& layer, ImageView<const std::uint32_t> ids,
   mesh.vertices.resize(full.vertices);
   mesh.pixels.resize(full.vertices);
   mesh.faces.resize(full.faces);
-  std::vector<unsigned char> bytes(simplify_layer_workspace_bytes(params, layer.vertices.shape()));
-  Workspace workspace(bytes.data(), bytes.size());
+  Scratch scratch(simplify_layer_workspace_bytes(params, layer.vertices.shape()));
   const MeshBuffers out{
       {mesh.vertices.data(), full.vertices}, {mesh.faces.data(), full.faces}, {mesh.pixels.data(), full.vertices}};
-  const Status status = simplify_layer(params, layer, ids, intrinsics, 0, out, mesh.result, workspace, executor);
+  const Status status =
+      simplify_layer(params, layer, ids, intrinsics, 0, out, mesh.result, scratch.workspace(), executor);
   REQUIRE_MESSAGE(status.ok(), status.message());
   CHECK(mesh.result.full.faces == full.faces);
   CHECK(mesh.result.full.vertices == full.vertices);
@@ -120,9 +120,9 @@ double largest_error(const Flat& full, const Flat& thin) {
 
 // Every pixel centre lies in a face, on an edge or at a vertex whose corners all have its id.
 void check_ids(const Flat& full, const Flat& thin, const std::vector<std::uint32_t>& full_pixels,
-               const std::vector<std::uint32_t>& thin_pixels, const Plane<std::uint32_t>& ids) {
+               const std::vector<std::uint32_t>& thin_pixels, const Image<std::uint32_t>& ids) {
   const auto id = [&](std::uint32_t pixel) {
-    const auto width = static_cast<std::uint32_t>(ids.shape.width);
+    const auto width = static_cast<std::uint32_t>(ids.shape().width);
     return ids(static_cast<int>(pixel % width), static_cast<int>(pixel / width));
   };
   std::vector<bool> found(full.points.size(), false);
@@ -148,7 +148,7 @@ void check_ids(const Flat& full, const Flat& thin, const std::vector<std::uint32
 }
 
 // What holds for every simplified layer.
-Simplified check_simplified(const SheetLayer& layer, const Plane<std::uint32_t>& ids, const Intrinsics& intrinsics,
+Simplified check_simplified(const SheetLayer& layer, const Image<std::uint32_t>& ids, const Intrinsics& intrinsics,
                             float bound) {
   SimplifyParams params;
   params.max_relative_depth_error = bound;
@@ -180,7 +180,7 @@ Simplified check_simplified(const SheetLayer& layer, const Plane<std::uint32_t>&
   CHECK(std::fabs(error - static_cast<double>(mesh.result.depth.max_relative)) <= 0x1p-22);
   check_ids(full, thin, indexed.pixels, mesh.pixels, ids);
 
-  Plane<float> depth(layer.vertices.shape(), -1.0F, -2.0F);
+  Image<float> depth(layer.vertices.shape(), -1.0F, kPadding, -2.0F);
   REQUIRE(simplified_depth(mesh.view(), {mesh.pixels.data(), mesh.pixels.size()}, depth.view()).ok());
   std::vector<bool> covered(layer.vertices.shape().pixels(), false);
   for (const std::uint32_t p : indexed.pixels) covered[p] = true;
@@ -197,7 +197,7 @@ Simplified check_simplified(const SheetLayer& layer, const Plane<std::uint32_t>&
 }
 
 struct Terrain {
-  explicit Terrain(Shape s) : picture(s), ids(s, 0, 99) {}
+  explicit Terrain(Shape s) : picture(s), ids(s, 0, kPadding, 99) {}
   // A sum of waves with noise, over some planes.
   void raise(std::uint32_t seed, float noise) {
     RandomStream random(11, RandomPurpose::test, seed, 0, 0, 0);
@@ -206,8 +206,8 @@ struct Terrain {
       for (float& v : w) v = random.uniform(-1.0F, 1.0F);
     }
     const float tilt = random.uniform(-0.02F, 0.02F);
-    for (int y = 0; y < ids.shape.height; ++y) {
-      for (int x = 0; x < ids.shape.width; ++x) {
+    for (int y = 0; y < ids.shape().height; ++y) {
+      for (int x = 0; x < ids.shape().width; ++x) {
         const auto u = static_cast<float>(x);
         const auto v = static_cast<float>(y);
         float inverse = 0.1F * std::exp(tilt * (u - 0.5F * v));
@@ -227,7 +227,7 @@ struct Terrain {
   Simplified check(float bound) { return check_simplified(sheet(), ids, picture.intrinsics, bound); }
 
   Picture picture;
-  Plane<std::uint32_t> ids;
+  Image<std::uint32_t> ids;
 };
 
 // z of a plane of the world that shows at pixel (x, y).
@@ -441,7 +441,7 @@ TEST_CASE("simplify: the same bits for any executor, across tiles") {
   }
   const SheetLayer sheet = t.sheet();
   SerialExecutor serial;
-  ReverseExecutor reverse;
+  BackwardExecutor reverse;
   const Simplified a = simplify(sheet, t.ids.cview(), t.picture.intrinsics, {}, serial);
   const Simplified b = simplify(sheet, t.ids.cview(), t.picture.intrinsics, {}, reverse);
   CHECK(a.pixels == b.pixels);
@@ -511,8 +511,7 @@ TEST_CASE("simplify: bad input is refused and nothing written") {
   std::vector<Vec3f> vertices(30, Vec3f{5, 5, 5});
   std::vector<Face> faces(40, Face{7, 7, 7});
   std::vector<std::uint32_t> pixels(30, 77);
-  std::vector<unsigned char> bytes(simplify_layer_workspace_bytes({}, sheet.vertices.shape()));
-  Workspace workspace(bytes.data(), bytes.size());
+  Scratch scratch(simplify_layer_workspace_bytes({}, sheet.vertices.shape()));
   Workspace none;
   SimplifyResult result;
   const MeshBuffers out{{vertices.data(), 30}, {faces.data(), 40}, {pixels.data(), 30}};
@@ -520,26 +519,28 @@ TEST_CASE("simplify: bad input is refused and nothing written") {
     return simplify_layer(p, sheet, t.ids.cview(), k, 0, buffers, result, w, executor).code();
   };
   const Intrinsics& k = t.picture.intrinsics;
-  CHECK(run({-0.1F, 0.25F}, out, k, workspace) == StatusCode::invalid_argument);
-  CHECK(run({kNaN, 0.25F}, out, k, workspace) == StatusCode::invalid_argument);
-  CHECK(run({0.005F, 0.6F}, out, k, workspace) == StatusCode::invalid_argument);
-  CHECK(run({}, out, {0, 1, 0, 0}, workspace) == StatusCode::invalid_argument);
+  CHECK(run({-0.1F, 0.25F}, out, k, scratch.workspace()) == StatusCode::invalid_argument);
+  CHECK(run({kNaN, 0.25F}, out, k, scratch.workspace()) == StatusCode::invalid_argument);
+  CHECK(run({0.005F, 0.6F}, out, k, scratch.workspace()) == StatusCode::invalid_argument);
+  CHECK(run({}, out, {0, 1, 0, 0}, scratch.workspace()) == StatusCode::invalid_argument);
   CHECK(run({}, out, k, none) == StatusCode::workspace_exhausted);
-  CHECK(run({}, {{vertices.data(), 3}, {faces.data(), 40}, {}}, k, workspace) == StatusCode::capacity_exceeded);
+  CHECK(run({}, {{vertices.data(), 3}, {faces.data(), 40}, {}}, k, scratch.workspace()) ==
+        StatusCode::capacity_exceeded);
   CHECK(result.size.vertices == 4);
   CHECK(result.size.faces == 2);
-  CHECK(run({}, {{vertices.data(), 4}, {faces.data(), 1}, {}}, k, workspace) == StatusCode::capacity_exceeded);
-  CHECK(run({}, {{vertices.data(), 4}, {faces.data(), 2}, {pixels.data(), 3}}, k, workspace) ==
+  CHECK(run({}, {{vertices.data(), 4}, {faces.data(), 1}, {}}, k, scratch.workspace()) ==
         StatusCode::capacity_exceeded);
-  const Plane<std::uint32_t> other({5, 5}, 0, 0);
-  CHECK(simplify_layer({}, sheet, other.cview(), k, 0, out, result, workspace, executor).code() ==
+  CHECK(run({}, {{vertices.data(), 4}, {faces.data(), 2}, {pixels.data(), 3}}, k, scratch.workspace()) ==
+        StatusCode::capacity_exceeded);
+  const Image<std::uint32_t> other({5, 5}, 0, kPadding, 0);
+  CHECK(simplify_layer({}, sheet, other.cview(), k, 0, out, result, scratch.workspace(), executor).code() ==
         StatusCode::shape_mismatch);
   CHECK(vertices[0] == Vec3f{5, 5, 5});
   CHECK(faces[0].a == 7);
   CHECK(pixels[0] == 77);
-  CHECK(run({}, {{vertices.data(), 4}, {faces.data(), 2}, {}}, k, workspace) == StatusCode::ok);
+  CHECK(run({}, {{vertices.data(), 4}, {faces.data(), 2}, {}}, k, scratch.workspace()) == StatusCode::ok);
 
-  Plane<float> depth({6, 5}, 0.0F, 0.0F);
+  Image<float> depth({6, 5}, 0.0F, kPadding, 0.0F);
   const TriangleMeshView mesh{{vertices.data(), 4}, {faces.data(), 2}};
   CHECK(simplified_depth(mesh, {pixels.data(), 4}, depth.view()).code() == StatusCode::invalid_argument);
   CHECK(simplified_depth(mesh, {pixels.data(), 2}, depth.view()).code() == StatusCode::invalid_argument);

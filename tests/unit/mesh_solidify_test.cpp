@@ -37,11 +37,9 @@ Solid solidify_front(Indexed front, const SolidifyParams& params, const Solidify
   const SolidifyFront view{{{front.vertices.data(), front.vertices.size()}, {faces.data(), faces.size()}},
                            {front.pixels.data(), front.pixels.size()},
                            first};
-  std::vector<unsigned char> bytes(
-      solidify_workspace_bytes(params, scene.object.shape(), front.vertices.size(), faces.size()));
-  Workspace workspace(bytes.data(), bytes.size());
+  Scratch scratch(solidify_workspace_bytes(params, scene.object.shape(), front.vertices.size(), faces.size()));
   MeshSize size;
-  const Status asked = solidify(params, view, scene, MeshBuffers{}, size, workspace, executor);
+  const Status asked = solidify(params, view, scene, MeshBuffers{}, size, scratch.workspace(), executor);
   solid.status = asked;
   solid.front = std::move(front);
   if (asked.code() != StatusCode::capacity_exceeded) return solid;
@@ -50,8 +48,8 @@ Solid solidify_front(Indexed front, const SolidifyParams& params, const Solidify
   Indexed& b = solid.backs;
   const MeshBuffers out{
       {b.vertices.data(), b.vertices.size()}, {b.faces.data(), b.faces.size()}, {b.pixels.data(), b.pixels.size()}};
-  solid.status = solidify(params, view, scene, out, size, workspace, executor);
-  CHECK(workspace.used() == 0);
+  solid.status = solidify(params, view, scene, out, size, scratch.workspace(), executor);
+  CHECK(scratch.workspace().used() == 0);
   return solid;
 }
 
@@ -196,7 +194,7 @@ TEST_CASE("solidify: a parked car seen from behind and beside ends where its box
 TEST_CASE("solidify: above the belt a car's far end is that of its cabin, where the ground is known") {
   const SolidifyParams params;
   const BackRule& rule = params.rules[label::car];
-  UprightBox box;
+  solidify_detail::UprightBox box;
   box.along[0] = {1, 0, 0};
   box.along[1] = {0, 0, 1};
   box.low_m[0] = -0.9F;
@@ -237,7 +235,7 @@ TEST_CASE("solidify: a back stays before the background of its pixel and above t
   }
   CHECK(touched);
   // A wall in front of the object cannot be had: the front wins.
-  for (Vec3f& v : p.background.vertices.data) v = {0, 0, 5};
+  p.background.vertices = Image<Vec3f>(p.shape, Vec3f{0, 0, 5});
   scene.background = p.background.vertices.cview();
   s = solidify_front(index(p.foreground.view()), {}, scene, executor);
   for (std::size_t v = 0; v < s.backs.vertices.size(); ++v) {

@@ -59,11 +59,10 @@ Picture random_street(std::uint32_t trial, Shape shape) {
 template <class F, class Executor>
 Layer completed(Picture& p, const BackgroundParams& params, Executor& executor) {
   Layer layer(p.shape);
-  std::vector<unsigned char> bytes(complete_background_workspace_bytes(params, p.shape));
-  Workspace workspace(bytes.data(), bytes.size());
-  REQUIRE(complete_background<F>(params, p.sheet.vertices.cview(), p.labels.cview(), p.uncertain.cview(),
-                                 p.surface.cview(), p.intrinsics, layer.view(), p.state.view(), workspace, executor)
-              .ok());
+  Scratch scratch(complete_background_workspace_bytes(params, p.shape));
+  REQUIRE(
+      complete_background<F>(params, p.background_input(), layer.view(), p.state.view(), scratch.workspace(), executor)
+          .ok());
   return layer;
 }
 
@@ -79,12 +78,12 @@ TEST_CASE("the street completion is its definition to 1e-5, and the same bits fo
     BackgroundParams params;
     if (trial % 4 == 1) params.street.farthest_floor = 8.0F;
     p.run(params);
-    std::vector<unsigned char> bytes(complete_background_workspace_bytes(params, p.shape));
-    Workspace workspace(bytes.data(), bytes.size());
+    Scratch scratch(complete_background_workspace_bytes(params, p.shape));
     SerialExecutor serial;
     StreetFloor floor;
-    REQUIRE(mesh_detail::find_floor(params.floor, p.sheet.vertices.cview(), p.labels.cview(), p.uncertain.cview(),
-                                    p.state.cview(), p.intrinsics, workspace, serial, floor)
+    REQUIRE(mesh_detail::find_floor<simd::F32>(params.floor, p.sheet.vertices.cview(), p.labels.cview(),
+                                               p.uncertain.cview(), p.state.cview(), p.intrinsics, scratch.workspace(),
+                                               serial, floor)
                 .ok());
     floors += floor.valid ? 1 : 0;
     const auto kept = p.background.vertices.cview();
@@ -108,12 +107,12 @@ TEST_CASE("the street completion is its definition to 1e-5, and the same bits fo
         ties += answers.size() > 1 ? 1 : 0;
       }
     }
-    const ReverseExecutor reverse;
+    const BackwardExecutor reverse;
     ThreadPool pool(2);
     for (const Layer& same : {completed<simd::scalar::F32>(p, params, serial), completed<simd::F32>(p, params, reverse),
                               completed<simd::F32>(p, params, pool)}) {
-      CHECK(same.vertices.data == p.background.vertices.data);
-      CHECK(same.quads.data == p.background.quads.data);
+      CHECK(same.vertices == p.background.vertices);
+      CHECK(same.quads == p.background.quads);
     }
   }
   CHECK(floors == 12);
@@ -126,8 +125,8 @@ TEST_CASE("the slope at an anchor is the least-squares one to 5e-8 of its invers
     CAPTURE(trial);
     RandomStream random(12, RandomPurpose::test, trial, 0, 0, 0);
     const int radius = trial % 3 == 0 ? 4 : 4 + static_cast<int>(random.uniform(0.0F, 60.0F));
-    Plane<Vec3f> vertices({200, 150}, {}, {7, 7, 7});
-    Plane<std::uint8_t> state({200, 150}, row_state::known, 3);
+    Image<Vec3f> vertices({200, 150}, {}, kPadding, {7, 7, 7});
+    Image<std::uint8_t> state({200, 150}, row_state::known, kPadding, 3);
     const float px = random.uniform(-1e-4F, 1e-4F);
     const float py = random.uniform(-1e-4F, 1e-4F);
     for (int y = 0; y < 150; ++y) {

@@ -7,7 +7,7 @@
 
 #include "mesh_fixture.hpp"
 #include "mesh_masks.hpp"
-#include "npsim/mesh/check_layer.hpp"
+#include "npsim/mesh/check.hpp"
 #include "npsim/mesh/simplify.hpp"
 #include "npsim/mesh/solidify.hpp"
 
@@ -72,12 +72,11 @@ Indexed simplified(Picture& p, const SheetLayer& layer, ImageView<const std::uin
   const MeshSize most = mesh_size(layer);
   Indexed mesh{std::vector<Vec3f>(most.vertices), std::vector<Face>(most.faces),
                std::vector<std::uint32_t>(most.vertices)};
-  std::vector<unsigned char> bytes(simplify_layer_workspace_bytes(params, p.shape));
-  Workspace workspace(bytes.data(), bytes.size());
+  Scratch scratch(simplify_layer_workspace_bytes(params, p.shape));
   SerialExecutor executor;
   const MeshBuffers out{
       {mesh.vertices.data(), most.vertices}, {mesh.faces.data(), most.faces}, {mesh.pixels.data(), most.vertices}};
-  const Status status = simplify_layer(params, layer, ids, p.intrinsics, 0, out, result, workspace, executor);
+  const Status status = simplify_layer(params, layer, ids, p.intrinsics, 0, out, result, scratch.workspace(), executor);
   REQUIRE_MESSAGE(status.ok(), status.message());
   mesh.vertices.resize(result.size.vertices);
   mesh.pixels.resize(result.size.vertices);
@@ -100,14 +99,13 @@ Indexed solid(Picture& p, const Indexed& front) {
   all.vertices.resize(2 * n);
   all.pixels.resize(2 * n);
   all.faces.resize(2 * faces + 6 * faces);  // if every edge were on the rim
-  std::vector<unsigned char> bytes(solidify_workspace_bytes(params, p.shape, n, faces));
-  Workspace workspace(bytes.data(), bytes.size());
+  Scratch scratch(solidify_workspace_bytes(params, p.shape, n, faces));
   SerialExecutor executor;
   MeshSize size;
   const MeshBuffers out{
       {all.vertices.data() + n, n}, {all.faces.data() + faces, 7 * faces}, {all.pixels.data() + n, n}};
   const SolidifyFront visible{front.view(), {front.pixels.data(), n}, 0};
-  const Status status = solidify(params, visible, scene, out, size, workspace, executor);
+  const Status status = solidify(params, visible, scene, out, size, scratch.workspace(), executor);
   REQUIRE_MESSAGE(status.ok(), status.message());
   CHECK(size.vertices == n);
   all.faces.resize(faces + size.faces);
@@ -201,9 +199,8 @@ TEST_CASE("10,000 random masks: no hole inside a sheet, no fault in any mesh") {
     LayerReport layer;
     REQUIRE(check_background(p.background.view(), p.state.cview(), layer).ok());
     CHECK(layer_fault(layer) == "");
-    std::vector<unsigned char> bytes(check_foreground_workspace_bytes(p.shape));
-    Workspace workspace(bytes.data(), bytes.size());
-    REQUIRE(check_foreground(p.foreground.view(), p.object.cview(), workspace, layer).ok());
+    Scratch scratch(check_foreground_workspace_bytes(p.shape));
+    REQUIRE(check_foreground(p.foreground.view(), p.object.cview(), scratch.workspace(), layer).ok());
     CHECK(layer_fault(layer) == "");
 
     SimplifyResult result;

@@ -15,7 +15,6 @@
 #include "npsim/io/scene.hpp"
 #include "npsim/io/scene_resize.hpp"
 #include "npsim/mesh/check.hpp"
-#include "npsim/mesh/check_layer.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"

@@ -15,7 +15,7 @@
 #include "npsim/core/random.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/render/detail/coverage.hpp"
+#include "npsim/render/detail/rasterize.hpp"
 #include "npsim/render/preview.hpp"
 #include "unit/fixture.hpp"
 
@@ -48,18 +48,15 @@ struct Buffers {
 template <class Executor>
 Status rasterized(const Soup& soup, const Intrinsics& k, const ViewPose& pose, Buffers& out, Executor& executor,
                   const RasterizeParams& params = {}) {
-  std::vector<unsigned char> bytes(rasterize_workspace_bytes(params, soup.vertices.size(), soup.faces.size()));
-  Workspace workspace(bytes.data(), bytes.size());
-  return rasterize(params, soup.view(), k, pose, out.view(), workspace, executor);
+  npsim_test::Scratch scratch(rasterize_workspace_bytes(soup.vertices.size(), soup.faces.size()));
+  return rasterize(params, soup.view(), k, pose, out.view(), scratch.workspace(), executor);
 }
 
 template <class Executor>
 Status previewed(const PreviewParams& params, const Soup& soup, const PreviewColours& colours, const Intrinsics& k,
                  const ViewPose& pose, io::Image<Rgb8>& out, Executor& executor) {
-  std::vector<unsigned char> bytes(
-      preview_workspace_bytes(params, out.shape(), soup.vertices.size(), soup.faces.size()));
-  Workspace workspace(bytes.data(), bytes.size());
-  return preview(params, soup.view(), colours, k, pose, out.view(), workspace, executor);
+  npsim_test::Scratch scratch(preview_workspace_bytes(params, out.shape(), soup.vertices.size(), soup.faces.size()));
+  return preview(params, soup.view(), colours, k, pose, out.view(), scratch.workspace(), executor);
 }
 
 struct Random {
@@ -207,7 +204,7 @@ Soup closed_sheet(int cells, float size_px, float jitter, const Intrinsics& k, S
 // How often each pixel is drawn, whatever the depth.
 io::Image<int> times_drawn(const Soup& soup, const Intrinsics& k, Shape shape) {
   io::Image<int> count(shape, 0);
-  const rasterize_detail::Projection projection(k, ViewPose{}, 0.05F);
+  const rasterize_detail::Projection projection = rasterize_detail::projection_of(k, ViewPose{}, 0.05F);
   std::vector<ScreenCorner> corners;
   for (const Vec3f& v : soup.vertices) {
     const Vec3d p = projection.scaled_point(v);

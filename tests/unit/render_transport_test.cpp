@@ -88,7 +88,7 @@ std::vector<std::uint8_t> visibility_of(const World& world, const Emitter& emitt
   SerialExecutor serial;
   NullObserver observer;
   const float peak[1] = {peak_cd};
-  REQUIRE(compute_visibility(params, world.bvh, world.points(), {}, Span<const Emitter>(&emitter, 1), peak,
+  REQUIRE(compute_visibility(params, 0, world.bvh, world.points(), {}, Span<const Emitter>(&emitter, 1), peak,
                              {face_mark.data(), face_mark.size()}, {out.data(), out.size()}, serial, observer)
               .ok());
   return out;
@@ -181,7 +181,7 @@ TEST_CASE("gather: inside a closed white-lit box every ray lands and the furnace
   std::vector<Vec3f> sky(1);
   SerialExecutor serial;
   NullObserver observer;
-  REQUIRE(trace_gather_rays(params, world.bvh, nearest_corner(world.faces), world.points(),
+  REQUIRE(trace_gather_rays(params, 0, world.bvh, nearest_corner(world.faces), world.points(),
                             Span<const std::uint32_t>(&receiver, 1), SkyParams{}, {hits.data(), hits.size()}, {sky.data(), 1}, serial, observer)
               .ok());
   for (const std::uint32_t h : hits) CHECK(h != kNoPoint);
@@ -208,7 +208,7 @@ TEST_CASE("gather: an open road under the night sky gets the sky's irradiance, a
   std::vector<Vec3f> sky(1);
   SerialExecutor serial;
   NullObserver observer;
-  REQUIRE(trace_gather_rays(params, world.bvh, nearest_corner(world.faces), world.points(),
+  REQUIRE(trace_gather_rays(params, 0, world.bvh, nearest_corner(world.faces), world.points(),
                             Span<const std::uint32_t>(&receiver, 1), SkyParams{}, {hits.data(), hits.size()}, {sky.data(), 1}, serial, observer)
               .ok());
   for (const std::uint32_t h : hits) CHECK(h == kNoPoint);
@@ -319,7 +319,7 @@ TEST_CASE("visibility and direct light agree with brute force in double among ra
   const std::size_t n = world.vertices.size();
   std::vector<std::uint8_t> seen(n * lamps.size());
   const std::vector<std::uint16_t> no_marks(world.faces.size(), 0);
-  REQUIRE(compute_visibility(params, world.bvh, world.points(), {}, {lamps.data(), lamps.size()}, {peak.data(), peak.size()},
+  REQUIRE(compute_visibility(params, 0, world.bvh, world.points(), {}, {lamps.data(), lamps.size()}, {peak.data(), peak.size()},
                              {no_marks.data(), no_marks.size()}, {seen.data(), seen.size()}, serial, observer)
               .ok());
   std::vector<Vec3f> illuminance(n);

@@ -8,7 +8,7 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/sensor/exposure.hpp"
-#include "fixture.hpp"
+#include "unit/sensor_fixture.hpp"
 
 namespace {
 
@@ -20,24 +20,18 @@ using npsim::RandomPurpose;
 using npsim::RandomStream;
 using npsim::Shape;
 using npsim::Vec3f;
+using sensor_test::Image;
+using sensor_test::pixels;
 
 constexpr float kInf = std::numeric_limits<float>::infinity();
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
-struct Image {
-  std::vector<Vec3f> pixels;
-  Shape shape;
-  Image(int width, int height, Vec3f value = {}) : pixels(Shape{width, height}.pixels(), value), shape{width, height} {}
-  ImageView<Vec3f> view() { return {pixels.data(), shape}; }
-};
-
 template <class Executor>
 AutoExposureResult choose(const AutoExposureParams& params, Image& image, Executor executor) {
-  std::vector<unsigned char> bytes(npsim::auto_exposure_workspace_bytes(image.shape));
-  npsim::Workspace workspace(bytes.data(), bytes.size());
+  npsim_test::Scratch scratch(npsim::auto_exposure_workspace_bytes(image.shape()));
   AutoExposureResult result;
-  REQUIRE(npsim::auto_exposure(params, ImageView<const Vec3f>(image.view()), result, workspace, executor).ok());
-  CHECK(workspace.used() == 0);
+  REQUIRE(npsim::auto_exposure(params, image.cview(), result, scratch.workspace(), executor).ok());
+  CHECK(scratch.workspace().used() == 0);
   return result;
 }
 
@@ -46,19 +40,19 @@ double clipped_mean(const Image& image, const CameraExposure& camera) {
   const double gain = std::acos(-1.0) / 4 / d(camera.f_number) / d(camera.f_number) * d(camera.transmittance) *
                       d(camera.time_s) * d(camera.iso) / 78;
   double sum = 0;
-  for (const Vec3f& p : image.pixels) {
+  for (const Vec3f& p : pixels(image)) {
     const auto clip = [gain, d](float v) { return v > 0 ? std::fmin(1.0, gain * d(v)) : 0.0; };
     sum += 0.2126 * clip(p.x) + 0.7152 * clip(p.y) + 0.0722 * clip(p.z);
   }
-  return sum / static_cast<double>(image.pixels.size());
+  return sum / static_cast<double>(pixels(image).size());
 }
 
 Image street() {
-  Image image(97, 61);
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+  Image image({97, 61});
+  for (std::size_t i = 0; i < pixels(image).size(); ++i) {
     RandomStream random(1, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(i), 0);
-    const float y = i > image.pixels.size() / 2 ? random.uniform(0.2F, 1.0F) : random.uniform(0.0F, 0.05F);
-    image.pixels[i] = Vec3f{1.4F, 1.0F, 0.5F} * y;
+    const float y = i > pixels(image).size() / 2 ? random.uniform(0.2F, 1.0F) : random.uniform(0.0F, 0.05F);
+    pixels(image)[i] = Vec3f{1.4F, 1.0F, 0.5F} * y;
   }
   return image;
 }
@@ -73,17 +67,16 @@ TEST_CASE("sensor: 1 cd/m2 at f/2, 1/30 s and ISO 3200 gives 5.9 mlx s, 24 % of 
 }
 
 TEST_CASE("sensor: expose keeps what exceeds full scale and drops what is not light") {
-  Image image(5, 1);
-  image.pixels = {{1, 2, 3}, {1e6F, 0, 0}, {-1, kNan, 1}, {kInf, 1, 1}, {0, 0, 0}};
+  Image image({5, 1}, {{1, 2, 3}, {1e6F, 0, 0}, {-1, kNan, 1}, {kInf, 1, 1}, {0, 0, 0}});
   const CameraExposure camera{2.0F, 1.0F / 30.0F, 3200.0F, 0.9F};
   const npsim::SerialExecutor executor;
-  REQUIRE(npsim::expose(camera, ImageView<const Vec3f>(image.view()), image.view(), executor).ok());
-  CHECK(image.pixels[0].z == doctest::Approx(3 * 0.24166));
-  CHECK(image.pixels[1].x == doctest::Approx(241660.0));
-  CHECK(image.pixels[2].x == 0.0F);
-  CHECK(image.pixels[2].y == 0.0F);
-  CHECK(std::isfinite(image.pixels[3].x));
-  CHECK(image.pixels[3].x > 1e9F);
+  REQUIRE(npsim::expose(camera, image.cview(), image.view(), executor).ok());
+  CHECK(pixels(image)[0].z == doctest::Approx(3 * 0.24166));
+  CHECK(pixels(image)[1].x == doctest::Approx(241660.0));
+  CHECK(pixels(image)[2].x == 0.0F);
+  CHECK(pixels(image)[2].y == 0.0F);
+  CHECK(std::isfinite(pixels(image)[3].x));
+  CHECK(pixels(image)[3].x > 1e9F);
 }
 
 TEST_CASE("sensor: automatic exposure meets its target, with and without saturated lamps") {
@@ -95,7 +88,7 @@ TEST_CASE("sensor: automatic exposure meets its target, with and without saturat
   CHECK(plain.achieved_mean == doctest::Approx(0.045).epsilon(1e-5));
   CHECK(clipped_mean(image, plain.camera) == doctest::Approx(0.045).epsilon(1e-5));
 
-  for (int i = 0; i < 12; ++i) image.pixels[static_cast<std::size_t>(i) * 7] = {3e4F, 3e4F, 3e4F};  // .2 % of the area
+  for (int i = 0; i < 12; ++i) pixels(image)[static_cast<std::size_t>(i) * 7] = {3e4F, 3e4F, 3e4F};  // .2 % of the area
   const AutoExposureResult lamps = choose(params, image, npsim::SerialExecutor{});
   CHECK(lamps.reached);
   CHECK(clipped_mean(image, lamps.camera) == doctest::Approx(0.045).epsilon(1e-5));
@@ -112,26 +105,26 @@ TEST_CASE("sensor: automatic exposure gives the same bits for any order of the c
 
 TEST_CASE("sensor: automatic exposure stops at its limits: black, too bright, all NaN, one pixel") {
   const AutoExposureParams params;
-  Image black(1, 40);
+  Image black({1, 40});
   const AutoExposureResult dark = choose(params, black, npsim::SerialExecutor{});
   CHECK(dark.camera.iso == 6400.0F);
   CHECK(dark.achieved_mean == 0.0F);
   CHECK_FALSE(dark.reached);
-  Image day(40, 1, {3000, 3000, 3000});
+  Image day({40, 1}, {3000, 3000, 3000});
   const AutoExposureResult bright = choose(params, day, npsim::SerialExecutor{});
   CHECK(bright.camera.iso == 100.0F);
   CHECK(bright.achieved_mean == doctest::Approx(1.0));
   CHECK_FALSE(bright.reached);
-  Image broken(3, 3, {kNan, -1, kNan});
+  Image broken({3, 3}, {kNan, -1, kNan});
   CHECK(choose(params, broken, npsim::SerialExecutor{}).achieved_mean == 0.0F);
-  Image one(1, 1, {1, 1, 1});
+  Image one({1, 1}, {1, 1, 1});
   CHECK(choose(params, one, npsim::SerialExecutor{}).achieved_mean == doctest::Approx(0.045).epsilon(1e-5));
 }
 
 TEST_CASE("sensor: exposure refuses parameters out of range and empty or unequal images") {
   const npsim::SerialExecutor executor;
-  Image image(4, 4);
-  Image other(4, 3);
+  Image image({4, 4});
+  Image other({4, 3});
   const ImageView<const Vec3f> in = image.view();
   const CameraExposure bad[] = {{0, 1, 100, 1}, {kNan, 1, 100, 1}, {2, 0, 100, 1}, {2, 1, kInf, 1}, {2, 1, 100, 1.5F}};
   for (const CameraExposure& camera : bad) {

@@ -8,7 +8,7 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/sensor/glare.hpp"
-#include "fixture.hpp"
+#include "unit/sensor_fixture.hpp"
 
 namespace {
 
@@ -18,39 +18,30 @@ using npsim::RandomPurpose;
 using npsim::RandomStream;
 using npsim::Shape;
 using npsim::Vec3f;
-
-struct Image {
-  std::vector<Vec3f> pixels;
-  Shape shape;
-  Image(int width, int height, Vec3f value = {}) : pixels(Shape{width, height}.pixels(), value), shape{width, height} {}
-  ImageView<Vec3f> view() { return {pixels.data(), shape}; }
-  [[nodiscard]] ImageView<const Vec3f> view() const { return {pixels.data(), shape}; }
-  Vec3f& at(int x, int y) { return view()(x, y); }
-  [[nodiscard]] const Vec3f& at(int x, int y) const { return view()(x, y); }
-};
+using sensor_test::Image;
+using sensor_test::pixels;
 
 template <class Executor>
 Image glared(const GlareParams& params, Image image, Executor executor) {
-  std::vector<unsigned char> bytes(npsim::glare_workspace_bytes(params, image.shape));
-  npsim::Workspace workspace(bytes.data(), bytes.size());
-  REQUIRE(npsim::add_glare(params, ImageView<const Vec3f>(image.view()), image.view(), workspace, executor).ok());
+  npsim_test::Scratch scratch(npsim::glare_workspace_bytes(params, image.shape()));
+  REQUIRE(npsim::add_glare(params, image.cview(), image.view(), scratch.workspace(), executor).ok());
   return image;
 }
 
 double total(const Image& image) {
   double sum = 0;
-  for (const Vec3f& p : image.pixels) {
+  for (const Vec3f& p : pixels(image)) {
     sum += static_cast<double>(p.x) + static_cast<double>(p.y) + static_cast<double>(p.z);
   }
   return sum;
 }
 
 Image street(int width, int height) {
-  Image image(width, height);
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+  Image image({width, height});
+  for (std::size_t i = 0; i < pixels(image).size(); ++i) {
     RandomStream random(2, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(i), 0);
-    image.pixels[i] = {random.uniform(), random.uniform(), random.uniform()};
-    if (random.uniform() < 0.01F) image.pixels[i] *= 2e4F;
+    pixels(image)[i] = {random.uniform(), random.uniform(), random.uniform()};
+    if (random.uniform() < 0.01F) pixels(image)[i] *= 2e4F;
   }
   return image;
 }
@@ -61,8 +52,8 @@ TEST_CASE("sensor: glare keeps the energy, lamps at the very border included") {
   const Shape shapes[] = {{160, 90}, {33, 57}, {1, 64}, {64, 1}, {2, 3}, {1, 1}};
   for (const Shape shape : shapes) {
     Image image = street(shape.width, shape.height);
-    image.at(0, 0) = {5e4F, 1, 1};
-    image.at(shape.width - 1, shape.height - 1) = {1, 1, 5e4F};
+    image(0, 0) = {5e4F, 1, 1};
+    image(shape.width - 1, shape.height - 1) = {1, 1, 5e4F};
     const Image out = glared(GlareParams{}, image, npsim::SerialExecutor{});
     CAPTURE(shape.width);
     CHECK(std::fabs(total(out) / total(image) - 1.0) < 1e-5);
@@ -70,8 +61,8 @@ TEST_CASE("sensor: glare keeps the energy, lamps at the very border included") {
 }
 
 TEST_CASE("sensor: glare leaves a constant image and, at strength 0, every image as it is") {
-  const Image constant = glared(GlareParams{}, Image(70, 50, {0.25F, 1.0F, 3.0F}), npsim::SerialExecutor{});
-  for (const Vec3f& p : constant.pixels) {
+  const Image constant = glared(GlareParams{}, Image({70, 50}, {0.25F, 1.0F, 3.0F}), npsim::SerialExecutor{});
+  for (const Vec3f& p : pixels(constant)) {
     CHECK(p.x == doctest::Approx(0.25).epsilon(1e-6));
     CHECK(p.z == doctest::Approx(3.0).epsilon(1e-6));
   }
@@ -79,15 +70,15 @@ TEST_CASE("sensor: glare leaves a constant image and, at strength 0, every image
   off.strength = 0;
   const Image image = street(40, 30);
   const Image same = glared(off, image, npsim::SerialExecutor{});
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) CHECK(same.pixels[i] == image.pixels[i]);
+  for (std::size_t i = 0; i < pixels(image).size(); ++i) CHECK(pixels(same)[i] == pixels(image)[i]);
 }
 
 TEST_CASE("sensor: the halo of one lamp is the Gaussian of each lobe") {
   const double pi = std::acos(-1.0);
   const double sigmas[] = {0.8, 2.16, 10.8, 43.2};
   for (const double sigma : sigmas) {
-    Image image(401, 401);
-    image.at(200, 200) = {1e4F, 0, 0};
+    Image image({401, 401});
+    image(200, 200) = {1e4F, 0, 0};
     GlareParams params;
     for (npsim::GlareLobe& lobe : params.lobes) lobe = {static_cast<float>(sigma / 401), 0.0F};
     params.lobes[1].weight = 1.0F;
@@ -99,7 +90,7 @@ TEST_CASE("sensor: the halo of one lamp is the Gaussian of each lobe") {
       for (int x = 0; x < 401; ++x) {
         const double dx = x - 200;
         const double dy = y - 200;
-        const auto value = static_cast<double>(out.at(x, y).x);
+        const auto value = static_cast<double>(out(x, y).x);
         second_moment += value * dx * dx / 1e4;
         worst = std::fmax(worst, std::fabs(value - peak * std::exp(-(dx * dx + dy * dy) / (2 * sigma * sigma))) / peak);
       }
@@ -114,33 +105,33 @@ TEST_CASE("sensor: the halo of one lamp is the Gaussian of each lobe") {
 
 TEST_CASE("sensor: three lobes add up, each with its own width") {
   GlareParams params;
-  Image image(301, 301);
-  image.at(150, 150) = {1e5F, 1e5F, 1e5F};
+  Image image({301, 301});
+  image(150, 150) = {1e5F, 1e5F, 1e5F};
   const Image all = glared(params, image, npsim::SerialExecutor{});
-  std::vector<double> sum(image.pixels.size(), 0.0);
+  std::vector<double> sum(pixels(image).size(), 0.0);
   for (int k = 0; k < npsim::kGlareLobes; ++k) {
     GlareParams single = params;
     for (npsim::GlareLobe& lobe : single.lobes) lobe = {params.lobes[k].sigma, 0.0F};
     single.lobes[0].weight = params.lobes[k].weight;
     Image out = glared(single, image, npsim::SerialExecutor{});
-    out.at(150, 150) = {};
-    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += static_cast<double>(out.pixels[i].y);
+    out(150, 150) = {};
+    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += static_cast<double>(pixels(out)[i].y);
   }
   // A lobe built from the one before it has a few more boxes, and is by so much nearer to the Gaussian.
   for (const int distance : {3, 10, 25, 50}) {
     const std::size_t i = 150 * 301 + 150 + static_cast<std::size_t>(distance);
     CAPTURE(distance);
-    CHECK(static_cast<double>(all.pixels[i].y) == doctest::Approx(sum[i]).epsilon(0.03));
+    CHECK(static_cast<double>(pixels(all)[i].y) == doctest::Approx(sum[i]).epsilon(0.03));
   }
-  CHECK(all.at(150, 150).y < 1e5F);
+  CHECK(all(150, 150).y < 1e5F);
 }
 
 TEST_CASE("sensor: nothing of a lamp stays behind in the running sums") {
-  Image image(600, 40);
-  for (int y = 0; y < 40; ++y) image.at(2, y) = {1e5F, 1e5F, 1e5F};
+  Image image({600, 40});
+  for (int y = 0; y < 40; ++y) image(2, y) = {1e5F, 1e5F, 1e5F};
   const Image out = glared(GlareParams{}, image, npsim::SerialExecutor{});
   for (int y = 0; y < 40; ++y) {
-    for (int x = 120; x < 600; ++x) CHECK(out.at(x, y).y < 1e-12F);
+    for (int x = 120; x < 600; ++x) CHECK(out(x, y).y < 1e-12F);
   }
 }
 
@@ -148,42 +139,42 @@ TEST_CASE("sensor: glare gives the same bits for any order of the chunks, in pla
   const Image image = street(150, 77);
   const Image a = glared(GlareParams{}, image, npsim::SerialExecutor{});
   const Image b = glared(GlareParams{}, image, npsim_test::BackwardExecutor{});
-  Image wide(170, 80, {9, 9, 9});
+  Image wide({170, 80}, {9, 9, 9});
   Image source = image;
-  std::vector<unsigned char> bytes(npsim::glare_workspace_bytes(GlareParams{}, image.shape));
-  npsim::Workspace workspace(bytes.data(), bytes.size());
+  npsim_test::Scratch scratch(npsim::glare_workspace_bytes(GlareParams{}, image.shape()));
   const npsim::SerialExecutor executor;
-  const ImageView<Vec3f> part = wide.view().sub(11, 2, image.shape);
-  REQUIRE(npsim::add_glare(GlareParams{}, ImageView<const Vec3f>(source.view()), part, workspace, executor).ok());
+  const ImageView<Vec3f> part = wide.view().sub(11, 2, image.shape());
+  REQUIRE(npsim::add_glare(GlareParams{}, source.cview(), part, scratch.workspace(), executor).ok());
   for (int y = 0; y < 77; ++y) {
     for (int x = 0; x < 150; ++x) {
       const std::size_t i = static_cast<std::size_t>(y) * 150 + static_cast<std::size_t>(x);
-      CHECK(a.pixels[i] == b.pixels[i]);
-      CHECK(a.pixels[i] == part(x, y));
+      CHECK(pixels(a)[i] == pixels(b)[i]);
+      CHECK(pixels(a)[i] == part(x, y));
     }
   }
-  CHECK(wide.at(10, 2).x == 9.0F);
-  CHECK(wide.at(161, 2).x == 9.0F);
+  CHECK(wide(10, 2).x == 9.0F);
+  CHECK(wide(161, 2).x == 9.0F);
 }
 
 TEST_CASE("sensor: the cap bounds the halo, not the lamp; NaN and infinity do not spread") {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const float inf = std::numeric_limits<float>::infinity();
-  Image image(101, 101);
-  image.at(50, 50) = {1e9F, 5e8F, 0};
+  Image image({101, 101});
+  image(50, 50) = {1e9F, 5e8F, 0};
   GlareParams params;
   params.cap = 1000;
   const Image out = glared(params, image, npsim::SerialExecutor{});
   CHECK(total(out) == doctest::Approx(1.5e9));
-  Image capped(101, 101);
-  capped.at(50, 50) = {1000, 500, 0};
+  Image capped({101, 101});
+  capped(50, 50) = {1000, 500, 0};
   const Image reference = glared(params, capped, npsim::SerialExecutor{});
-  CHECK(out.pixels[50 * 101 + 53] == reference.pixels[50 * 101 + 53]);
+  CHECK(pixels(out)[50 * 101 + 53] == pixels(reference)[50 * 101 + 53]);
 
-  Image broken(60, 60, {1, 1, 1});
-  broken.at(20, 20) = {nan, 1, -5};
-  broken.at(40, 40) = {inf, inf, inf};
-  for (const Vec3f& p : glared(GlareParams{}, broken, npsim::SerialExecutor{}).pixels) {
+  Image broken({60, 60}, {1, 1, 1});
+  broken(20, 20) = {nan, 1, -5};
+  broken(40, 40) = {inf, inf, inf};
+  const Image sane = glared(GlareParams{}, broken, npsim::SerialExecutor{});
+  for (const Vec3f& p : pixels(sane)) {
     CHECK(npsim::is_finite(p));
     CHECK(p.x >= 0.0F);
     CHECK(p.z >= 0.0F);
@@ -198,15 +189,15 @@ TEST_CASE("sensor: halos fall off as those of a near and a far street lamp in ph
     float level;
   };
   const auto check = [](float light, auto... samples) {
-    Image image(640, 540);
-    image.at(320, 270) = {light, light, light};
+    Image image({640, 540});
+    image(320, 270) = {light, light, light};
     GlareParams params;
     params.cap = 1e7F;
     const Image out = glared(params, image, npsim::SerialExecutor{});
     for (const Sample& sample : {samples...}) {
       CAPTURE(sample.radius);
-      CHECK(out.at(320 + sample.radius, 270).y > 0.5F * sample.level);
-      CHECK(out.at(320 + sample.radius, 270).y < 2.0F * sample.level);
+      CHECK(out(320 + sample.radius, 270).y > 0.5F * sample.level);
+      CHECK(out(320 + sample.radius, 270).y < 2.0F * sample.level);
     }
   };
   check(9e3F, Sample{7, 0.056F}, Sample{10, 0.018F}, Sample{15, 0.006F});
@@ -214,7 +205,7 @@ TEST_CASE("sensor: halos fall off as those of a near and a far street lamp in ph
 }
 
 TEST_CASE("sensor: glare refuses parameters out of range and a small workspace") {
-  Image image(8, 8);
+  Image image({8, 8});
   const ImageView<const Vec3f> in = image.view();
   const npsim::SerialExecutor executor;
   npsim::Workspace none;

@@ -8,7 +8,7 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/sensor/isp.hpp"
-#include "fixture.hpp"
+#include "unit/sensor_fixture.hpp"
 
 namespace {
 
@@ -21,19 +21,14 @@ using npsim::Shape;
 using npsim::ToneCurve;
 using npsim::ToneKind;
 using npsim::Vec3f;
-
-struct Image {
-  std::vector<Vec3f> pixels;
-  Shape shape;
-  Image(int width, int height, Vec3f value = {}) : pixels(Shape{width, height}.pixels(), value), shape{width, height} {}
-  ImageView<Vec3f> view() { return {pixels.data(), shape}; }
-};
+using sensor_test::Image;
+using sensor_test::pixels;
 
 Rgb8 shown(const IspParams& params, const Vec3f& pixel) {
-  Image image(1, 1, pixel);
+  Image image({1, 1}, pixel);
   Rgb8 out;
   const npsim::SerialExecutor executor;
-  REQUIRE(npsim::develop(params, ImageView<const Vec3f>(image.view()), ImageView<Rgb8>(&out, {1, 1}), executor).ok());
+  REQUIRE(npsim::develop(params, image.cview(), ImageView<Rgb8>(&out, {1, 1}), executor).ok());
   return out;
 }
 
@@ -41,10 +36,9 @@ template <class Executor>
 Vec3f balance(float adaptation, Image image, Executor executor) {
   npsim::WhiteBalanceParams params;
   params.adaptation = adaptation;
-  std::vector<unsigned char> bytes(npsim::white_balance_workspace_bytes(image.shape));
-  npsim::Workspace workspace(bytes.data(), bytes.size());
+  npsim_test::Scratch scratch(npsim::white_balance_workspace_bytes(image.shape()));
   Vec3f gains;
-  REQUIRE(npsim::auto_white_balance(params, ImageView<const Vec3f>(image.view()), gains, workspace, executor).ok());
+  REQUIRE(npsim::auto_white_balance(params, image.cview(), gains, scratch.workspace(), executor).ok());
   return gains;
 }
 
@@ -103,12 +97,12 @@ TEST_CASE("sensor: the filmic curve is monotonic and continuous, 0 to 0 and 1 to
 }
 
 TEST_CASE("sensor: grey world: full adaptation makes the mean grey, none leaves it, half goes half the way") {
-  Image warm(64, 48);
-  for (std::size_t i = 0; i < warm.pixels.size(); ++i) {
+  Image warm({64, 48});
+  for (std::size_t i = 0; i < pixels(warm).size(); ++i) {
     RandomStream random(9, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(i), 0);
-    warm.pixels[i] = Vec3f{0.30F, 0.10F, 0.05F} * random.uniform();
+    pixels(warm)[i] = Vec3f{0.30F, 0.10F, 0.05F} * random.uniform();
   }
-  for (int i = 0; i < 40; ++i) warm.pixels[static_cast<std::size_t>(i) * 50] = {5, 5, 40};  // lamps do not vote
+  for (int i = 0; i < 40; ++i) pixels(warm)[static_cast<std::size_t>(i) * 50] = {5, 5, 40};  // lamps do not vote
   const Vec3f none = balance(0.0F, warm, npsim::SerialExecutor{});
   CHECK(none.x == doctest::Approx(1.0));
   CHECK(none.z == doctest::Approx(1.0));
@@ -125,9 +119,9 @@ TEST_CASE("sensor: grey world: full adaptation makes the mean grey, none leaves 
 }
 
 TEST_CASE("sensor: white balance of black, burnt or single-coloured pictures stays bounded") {
-  CHECK(balance(1.0F, Image(5, 5), npsim::SerialExecutor{}) == Vec3f{1, 1, 1});
-  CHECK(balance(1.0F, Image(5, 5, {2, 2, 2}), npsim::SerialExecutor{}) == Vec3f{1, 1, 1});
-  const Vec3f red = balance(1.0F, Image(5, 1, {0.5F, 0, 0}), npsim::SerialExecutor{});
+  CHECK(balance(1.0F, Image({5, 5}), npsim::SerialExecutor{}) == Vec3f{1, 1, 1});
+  CHECK(balance(1.0F, Image({5, 5}, {2, 2, 2}), npsim::SerialExecutor{}) == Vec3f{1, 1, 1});
+  const Vec3f red = balance(1.0F, Image({5, 1}, {0.5F, 0, 0}), npsim::SerialExecutor{});
   CHECK(npsim::is_finite(red));
   CHECK(red.x == doctest::Approx(1.0));
   CHECK(red.z <= 16.0F);
@@ -153,7 +147,7 @@ TEST_CASE("sensor: burnt pixels are white whatever the white balance, and gains 
 
 TEST_CASE("sensor: the ISP refuses parameters out of range and unequal images; strided views keep their margins") {
   const npsim::SerialExecutor executor;
-  Image image(4, 3, {1, 1, 1});
+  Image image({4, 3}, {1, 1, 1});
   std::vector<Rgb8> out(40);
   const ImageView<Rgb8> wide(out.data(), {8, 5});
   const ImageView<const Vec3f> in = image.view();

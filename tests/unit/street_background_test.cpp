@@ -42,7 +42,7 @@ Count behind_objects(const street::Street& s, const BackgroundParams& params, Th
   REQUIRE(uncertainty({}, s.depth.view(), s.labels.view(), out, workspace, pool).ok());
   const SheetLayer layer{vertices.view(), quads.view()};
   REQUIRE(build_sheet({}, s.depth.view(), surface.view(), s.intrinsics, layer, pool).ok());
-  REQUIRE(complete_background(params, layer.vertices, s.labels.view(), uncertain.view(), surface.view(), s.intrinsics,
+  REQUIRE(complete_background(params, {layer.vertices, s.labels.view(), uncertain.view(), surface.view(), s.intrinsics},
                               layer, state.view(), workspace, pool)
               .ok());
   Count count;

@@ -68,7 +68,7 @@ struct GroundSample {
   return good ? Status() : Status(StatusCode::invalid_argument, "ground: a parameter lies outside its range");
 }
 
-namespace light_detail {
+namespace geometry_detail {
 
 // Solves the symmetric 3 x 3 system m q = b by Cramer's rule; false where it is singular to double precision.
 [[nodiscard]] inline bool solve3(const Vec3d& m0, const Vec3d& m1, const Vec3d& m2, const Vec3d& b, Vec3d& q) noexcept {
@@ -162,7 +162,7 @@ template <class Wanted>
   return true;
 }
 
-}  // namespace light_detail
+}  // namespace geometry_detail
 
 // `labels` may be empty; otherwise they have the shape of `depth`.
 [[nodiscard]] inline Status estimate_ground(const GroundParams& p, ImageView<const float> depth,
@@ -187,7 +187,7 @@ template <class Wanted>
   std::size_t count = 0;
   for (int pass = 0; pass < 2 && count < static_cast<std::size_t>(p.min_samples); ++pass) {
     const LabelSet wanted_labels = pass == 0 ? kCarriageway : kGround;
-    count = light_detail::collect_ground(
+    count = geometry_detail::collect_ground(
         depth, k,
         [&](int x, int y) {
           const float z = depth(x, y);
@@ -200,7 +200,7 @@ template <class Wanted>
 
   Vec3d q;
   float share = 0.0F;
-  if (!light_detail::fit_ground(p, Span<const GroundSample>(samples.data(), count), q, share)) return {};
+  if (!geometry_detail::fit_ground(p, Span<const GroundSample>(samples.data(), count), q, share)) return {};
   const double size = length(q);
   if (!(size > 0.0) || !std::isfinite(size)) return {};
   const Vec3f up = vec_cast<float>(-q / size);

@@ -8,7 +8,7 @@
 //   street_luminaire  (1 - g) c (1/2 + 8/3 r^4) + g,  r = cosine to the road's direction (`up`), g = 0.01
 //                     Peak at 60 degrees along the road, half of it straight down and c/2 across: a batwing. g is the
 //                     glow of the glass: a street lamp can be seen from everywhere, and 2.3 % of its light goes up.
-//   low_beam          headlamp of UN R112 class B for right-hand traffic, see low_beam.hpp
+//   low_beam          headlamp of UN R112 class B for right-hand traffic, see detail/low_beam.hpp
 // The closed forms are ours, chosen so that the flux integrals in photometry.hpp are exact; they use only + * / sqrt,
 // so that every machine gets the same bits.
 // Cost: a few dot products.
@@ -45,7 +45,6 @@ struct Emitter {
 };
 
 inline constexpr float kStreetGlow = 0.01F;  // share of the peak that leaves in every direction, upwards included
-
 
 // `direction` is a unit vector that leaves the emitter.
 [[nodiscard]] inline float relative_intensity(const Emitter& e, const Vec3f& direction) noexcept {

@@ -7,10 +7,12 @@
 #ifndef NPSIM_LIGHT_HEADLAMPS_HPP
 #define NPSIM_LIGHT_HEADLAMPS_HPP
 
+#include <cmath>
 #include <cstddef>
 
 #include "npsim/core/config.hpp"
 #include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/light/emitter.hpp"
@@ -28,16 +30,21 @@ struct EgoHeadlampParams {
   float half_height_m = 0.05F;
 };
 
+[[nodiscard]] inline Status validate(const EgoHeadlampParams& p) noexcept {
+  const bool good = std::isfinite(p.height_m) && std::isfinite(p.lateral_m) && std::isfinite(p.ahead_m) &&
+                    p.half_width_m > 0.0F && p.half_height_m > 0.0F;
+  return good ? Status()
+              : Status(StatusCode::invalid_argument, "headlamps: a finite place and a luminous area are needed");
+}
 
-// Writes the left and the right lamp and returns their number, or 0 where `out` has less room or the mounting is not
-// finite and positive.
+// Writes the left and the right lamp and returns their number, or 0 where `out` has less room, a parameter is not
+// valid or the place is not finite.
 [[nodiscard]] inline std::size_t place_ego_headlamps(const EgoHeadlampParams& p, const GroundPlane& ground,
                                                      Span<Emitter> out) noexcept {
   const Vec3f forward = forward_on_ground(ground);
   const Vec3f right = cross(forward, ground.up);  // z forward x (-y) up = x right
   const Vec3f middle = forward * p.ahead_m + ground.up * (p.height_m - ground.camera_height_m);
-  if (out.size() < kEgoHeadlampCount || !is_finite(middle) || !is_finite(right * p.lateral_m) ||
-      !(p.half_width_m > 0.0F) || !(p.half_height_m > 0.0F)) {
+  if (out.size() < kEgoHeadlampCount || !validate(p).ok() || !is_finite(middle) || !is_finite(right * p.lateral_m)) {
     return 0;
   }
   for (std::size_t i = 0; i < kEgoHeadlampCount; ++i) {
@@ -53,10 +60,6 @@ struct EgoHeadlampParams {
     out[i] = e;
   }
   return kEgoHeadlampCount;
-}
-
-[[nodiscard]] inline std::size_t place_ego_headlamps(const GroundPlane& ground, Span<Emitter> out) noexcept {
-  return place_ego_headlamps(EgoHeadlampParams{}, ground, out);
 }
 
 }  // namespace NPSIM_ABI

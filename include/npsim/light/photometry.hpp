@@ -69,9 +69,9 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
   return strength * area_m2;
 }
 
-// Linear RGB of luminance 1 with chromaticity (x, y). Outside the gamut of sRGB negative channels are dropped, not mixed
-// away with white: a red lamp is overexposed a hundredfold, where white's share of blue would turn it magenta. White
-// where (x, y) is no colour. Luminance is exactly that of core/vec.hpp, so that photometric values survive.
+// Linear RGB of luminance 1 with chromaticity (x, y). Outside the gamut of sRGB negative channels are dropped, not
+// mixed away with white: a red lamp is overexposed a hundredfold, where white's share of blue would turn it magenta.
+// White where (x, y) is no colour. Luminance is exactly that of core/vec.hpp, so that photometric values survive.
 [[nodiscard]] constexpr Vec3f light_rgb(const Vec2f& xy) noexcept {
   const auto x = static_cast<double>(xy.x);
   const auto y = static_cast<double>(xy.y);
@@ -86,7 +86,6 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
   const Chromaticity xy = linear_srgb_to_xy(rgb).value_or(illuminant::kD65);
   return {xy.x, xy.y};
 }
-
 
 // Luminance in cd/m2 of the emitter's pixels for a camera at the origin.
 [[nodiscard]] inline float seen_luminance_cd_m2(const Emitter& e, float peak_cd) noexcept {

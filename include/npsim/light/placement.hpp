@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // From annotated regions to emitters in space: one per marked source that has pixels and whose distance can be known.
 //
-// Depth: the median over the region's surface pixels, certain ones first, without outliers (region_depth.hpp); that of
-// its surroundings where the region has none. Street lamps hang before the sky, where depth is worst: street_lamp.hpp.
-// Patch: the region's rectangle with the region's area. Windows and signs lie in their facade's plane and face along
-// its normal; lamps are parallel to the image; a street lamp's is level, at the lower edge of its head. All are pulled
-// off their surface by offset_m along the axis, so that the surface does not shade them.
-// Axes: vehicle lamps along the street (against the viewing direction on the ground), or along the local normal where
-// that is far off it, low beams 1 % down; signals towards the camera's lane; street lamps down.
-// Regions of which no depth can be found, and marks that are groups, give no emitter. Order is that of the marks.
-// Cost: two passes over the image and one over each region's rectangle. Memory: about 3 MB, see the bytes function.
+// Depth: the median over the region's surface pixels, certain ones first, without outliers (detail/lamp_depth.hpp);
+// that of its surroundings where the region has none. Street lamps hang before the sky, where depth is worst: same
+// header. Patch: the region's rectangle with the region's area. Windows and signs lie in their facade's plane and face
+// along its normal; lamps are parallel to the image; a street lamp's is level, at the lower edge of its head. All are
+// pulled off their surface by offset_m along the axis, so that the surface does not shade them. Axes: vehicle lamps
+// along the street (against the viewing direction on the ground), or along the local normal where that is far off it,
+// low beams 1 % down; signals towards the camera's lane; street lamps down. Regions of which no depth can be found, and
+// marks that are groups, give no emitter. Order is that of the marks. Cost: two passes over the image and one over each
+// region's rectangle. Memory: about 3 MB, see the bytes function.
 #ifndef NPSIM_LIGHT_PLACEMENT_HPP
 #define NPSIM_LIGHT_PLACEMENT_HPP
 
@@ -28,8 +28,7 @@
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/labels/light_classes.hpp"
-#include "npsim/light/detail/region_depth.hpp"
-#include "npsim/light/detail/street_lamp.hpp"
+#include "npsim/light/detail/lamp_depth.hpp"
 #include "npsim/light/emitter.hpp"
 
 namespace npsim {

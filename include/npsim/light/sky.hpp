@@ -28,7 +28,6 @@ struct SkyParams {
   return good ? Status() : Status(StatusCode::invalid_argument, "sky luminances must be finite and not negative");
 }
 
-
 // cd/m2, linear RGB; `direction` is a unit vector away from the observer.
 [[nodiscard]] inline Vec3f sky_luminance(const SkyParams& p, const Vec3f& direction) noexcept {
   const float s = dot(p.up, direction);
@@ -38,17 +37,11 @@ struct SkyParams {
   return p.zenith_cd_m2 + (p.horizon_cd_m2 - p.zenith_cd_m2) * (t2 * t2);
 }
 
-// A view direction that shows sky, turned up to the horizon where it lies below: a camera on a crest, or one whose ground
-// plane was misjudged, sees sky there, and the glow does not end at an estimate.
+// A view direction that shows sky, turned up to the horizon where it lies below: a camera on a crest, or one whose
+// ground plane was misjudged, sees sky there, and the glow does not end at an estimate.
 [[nodiscard]] inline Vec3f raised_to_horizon(const SkyParams& p, const Vec3f& direction) noexcept {
   const float s = dot(p.up, direction);
   return s >= 0.0F ? direction : normalized(direction - p.up * (s * 1.0001F));
-}
-
-// Illuminance in lx, linear RGB, on an unobstructed level surface.
-[[nodiscard]] inline Vec3f sky_illuminance_level(const SkyParams& p) noexcept {
-  constexpr float kPi = 3.14159265F;
-  return p.zenith_cd_m2 * kPi + (p.horizon_cd_m2 - p.zenith_cd_m2) * (kPi / 15.0F);
 }
 
 }  // namespace NPSIM_ABI

@@ -3,14 +3,13 @@
 //
 //   f(wi, wo) = (1 - E(n.wi)) (1 - E(n.wo)) / (1 - mean E) albedo / pi + D(h) V(wi, wo) F(wi.h)
 // D and V are GGX with height-correlated Smith masking (Walter et al., EGSR 2007; Heitz, JCGT 2014), F is Schlick's
-// Fresnel term, E the directional albedo of the second part (specular_albedo.hpp). The diffuse part is reciprocal and
-// takes exactly what the interface lets through (Kelemen and Szirmay-Kalos, EG 2001). With 1 - F(n.w) instead, a dry
-// road 30 m ahead, seen and lit at two degrees, would keep a fiftieth of its light: no facet is grazed where the mean
-// is.
-// Invariants, tested: f(wi, wo) = f(wo, wi) to 1e-5 relative; f >= 0 and finite for every input, 0 below the horizon; a
-// white dielectric (f0 <= 0.1) in a white furnace reflects 1 within 0.02 at every angle and roughness.
-// Cost: seven square roots, four divisions, two table look-ups. `alpha` is kept at or above kMinAlpha, where float
-// still resolves the lobe.
+// Fresnel term, E the directional albedo of the second part (detail/specular_albedo.hpp). The diffuse part is
+// reciprocal and takes exactly what the interface lets through (Kelemen and Szirmay-Kalos, EG 2001). With 1 - F(n.w)
+// instead, a dry road 30 m ahead, seen and lit at two degrees, would keep a fiftieth of its light: no facet is grazed
+// where the mean is. Invariants, tested: f(wi, wo) = f(wo, wi) to 1e-5 relative; f >= 0 and finite for every input, 0
+// below the horizon; a white dielectric (f0 <= 0.1) in a white furnace reflects 1 within 0.02 at every angle and
+// roughness. Cost: seven square roots, four divisions, two table look-ups. `alpha` is kept at or above kMinAlpha, where
+// float still resolves the lobe.
 #ifndef NPSIM_MATERIAL_BSDF_HPP
 #define NPSIM_MATERIAL_BSDF_HPP
 
@@ -24,12 +23,6 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 inline constexpr float kMinAlpha = 0.02F;
-
-struct DirectionSample {
-  Vec3f direction;       // unit
-  float density = 0.0F;  // per steradian; 0: no sample
-};
-
 
 [[nodiscard]] constexpr float fresnel_schlick(float f0, float cosine) noexcept {
   const float t = cosine < 1.0F ? (cosine > 0.0F ? 1.0F - cosine : 1.0F) : 0.0F;
@@ -73,10 +66,10 @@ inline void tangent_frame(const Vec3f& n, Vec3f& t, Vec3f& b) noexcept {
   b = {c, sign + n.y * n.y * a, -n.y};
 }
 
-// A direction about n with density cosine / pi, from u, v in [0, 1): the concentric map of the square to the disc
+// A unit vector about n with density cosine / pi, from u, v in [0, 1): the concentric map of the square to the disc
 // (Shirley and Chiu 1997), lifted to the hemisphere. Its angles stay within pi/4, where short polynomials give sine and
 // cosine to 4e-7 without a library call, so the bits do not depend on the C library.
-[[nodiscard]] inline DirectionSample sample_cosine(const Vec3f& n, float u, float v) noexcept {
+[[nodiscard]] inline Vec3f sample_cosine(const Vec3f& n, float u, float v) noexcept {
   const float a = 2.0F * u - 1.0F;
   const float b = 2.0F * v - 1.0F;
   float x = 0.0F;
@@ -95,7 +88,7 @@ inline void tangent_frame(const Vec3f& n, Vec3f& t, Vec3f& b) noexcept {
   const float z = std::sqrt(z2 > 0.0F ? z2 : 0.0F);
   Vec3f t, bt;
   tangent_frame(n, t, bt);
-  return {normalized(t * x + bt * y + n * z), z * 0.31830989F};
+  return normalized(t * x + bt * y + n * z);
 }
 
 }  // namespace NPSIM_ABI

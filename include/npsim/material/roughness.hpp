@@ -21,14 +21,16 @@ struct RoughnessParams {
   float wet_alpha = 0.12F;  // .05-.2 under a film of water
 };
 
+[[nodiscard]] inline Status validate(const RoughnessParams& p) noexcept {
+  const bool good = p.wetness >= 0.0F && p.wetness <= 1.0F && p.wet_alpha > 0.0F && p.wet_alpha <= 1.0F;
+  return good ? Status() : Status(StatusCode::invalid_argument, "roughness: wetness in 0..1, wet_alpha in (0, 1]");
+}
 
 // GGX alpha by class. `labels` may be empty: one class.
 template <class Executor>
 Status estimate_roughness(const RoughnessParams& p, ImageView<const Label> labels, ImageView<float> alpha,
                           Executor& executor) {
-  if (!(p.wetness >= 0.0F && p.wetness <= 1.0F) || !(p.wet_alpha > 0.0F && p.wet_alpha <= 1.0F)) {
-    return Status(StatusCode::invalid_argument, "roughness: wetness in 0..1, wet_alpha in (0, 1]");
-  }
+  NPSIM_RETURN_IF_ERROR(validate(p));
   if (alpha.empty()) return Status(StatusCode::invalid_argument, "roughness: the output is empty");
   if (!labels.empty() && labels.shape() != alpha.shape()) {
     return Status(StatusCode::shape_mismatch, "roughness: labels must have the shape of the output");
@@ -45,11 +47,6 @@ Status estimate_roughness(const RoughnessParams& p, ImageView<const Label> label
     }
   });
   return {};
-}
-
-template <class Executor>
-Status estimate_roughness(ImageView<const Label> labels, ImageView<float> alpha, Executor& executor) {
-  return estimate_roughness(RoughnessParams{}, labels, alpha, executor);
 }
 
 }  // namespace NPSIM_ABI

@@ -5,7 +5,7 @@
 // uncertain pixel; a segment is a connected component of one label), and surface pixels that have no vertex. What is
 // left of the sheet is kept; a run is a row's piece of the region. Three ways to fill it:
 //   - street, the default: floor or something upright on it, whichever is nearer, from kept vertices left, right, above
-//     and below (street_background.hpp, street_floor.hpp);
+//     and below (detail/street/);
 //   - linear_position, as printed: between two kept vertices linearly, with Algorithm 1's weights;
 //   - linear_inverse_depth: the same in inverse depth, which is linear in the image for a plane and leaves vertices on
 //     the rays of their pixels.
@@ -43,12 +43,10 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/mesh/detail/background/anchor_slope.hpp"
-#include "npsim/mesh/detail/background/state.hpp"
+#include "npsim/mesh/detail/background/anchors.hpp"
+#include "npsim/mesh/detail/layer.hpp"
 #include "npsim/mesh/detail/street/background.hpp"
-#include "npsim/mesh/detail/street/columns.hpp"
 #include "npsim/mesh/detail/street/floor.hpp"
-#include "npsim/mesh/detail/street/kerbs.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
 #include "npsim/mesh/sheet.hpp"
 
@@ -80,6 +78,16 @@ struct BackgroundParams {
   }
 };
 
+// What is completed. Masks may be empty views: nothing uncertain; surface everywhere. A foreground pixel is completed
+// whatever its surface says: the mask speaks of what is seen there, not of what is behind.
+struct BackgroundInput {
+  ImageView<const Vec3f> sheet;  // vertices of build_sheet(); may be those that are written
+  ImageView<const Label> labels;
+  ImageView<const std::uint8_t> uncertain;
+  ImageView<const std::uint8_t> surface;
+  Intrinsics intrinsics;
+};
+
 [[nodiscard]] constexpr std::size_t complete_background_workspace_bytes(const BackgroundParams& params,
                                                                         Shape shape) noexcept {
   if (shape.empty()) return kWorkspaceAlignment;
@@ -105,78 +113,6 @@ struct BackgroundParams {
 }
 
 namespace mesh_detail {
-
-// Marks with 1 the foreground pixels of segments that touch an uncertain pixel; leaves the others at 0. Marks spread
-// along rows and columns, down and up in turn, until no more come: twice for most pictures, at worst once for each turn
-// of a spiral, without any memory.
-inline void mark_touching_segments(LabelSet foreground, ImageView<const Label> labels,
-                                   ImageView<const std::uint8_t> uncertain, ImageView<std::uint8_t> marked) noexcept {
-  constexpr std::uint8_t kMarked = 1;
-  constexpr std::uint8_t kOther = 2;  // of the foreground, not marked so far
-  const int width = labels.width();
-  const int height = labels.height();
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      const bool touches = mask_at(uncertain, x, y, false) || (x > 0 && mask_at(uncertain, x - 1, y, false)) ||
-                           (x + 1 < width && mask_at(uncertain, x + 1, y, false)) ||
-                           (y > 0 && mask_at(uncertain, x, y - 1, false)) ||
-                           (y + 1 < height && mask_at(uncertain, x, y + 1, false));
-      marked(x, y) = foreground.contains(labels(x, y)) ? (touches ? kMarked : kOther) : std::uint8_t{0};
-    }
-  }
-  bool spreads = true;
-  const auto take = [&](int x, int y, int from_x, int from_y) {
-    if (marked(x, y) != kOther || marked(from_x, from_y) != kMarked || labels(x, y) != labels(from_x, from_y)) return;
-    marked(x, y) = kMarked;
-    spreads = true;
-  };
-  const auto spread = [&](int y, int from_y) {
-    for (int x = 0; x < width && from_y >= 0 && from_y < height; ++x) take(x, y, x, from_y);
-    for (int x = 1; x < width; ++x) take(x, y, x - 1, y);
-    for (int x = width - 2; x >= 0; --x) take(x, y, x + 1, y);
-  };
-  while (spreads) {
-    spreads = false;
-    for (int y = 0; y < height; ++y) spread(y, y - 1);
-    for (int y = height - 1; y >= 0; --y) spread(y, y + 1);
-  }
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) marked(x, y) = marked(x, y) == kMarked ? 1 : 0;
-  }
-}
-
-// Vertex at column j of the plane through the anchor.
-[[nodiscard]] inline Vec3f extend_anchor(const BackgroundParams& params, const Intrinsics& intrinsics, float anchor_z_m,
-                                         double slope, int anchor_x, int j, int y) noexcept {
-  const double w = 1.0 / static_cast<double>(anchor_z_m);
-  const auto ratio = static_cast<double>(params.max_extension_ratio);
-  const double extended = w + slope * static_cast<double>(j - anchor_x);
-  return unproject_pixel(intrinsics, j, y, static_cast<float>(1.0 / std::clamp(extended, w / ratio, w * ratio)));
-}
-
-// The floor of the picture; not valid where there is none.
-template <class F = simd::F32, class Executor>
-[[nodiscard]] Status find_floor(const StreetFloorParams& params, ImageView<const Vec3f> sheet,
-                                ImageView<const Label> labels, ImageView<const std::uint8_t> uncertain,
-                                ImageView<const std::uint8_t> state, const Intrinsics& intrinsics, Workspace& workspace,
-                                Executor& executor, StreetFloor& floor) {
-  const Shape shape = sheet.shape();
-  const WorkspaceScope scope(workspace);
-  Span<KerbRange> kerbs;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(2 * static_cast<std::size_t>(shape.height), kerbs));
-  floor.valid = fit_carriageway(params, sheet, labels, state, intrinsics, floor);
-  if (!floor.valid) return {};
-  fit_raise(params, sheet, labels, state, floor);
-  for_rows(executor, shape.height, [&](int y) {
-    if (y % kerb_row_step(shape) != 0) return;
-    const auto found = find_kerbs<F>(params, labels.row(y), state.row(y), shape.width);
-    kerbs[2 * static_cast<std::size_t>(y)] = found[0];
-    kerbs[2 * static_cast<std::size_t>(y) + 1] = found[1];
-  });
-  vote_kerbs(kerbs, shape, intrinsics, floor);
-  kerbs_behind_vehicles(params, sheet, labels, uncertain, state, intrinsics, floor);
-  return {};
-}
 
 // Rows are connected while they are still in the cache; those on either side of two chunks afterwards.
 template <class F, class Executor>
@@ -207,96 +143,110 @@ void complete_street(const BackgroundParams& params, const StreetBackground& str
   });
 }
 
+// A run between two anchors of one surface.
+inline void join_anchors(BackgroundInterpolation interpolation, const Intrinsics& intrinsics, int l, int r, int y,
+                         Vec3f* row) noexcept {
+  const auto zl = static_cast<double>(row[l - 1].z);
+  const auto zr = static_cast<double>(row[r + 1].z);
+  for (int j = l; j <= r; ++j) {
+    if (interpolation == BackgroundInterpolation::linear_position) {
+      row[j] = between_anchors(row[l - 1], row[r + 1], l, r, j);
+    } else {
+      // 1 / (wl a / n + wr b / n), w = 1 / z, without leaving float range: n zl zr / (zr a + zl b).
+      const double a = r - j + 1;
+      const double b = j - l + 1;
+      row[j] = unproject_pixel(intrinsics, j, y, static_cast<float>((a + b) * zl * zr / (zr * a + zl * b)));
+    }
+  }
+}
+
+// Columns first .. last along the plane through the anchor at anchor_x.
+template <class F>
+void extend_anchor(const BackgroundParams& params, const Intrinsics& intrinsics, ImageView<const std::uint8_t> state,
+                   ImageView<Vec3f> vertices, int anchor_x, int y, int first, int last) noexcept {
+  if (first > last) return;
+  const double slope = inverse_depth_slope<F>(params.fit_radius_px, params.fit_tolerance, vertices, state, anchor_x, y);
+  const double w = 1.0 / static_cast<double>(vertices(anchor_x, y).z);
+  const auto ratio = static_cast<double>(params.max_extension_ratio);
+  for (int j = first; j <= last; ++j) {
+    const double extended = w + slope * static_cast<double>(j - anchor_x);
+    vertices(j, y) =
+        unproject_pixel(intrinsics, j, y, static_cast<float>(1.0 / std::clamp(extended, w / ratio, w * ratio)));
+  }
+}
+
+// Every run of row y from the anchors at its ends.
+template <class F>
+void complete_row(const BackgroundParams& params, const Intrinsics& intrinsics, ImageView<const std::uint8_t> state,
+                  ImageView<Vec3f> vertices, int y) noexcept {
+  for_missing_runs(state.row(y), vertices.width(), [&](int l, int r, bool left, bool right) {
+    if (left && right) {
+      const float zl = vertices(l - 1, y).z;
+      const float zr = vertices(r + 1, y).z;
+      const float ratio = params.max_join_ratio;
+      if (ratio == 0.0F || std::max(zl, zr) <= ratio * std::min(zl, zr)) {
+        return join_anchors(params.interpolation, intrinsics, l, r, y, vertices.row(y));
+      }
+    }
+    const int half = left && right ? (l + r) / 2 : (left ? r : l - 1);  // last column that goes on from the left
+    if (left) extend_anchor<F>(params, intrinsics, state, vertices, l - 1, y, l, half);
+    if (right) extend_anchor<F>(params, intrinsics, state, vertices, r + 1, y, half + 1, r);
+  });
+}
+
 }  // namespace mesh_detail
 
-// sheet: vertices of build_sheet(); may be background.vertices itself. labels: Cityscapes ids. uncertain, surface:
-// masks, may be empty views (nothing uncertain; surface everywhere). A foreground pixel is completed whatever its
-// surface says: the mask speaks of what is seen there, not of what is behind. state: row_state of every pixel.
+// state: row_state of every pixel.
 template <class F = simd::F32, class Executor>
-[[nodiscard]] Status complete_background(const BackgroundParams& params, ImageView<const Vec3f> sheet,
-                                         ImageView<const Label> labels, ImageView<const std::uint8_t> uncertain,
-                                         ImageView<const std::uint8_t> surface, const Intrinsics& intrinsics,
+[[nodiscard]] Status complete_background(const BackgroundParams& params, const BackgroundInput& in,
                                          const SheetLayer& background, ImageView<std::uint8_t> state,
                                          Workspace& workspace, Executor& executor) {
   NPSIM_RETURN_IF_ERROR(validate(params));
-  NPSIM_RETURN_IF_ERROR(validate(intrinsics));
+  NPSIM_RETURN_IF_ERROR(validate(in.intrinsics));
   NPSIM_RETURN_IF_ERROR(validate(background));
   const Shape shape = background.vertices.shape();
-  if (sheet.data() == nullptr || sheet.shape() != shape || labels.data() == nullptr || labels.shape() != shape ||
-      state.data() == nullptr || state.shape() != shape || !mesh_detail::mask_fits(uncertain, shape) ||
-      !mesh_detail::mask_fits(surface, shape)) {
+  if (in.sheet.data() == nullptr || in.sheet.shape() != shape || in.labels.data() == nullptr ||
+      in.labels.shape() != shape || state.data() == nullptr || state.shape() != shape ||
+      !mesh_detail::mask_fits(in.uncertain, shape) || !mesh_detail::mask_fits(in.surface, shape)) {
     return {StatusCode::shape_mismatch, "sheet, labels, masks, states and background must have one shape"};
   }
   const bool all = params.region == BackgroundRegion::all_foreground;
-  if (!all) mesh_detail::mark_touching_segments(params.foreground, labels, uncertain, state);
+  if (!all) mesh_detail::mark_touching_segments(params.foreground, in.labels, in.uncertain, state);
   const bool by_street = params.interpolation == BackgroundInterpolation::street;
   mesh_detail::for_rows(executor, shape.height, [&](int y) {
     const bool blocked_vertex = mesh_detail::find_states<F>(
-        all ? &params.foreground : nullptr, labels.row(y), uncertain.data() != nullptr ? uncertain.row(y) : nullptr,
-        surface.data() != nullptr ? surface.row(y) : nullptr, sheet.row(y), shape.width, state.row(y));
+        all ? &params.foreground : nullptr, in.labels.row(y),
+        in.uncertain.data() != nullptr ? in.uncertain.row(y) : nullptr,
+        in.surface.data() != nullptr ? in.surface.row(y) : nullptr, in.sheet.row(y), shape.width, state.row(y));
     if (!by_street) return;
     // What is missing may stay as it is for now: all of it is written later, and the kerbs look for vehicles there.
     Vec3f* row = background.vertices.row(y);
-    if (row != sheet.row(y)) std::copy(sheet.row(y), sheet.row(y) + shape.width, row);
+    if (row != in.sheet.row(y)) std::copy(in.sheet.row(y), in.sheet.row(y) + shape.width, row);
     for (int x = 0; x < shape.width && blocked_vertex; ++x) {
       if (state(x, y) == row_state::blocked) row[x] = {};
     }
   });
-  const WorkspaceScope scope(workspace);
   // From here on only kept vertices are read, and only the others written: rows cannot disturb each other.
   if (by_street) {
     StreetFloor floor;
-    NPSIM_RETURN_IF_ERROR(mesh_detail::find_floor<F>(params.floor, background.vertices, labels, uncertain, state,
-                                                     intrinsics, workspace, executor, floor));
-    mesh_detail::complete_street<F>(params,
-                                    {params.street,
-                                     params.max_extension_ratio,
-                                     intrinsics,
-                                     {{params.floor, floor, static_cast<double>(params.street.floor_tolerance), labels},
-                                      state,
-                                      background.vertices,
-                                      params.street.trunk_width_m * intrinsics.fx}},
-                                    background, executor);
+    NPSIM_RETURN_IF_ERROR(mesh_detail::find_floor<F>(params.floor, background.vertices, in.labels, in.uncertain, state,
+                                                     in.intrinsics, workspace, executor, floor));
+    const mesh_detail::KeptFloor kept{params.floor, floor, static_cast<double>(params.street.floor_tolerance),
+                                      in.labels};
+    mesh_detail::complete_street<F>(
+        params,
+        {params.street,
+         params.max_extension_ratio,
+         in.intrinsics,
+         {kept, state, background.vertices, params.street.trunk_width_m * in.intrinsics.fx}},
+        background, executor);
     return {};
   }
   mesh_detail::for_rows(executor, shape.height, [&](int y) {
-    mesh_detail::keep_known<F>(state.row(y), sheet.row(y), shape.width, background.vertices.row(y));
+    mesh_detail::keep_known<F>(state.row(y), in.sheet.row(y), shape.width, background.vertices.row(y));
   });
-  const ImageView<const Vec3f> kept = background.vertices;
   mesh_detail::for_rows(executor, shape.height, [&](int y) {
-    Vec3f* row = background.vertices.row(y);
-    mesh_detail::for_missing_runs(state.row(y), shape.width, [&](int l, int r, bool left, bool right) {
-      if (!left && !right) return;
-      const float zl = left ? row[l - 1].z : 0.0F;
-      const float zr = right ? row[r + 1].z : 0.0F;
-      const float ratio = params.max_join_ratio;
-      if (left && right && (ratio == 0.0F || std::max(zl, zr) <= ratio * std::min(zl, zr))) {
-        for (int j = l; j <= r; ++j) {
-          if (params.interpolation == BackgroundInterpolation::linear_position) {
-            row[j] = mesh_detail::between_anchors(row[l - 1], row[r + 1], l, r, j);
-          } else {
-            // 1 / (wl a / n + wr b / n), w = 1 / z, without leaving float range: n zl zr / (zr a + zl b).
-            const double a = r - j + 1;
-            const double b = j - l + 1;
-            const auto dl = static_cast<double>(zl);
-            const auto dr = static_cast<double>(zr);
-            row[j] = unproject_pixel(intrinsics, j, y, static_cast<float>((a + b) * dl * dr / (dr * a + dl * b)));
-          }
-        }
-        return;
-      }
-      const double left_slope =
-          left ? mesh_detail::inverse_depth_slope<F>(params.fit_radius_px, params.fit_tolerance, kept, state, l - 1, y)
-               : 0.0;
-      const double right_slope =
-          right ? mesh_detail::inverse_depth_slope<F>(params.fit_radius_px, params.fit_tolerance, kept, state, r + 1, y)
-                : 0.0;
-      for (int j = l; j <= r; ++j) {
-        const bool from_left = left && (!right || j - l <= r - j);
-        row[j] = from_left ? mesh_detail::extend_anchor(params, intrinsics, zl, left_slope, l - 1, j, y)
-                           : mesh_detail::extend_anchor(params, intrinsics, zr, right_slope, r + 1, j, y);
-      }
-    });
+    mesh_detail::complete_row<F>(params, in.intrinsics, state, background.vertices, y);
   });
   mesh_detail::connect_layer<F>(background, executor);
   return {};

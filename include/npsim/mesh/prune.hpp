@@ -17,7 +17,6 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/mesh/detail/connect.hpp"
 #include "npsim/mesh/detail/layer.hpp"
 #include "npsim/simd/bytes.hpp"
 
@@ -35,22 +34,14 @@ struct PruneParams {
   float max_spread_m = 3.0F;
 };
 
-namespace mesh_detail {
-
-// Bits of the first n <= 64 bytes for which test(batch) gives bits.
-template <class U, class Test>
-[[nodiscard]] std::uint64_t test_bytes(const std::uint8_t* p, int n, const Test& test) noexcept {
-  std::uint64_t all = 0;
-  for (int i = 0; i < n; i += U::lanes) {
-    const U bytes = n - i >= U::lanes ? U::load(p + i) : U::load(p + i, n - i);
-    all |= test(bytes) << static_cast<unsigned>(i);
+[[nodiscard]] inline Status validate(const PruneParams& p) noexcept {
+  if (p.policy != PrunePolicy::keep_within_foreground || (p.max_spread_m >= 0.0F && std::isfinite(p.max_spread_m))) {
+    return {};
   }
-  return all & low_bits(n);
+  return {StatusCode::invalid_argument, "the depth spread of a kept face must be finite and not negative"};
 }
-template <class U>
-[[nodiscard]] std::uint64_t nonzero_bits(const std::uint8_t* p, int n) noexcept {
-  return test_bytes<U>(p, n, [](U bytes) { return less_bits(U(0), bytes); });
-}
+
+namespace mesh_detail {
 
 [[nodiscard]] inline bool within_foreground(const PruneParams& params, ImageView<const Label> labels,
                                             ImageView<const Vec3f> vertices, const Face& corners, int x,
@@ -75,12 +66,10 @@ template <class U>
 template <class F = simd::F32, class Executor>
 [[nodiscard]] Status prune(const PruneParams& params, ImageView<const std::uint8_t> uncertain,
                            ImageView<const Label> labels, const SheetLayer& sheet, Executor& executor) {
+  NPSIM_RETURN_IF_ERROR(validate(params));
   NPSIM_RETURN_IF_ERROR(validate(sheet));
   const Shape shape = sheet.vertices.shape();
   const bool keep = params.policy == PrunePolicy::keep_within_foreground;
-  if (keep && !(params.max_spread_m >= 0.0F && std::isfinite(params.max_spread_m))) {
-    return {StatusCode::invalid_argument, "the depth spread of a kept face must be finite and not negative"};
-  }
   if (uncertain.data() == nullptr || uncertain.shape() != shape ||
       (keep && (labels.data() == nullptr || labels.shape() != shape))) {
     return {StatusCode::shape_mismatch, "uncertain mask, labels and sheet must have one shape"};

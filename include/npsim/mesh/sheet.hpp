@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sheet: one vertex per pixel on the ray of its centre, two triangles per quad of neighbouring pixels (layer.hpp
-// has the type, connect.hpp says which triangles).
+// The sheet: one vertex per pixel on the ray of its centre, two triangles per quad of neighbouring pixels (type:
+// geometry/sheet_layer.hpp). A quad with four vertices is cut along the diagonal with the smaller depth jump; a tie
+// takes the one from upper left to lower right. With three it gets the one triangle they allow, with fewer none.
 //
 //   V(x, y) = [(u - cx) d / fx, (v - cy) d / fy, d],  u = x + 0.5, v = y + 0.5        equation (3.1), offsets 0
 //
@@ -19,7 +20,6 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/mesh/detail/connect.hpp"
 #include "npsim/mesh/detail/layer.hpp"
 #include "npsim/simd/batch.hpp"
 

@@ -4,7 +4,7 @@
 // The vertices that stay are some of the sheet's, each on the ray of its pixel; the faces cover the same part of the
 // image. So the surface is moved along the rays alone: at every pixel the reprojected error is that of the sheet's own
 // vertices, and depth differs by no more than max_relative_depth_error anywhere, between pixel centres too
-// (simplify_bound.hpp). What stays exactly:
+// (detail/simplify/bound.hpp). What stays exactly:
 // - the rim of the layer, holes included: the same line on the image; straight pieces of it lose vertices;
 // - the id of every pixel (labels, emitters, objects: whatever the caller puts into one number): every pixel centre
 //   lies in a face, on an edge or at a vertex whose corners all have its id. The line between two ids runs between the
@@ -31,11 +31,10 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/mesh/detail/simplify/bound.hpp"
-#include "npsim/mesh/detail/simplify/depth.hpp"
-#include "npsim/mesh/detail/simplify/mesh.hpp"
 #include "npsim/mesh/detail/simplify/thin.hpp"
 #include "npsim/mesh/index.hpp"
 #include "npsim/mesh/sheet.hpp"
@@ -53,6 +52,12 @@ struct SimplifyParams {
   // px, of the photograph where it is put linearly on a face, as viewers do, and not projected from the camera; 0: any.
   // Not held on faces at most 1.5 px wide that bridge depths of more than 1 to 1.25.
   float max_texture_shift = 0.0F;
+};
+
+struct DepthDifference {
+  float max_relative = 0;  // |z' / z - 1| anywhere: at pixel centres and where edges cross
+  float rms_relative = 0;  // at pixel centres
+  std::size_t pixels = 0;  // centres that were compared; one on an edge counts for each of its faces
 };
 
 struct SimplifyResult {
@@ -88,8 +93,6 @@ struct SimplifyResult {
 
 namespace mesh_detail {
 
-inline constexpr int kSimplifyTile = 96;  // px: its half-edges, 440 kB, stay in a second-level cache
-
 // Distance of a vertex from the centre of its pixel on the image, px.
 [[nodiscard]] inline float pixel_distance(const Intrinsics& intrinsics, const Vec3f& v, int x, int y) noexcept {
   const Vec2f at = project(intrinsics, v);
@@ -118,57 +121,40 @@ inline constexpr int kSimplifyTile = 96;  // px: its half-edges, 440 kB, stay in
   return farthest;
 }
 
-// Whether a row or column is a seam between tiles; the sides of the image are none.
-[[nodiscard]] constexpr bool is_seam(int at, int offset, int size) noexcept {
-  return (at + offset) % kSimplifyTile == 0 && at > 0 && at < size;
-}
-
-// Makes every vertex due that may go and has not been tried with all its neighbours; on seams of the tiles to come all.
-inline void make_due(const ThinMesh& mesh, int offset) noexcept {
-  std::uint8_t* state = mesh.state.data();
-  for (int y = 0; y < mesh.shape.height; ++y) {
-    const bool row = is_seam(y, offset, mesh.shape.height);
-    for (int x = 0; x < mesh.shape.width; ++x, ++state) {
-      unsigned s = *state & ~(3 * kVertexDue);
-      if (row || is_seam(x, offset, mesh.shape.width)) s &= ~kVertexSettled;
-      *state = static_cast<std::uint8_t>(
-          (s & (kVertexUsed | kVertexFixed | kVertexSettled)) == kVertexUsed ? s | kVertexDue : s);
+// Follows every face that is left, and every edge once.
+[[nodiscard]] inline DepthDifference compare_depth(const ThinMesh& mesh, const SheetPlanes& sheet) noexcept {
+  DepthDifference difference;
+  double sum = 0;
+  double largest = 0;
+  const auto centre = [&](double w, double thin) {
+    const double relative = std::fabs(w / thin - 1.0);
+    largest = relative > largest ? relative : largest;
+    sum += relative * relative;
+    ++difference.pixels;
+    return true;
+  };
+  const auto crossing = [&](double w, double thin) {
+    const double relative = std::fabs(w / thin - 1.0);
+    largest = relative > largest ? relative : largest;
+    return true;
+  };
+  for (std::size_t h = 0; h < mesh.corner.size(); h += 3) {
+    if (mesh.corner[h] == kGone) continue;
+    Corner corner[3];
+    for (std::size_t k = 0; k < 3; ++k) {
+      corner[k] = sheet.corner(packed_x(mesh.corner[h + k]), packed_y(mesh.corner[h + k]));
+    }
+    static_cast<void>(at_centres(sheet, corner[0], corner[1], corner[2], centre));
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (mesh.opposite[h + k] < h + k) continue;  // a rim is the largest number of all
+      static_cast<void>(at_crossings(sheet, corner[k], corner[(k + 1) % 3], crossing));
     }
   }
-}
-
-// Vertices that are away from their pixels, and their neighbours, stay.
-inline void fix_away(const ThinMesh& mesh) noexcept {
-  const std::ptrdiff_t width = mesh.shape.width;
-  for (int y = 0; y < mesh.shape.height; ++y) {
-    for (int x = 0; x < mesh.shape.width; ++x) {
-      std::uint8_t* state = mesh.state.data() + y * width + x;
-      if ((*state & kVertexAway) == 0) continue;
-      for (int dy = y > 0 ? -1 : 0; dy <= (y + 1 < mesh.shape.height ? 1 : 0); ++dy) {
-        for (int dx = x > 0 ? -1 : 0; dx <= (x + 1 < mesh.shape.width ? 1 : 0); ++dx) {
-          std::uint8_t& s = state[dy * width + dx];
-          s = static_cast<std::uint8_t>(s | kVertexFixed);
-        }
-      }
-    }
+  difference.max_relative = static_cast<float>(largest);
+  if (difference.pixels > 0) {
+    difference.rms_relative = static_cast<float>(std::sqrt(sum / static_cast<double>(difference.pixels)));
   }
-}
-
-template <class F, class Executor>
-void thin_tiles(const Thinner<F>& thinner, int offset, Executor& executor) {
-  const Shape shape = thinner.mesh.shape;
-  const auto columns = static_cast<std::size_t>((shape.width + offset) / kSimplifyTile + 1);
-  const auto rows = static_cast<std::size_t>((shape.height + offset) / kSimplifyTile + 1);
-  executor.for_chunks(columns * rows, 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const int x = static_cast<int>(i % columns) * kSimplifyTile - offset;
-      const int y = static_cast<int>(i / columns) * kSimplifyTile - offset;
-      // The sides of the image are no seams.
-      thinner.thin_tile({x <= 0 ? -1 : x, y <= 0 ? -1 : y,
-                         x + kSimplifyTile >= shape.width ? shape.width : x + kSimplifyTile,
-                         y + kSimplifyTile >= shape.height ? shape.height : y + kSimplifyTile});
-    }
-  });
+  return difference;
 }
 
 // The copy of a pinched vertex that the fan of half-edge h uses: noted down at the rim where the fan begins.
@@ -287,6 +273,48 @@ template <class Executor>
   }
   result.depth = mesh_detail::compare_depth(mesh, thinner.sheet);
   mesh_detail::write_thin_mesh(mesh, layer, first_vertex, out);
+  return {};
+}
+
+// Writes the depth of the faces of one layer, in m, to the pixels that they cover; all others get 0. pixels says the
+// pixel (y * width + x) of every vertex.
+[[nodiscard]] inline Status simplified_depth(const TriangleMeshView& layer, Span<const std::uint32_t> pixels,
+                                             ImageView<float> depth) noexcept {
+  if (depth.empty()) return {StatusCode::invalid_argument, "depth of a layer needs at least one pixel"};
+  const Shape shape = depth.shape();
+  if (shape.width > mesh_detail::kMaxSimplifySide || shape.height > mesh_detail::kMaxSimplifySide) {
+    return {StatusCode::capacity_exceeded, "depth of a layer: at most 32768 pixels a side"};
+  }
+  for (const Face& f : layer.faces) {
+    for (const std::uint32_t v : {f.a, f.b, f.c}) {
+      if (v >= layer.vertices.size() || v >= pixels.size() || pixels[v] >= shape.pixels()) {
+        return {StatusCode::invalid_argument, "a face refers to a vertex or a pixel that does not exist"};
+      }
+    }
+  }
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) depth(x, y) = 0.0F;
+  }
+  const auto width = static_cast<std::uint32_t>(shape.width);
+  const auto corner_of = [&](std::uint32_t v) {
+    return mesh_detail::Corner{static_cast<int>(pixels[v] % width), static_cast<int>(pixels[v] / width),
+                               1.0 / static_cast<double>(layer.vertices[v].z), 0};
+  };
+  for (const Face& f : layer.faces) {
+    const mesh_detail::Corner a = corner_of(f.a);
+    const mesh_detail::Corner b = corner_of(f.b);
+    const mesh_detail::Corner c = corner_of(f.c);
+    if (mesh_detail::turn(a, b, c) == 0) continue;
+    const mesh_detail::InversePlane plane(a, b, c);
+    static_cast<void>(mesh_detail::for_triangle_rows(a, b, c, [&](int y, int first, int last) {
+      for (int x = first; x <= last; ++x) depth(x, y) = static_cast<float>(1.0 / plane.at(x, y));
+      return true;
+    }));
+    // Corners keep their depth to the last bit.
+    for (const std::uint32_t v : {f.a, f.b, f.c}) {
+      depth(static_cast<int>(pixels[v] % width), static_cast<int>(pixels[v] / width)) = layer.vertices[v].z;
+    }
+  }
   return {};
 }
 

@@ -41,7 +41,9 @@ struct PhotographParams {
 };
 
 [[nodiscard]] inline Status validate(const PhotographParams& params) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(params.exposure));
   NPSIM_RETURN_IF_ERROR(validate(params.glare));
+  NPSIM_RETURN_IF_ERROR(validate(params.white_balance));
   if (!(params.residual_noise >= 0.0F && params.residual_noise <= 1.0F)) {
     return {StatusCode::invalid_argument, "photograph: residual noise in [0, 1]"};
   }
@@ -75,9 +77,7 @@ Status photograph(const PhotographParams& params, std::uint64_t seed, std::uint3
   NPSIM_RETURN_IF_ERROR(level.status());
   noise.level = level.value();
   noise.residual = params.residual_noise;
-  noise.seed = seed;
-  noise.image = image;
-  NPSIM_RETURN_IF_ERROR(add_noise(noise, signal, signal, executor));
+  NPSIM_RETURN_IF_ERROR(add_noise(noise, seed, image, signal, signal, executor));
   IspParams isp;
   isp.tone = params.tone;
   NPSIM_RETURN_IF_ERROR(auto_white_balance(params.white_balance, signal, isp.white_balance, workspace, executor));

@@ -71,10 +71,11 @@ struct ReconstructParams {
 
 [[nodiscard]] inline Status validate(const ReconstructParams& params) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(params.sheet));
+  NPSIM_RETURN_IF_ERROR(validate(params.prune));
   NPSIM_RETURN_IF_ERROR(validate(params.background));
-  if (params.backs) NPSIM_RETURN_IF_ERROR(validate(params.solidify));
-  if (params.simplify_faces) NPSIM_RETURN_IF_ERROR(validate(params.simplify));
-  return {};
+  NPSIM_RETURN_IF_ERROR(validate(params.foreground));
+  NPSIM_RETURN_IF_ERROR(validate(params.solidify));
+  return validate(params.simplify);
 }
 
 // What the mesh is made from, views over the workspace: the sheet of everything that stands still, completed behind
@@ -204,25 +205,6 @@ template <class Executor>
   return {};
 }
 
-// Edges of a layer's faces that have no face on their other side.
-[[nodiscard]] inline std::size_t count_rim_edges(const SheetLayer& layer) noexcept {
-  const ImageView<std::uint8_t> quads = layer.quads;
-  const auto has = [&](int x, int y, mesh_detail::QuadEdge edge) {
-    return quads.contains(x, y) && mesh_detail::edge_has_face(quads(x, y), edge);
-  };
-  std::size_t n = 0;
-  for (int y = 0; y <= quads.height(); ++y) {
-    for (int x = 0; x <= quads.width(); ++x) {
-      n += has(x, y, mesh_detail::QuadEdge::top) != has(x, y - 1, mesh_detail::QuadEdge::bottom) ? 1U : 0U;
-      n += has(x, y, mesh_detail::QuadEdge::left) != has(x - 1, y, mesh_detail::QuadEdge::right) ? 1U : 0U;
-      if (!quads.contains(x, y)) continue;
-      const unsigned faces = quads(x, y) & (kQuadUpperFace | kQuadLowerFace);
-      n += faces == kQuadUpperFace || faces == kQuadLowerFace ? 1U : 0U;
-    }
-  }
-  return n;
-}
-
 // Closes the objects: what follows the sheets in the buffers. `room`: what there is at most.
 template <class Executor>
 [[nodiscard]] Status add_backs(const ReconstructParams& params, const SceneView& scene, const RefinedDepth& refined,
@@ -271,12 +253,13 @@ Status build_layers(const ReconstructParams& params, const SceneView& scene, con
   observer.end(Stage::prune);
 
   observer.begin(Stage::complete);
-  NPSIM_RETURN_IF_ERROR(complete_background(params.background, sheet.vertices, refined.labels, refined.uncertain,
-                                            refined.surface, scene.camera, sheet, out.background_state, workspace,
-                                            executor));
-  NPSIM_RETURN_IF_ERROR(complete_foreground(params.foreground, params.sheet, refined.depth, refined.surface,
-                                            refined.labels, scene.instances, refined.uncertain, out.background_state,
-                                            scene.camera, out.foreground, out.object, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(complete_background(
+      params.background, {sheet.vertices, refined.labels, refined.uncertain, refined.surface, scene.camera}, sheet,
+      out.background_state, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(complete_foreground(params.foreground,
+                                            {params.sheet, refined.depth, refined.surface, refined.labels,
+                                             scene.instances, refined.uncertain, out.background_state, scene.camera},
+                                            out.foreground, out.object, workspace, executor));
   observer.end(Stage::complete);
   return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while completing the layers") : Status();
 }
@@ -287,7 +270,7 @@ Status build_layers(const ReconstructParams& params, const SceneView& scene, con
   size.foreground = mesh_size(layers.foreground);
   if (params.backs) {
     size.backs = {size.foreground.vertices,
-                  back_faces(size.foreground.faces, reconstruct_detail::count_rim_edges(layers.foreground))};
+                  back_faces(size.foreground.faces, rim_edge_count(layers.foreground))};
   }
   return size;
 }

@@ -56,13 +56,15 @@ struct RelightParams {
 };
 
 [[nodiscard]] inline Status validate(const RelightParams& p) noexcept {
-  NPSIM_RETURN_IF_ERROR(validate(p.sky));
   NPSIM_RETURN_IF_ERROR(validate(p.placement));
   NPSIM_RETURN_IF_ERROR(validate(p.activation));
-  NPSIM_RETURN_IF_ERROR(validate(p.material.albedo));
-  NPSIM_RETURN_IF_ERROR(validate(p.denoise));
-  NPSIM_RETURN_IF_ERROR(validate(p.gather));
   NPSIM_RETURN_IF_ERROR(validate(p.visibility));
+  NPSIM_RETURN_IF_ERROR(validate(p.gather));
+  NPSIM_RETURN_IF_ERROR(validate(p.denoise));
+  NPSIM_RETURN_IF_ERROR(validate(p.sky));
+  NPSIM_RETURN_IF_ERROR(validate(p.material.albedo));
+  NPSIM_RETURN_IF_ERROR(validate(p.material.roughness));
+  NPSIM_RETURN_IF_ERROR(validate(p.ego));
   if (p.bounces < 1 || p.bounces > 16) return {StatusCode::invalid_argument, "relight: bounces in 1..16"};
   if (!(p.f0 >= 0.0F && p.f0 <= 1.0F)) return {StatusCode::invalid_argument, "relight: f0 in [0, 1]"};
   return {};
@@ -218,10 +220,8 @@ template <class Rays, class Executor, class Observer>
   observer.end(Stage::build_trace);
 
   observer.begin(Stage::render);
-  GatherParams gather = params.gather;
-  gather.seed = key;
   const auto point_of = [&rays](const Hit& hit) { return rays.point_of(hit); };
-  NPSIM_RETURN_IF_ERROR(trace_gather_rays(gather, rays.scene, point_of, light.points, light.receivers, light.sky, hits,
+  NPSIM_RETURN_IF_ERROR(trace_gather_rays(params.gather, key, rays.scene, point_of, light.points, light.receivers, light.sky, hits,
                                           sky_irradiance, executor, observer));
   // Light is asked for at the points that pixels show and those that their bounces reach.
   Span<std::uint8_t> wanted;
@@ -231,9 +231,7 @@ template <class Rays, class Executor, class Observer>
   for (const std::uint32_t point : hits) {
     if (point != kNoPoint) wanted[point] = 1;
   }
-  VisibilityParams visible = params.visibility;
-  visible.seed = key;
-  NPSIM_RETURN_IF_ERROR(compute_visibility(visible, rays.scene, light.points, wanted, light.emitters, peak_cd,
+  NPSIM_RETURN_IF_ERROR(compute_visibility(params.visibility, key, rays.scene, light.points, wanted, light.emitters, peak_cd,
                                            face_mark, visibility, executor, observer));
   observer.end(Stage::render);
   return {};

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Edge-avoiding a-trous filter (Dammertz et al., HPG 2010) for noisy indirect irradiance on the pixel grid.
 //
-// Irradiance, not radiance, is filtered, so that texture stays sharp. Iteration i takes 5 x 5 taps 2^i pixels apart with
-// B3-spline weights; a tap counts by how well its normal agrees (cosine to a power) and how near it lies to the centre's
-// tangent plane, relative to depth. Pixels without a point keep what they have and give nothing.
-// Cost: 25 taps per pixel and iteration. Memory: two images. Error: bias only where irradiance changes within one smooth
-// surface over less than the footprint (4 * 2^iterations pixels).
+// Irradiance, not radiance, is filtered, so that texture stays sharp. Iteration i takes 5 x 5 taps 2^i pixels apart
+// with B3-spline weights; a tap counts by how well its normal agrees (cosine to a power) and how near it lies to the
+// centre's tangent plane, relative to depth. Pixels without a point keep what they have and give nothing. Cost: 25 taps
+// per pixel and iteration. Memory: two images. Error: bias only where irradiance changes within one smooth surface over
+// less than the footprint (4 * 2^iterations pixels).
 #ifndef NPSIM_RENDER_DENOISE_HPP
 #define NPSIM_RENDER_DENOISE_HPP
 
@@ -23,21 +23,21 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 struct DenoiseParams {
-  int iterations = 4;             // footprint 61 px; 0 switches the filter off; at most 8
+  int iterations = 4;              // footprint 61 px; 0 switches the filter off; at most 8
   int normal_power_doublings = 5;  // the cosine between normals counts to the power 2^5 = 32
-  float plane_sigma = 0.01F;      // distance from the tangent plane, as a share of depth
+  float plane_sigma = 0.01F;       // distance from the tangent plane, as a share of depth
 };
 
 [[nodiscard]] inline Status validate(const DenoiseParams& p) noexcept {
   const bool good = p.iterations >= 0 && p.iterations <= 8 && p.normal_power_doublings >= 0 &&
                     p.normal_power_doublings <= 8 && p.plane_sigma > 0.0F;
-  return good ? Status() : Status(StatusCode::invalid_argument, "denoise: iterations and power in 0..8, plane_sigma positive");
+  return good ? Status()
+              : Status(StatusCode::invalid_argument, "denoise: iterations and power in 0..8, plane_sigma positive");
 }
 
 [[nodiscard]] constexpr std::size_t denoise_workspace_bytes(const DenoiseParams&, Shape shape) noexcept {
   return kWorkspaceAlignment + allocation_bytes<Vec3f>(shape.pixels());
 }
-
 
 namespace denoise_detail {
 

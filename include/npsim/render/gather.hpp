@@ -32,7 +32,6 @@ inline namespace NPSIM_ABI {
 struct GatherParams {
   int rays = 8;                 // per receiver, 1..4096; the denoiser takes care of the rest
   float relative_bias = 3e-3F;  // see pulled_out()
-  std::uint64_t seed = 0;
 };
 
 [[nodiscard]] inline Status validate(const GatherParams& p) noexcept {
@@ -40,13 +39,12 @@ struct GatherParams {
   return good ? Status() : Status(StatusCode::invalid_argument, "gather: rays in 1..4096, bias in [0, 1)");
 }
 
-
 // Traces the rays of `receivers` (indices into points) through `scene` (trace/scene.hpp). point_of(hit) is the point
 // that stands for a hit.
 // hits[r * rays + s] becomes the point that ray s of receiver r reaches, or kNoPoint; sky_irradiance[r] (lx, linear
 // RGB) what the escaping rays bring.
 template <class Scene, class PointOf, class Executor, class Observer>
-Status trace_gather_rays(const GatherParams& params, const Scene& scene, const PointOf& point_of,
+Status trace_gather_rays(const GatherParams& params, std::uint64_t seed, const Scene& scene, const PointOf& point_of,
                          const SurfacePoints& points, Span<const std::uint32_t> receivers, const SkyParams& sky,
                          Span<std::uint32_t> hits, Span<Vec3f> sky_irradiance, Executor& executor, Observer& observer) {
   NPSIM_RETURN_IF_ERROR(validate(points));
@@ -71,7 +69,7 @@ Status trace_gather_rays(const GatherParams& params, const Scene& scene, const P
         const std::uint32_t point = receivers[(first + i) / rays];
         const std::size_t s = (first + i) % rays;
         if (s == 0) {
-          RandomStream random(params.seed, RandomPurpose::bounce, 0, 0, point, 0);
+          RandomStream random(seed, RandomPurpose::bounce, 0, 0, point, 0);
           // A rotated rank-1 lattice: stratified for any number of rays and decorrelated between neighbouring points.
           shift_u = random.uniform();
           shift_v = random.uniform();
@@ -81,7 +79,7 @@ Status trace_gather_rays(const GatherParams& params, const Scene& scene, const P
         const float v0 = static_cast<float>(s) * 0.61803399F + shift_v;
         batch[i] = Ray{};
         batch[i].origin = origin;
-        batch[i].direction = sample_cosine(points.normal[point], u0 - std::floor(u0), v0 - std::floor(v0)).direction;
+        batch[i].direction = sample_cosine(points.normal[point], u0 - std::floor(u0), v0 - std::floor(v0));
       }
       closest_hits(scene, Span<const Ray>(batch, count), Span<Hit>(met, count));
       for (std::size_t i = 0; i < count; ++i) {

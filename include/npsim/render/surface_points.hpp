@@ -34,9 +34,10 @@ struct SurfacePoints {
   return {};
 }
 
-// Start of a ray that leaves a point: pulled out along the normal by a share of the depth, or of 10 m where that is more.
-// A reconstructed surface is rough by a fraction of its depth, near the camera by some centimetres of mismatched stereo,
-// in any case far more than by rounding: with less pull, lamps at a grazing angle speckle the road with its own shadow.
+// Start of a ray that leaves a point: pulled out along the normal by a share of the depth, or of 10 m where that is
+// more. A reconstructed surface is rough by a fraction of its depth, near the camera by some centimetres of mismatched
+// stereo, in any case far more than by rounding: with less pull, lamps at a grazing angle speckle the road with its own
+// shadow.
 [[nodiscard]] constexpr Vec3f pulled_out(const Vec3f& position, const Vec3f& normal, float relative_bias) noexcept {
   const float reach = position.z > 10.0F ? position.z : 10.0F;
   return position + normal * (relative_bias * reach);

@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // Visibility between emitters and surface points: the costly part of direct light, computed once for all variants.
 //
-// V(e, p) is the share of emitter e's patch that point p sees, stored in 1/255 steps: one shadow ray for an emitter that
-// looks small from p, else four, one per quarter of the patch, and where these disagree (a penumbra) k x k more. An
-// occluder that hides part of a patch but none of the four rays is missed. It does not depend on which lamps are
+// V(e, p) is the share of emitter e's patch that point p sees, stored in 1/255 steps: one shadow ray for an emitter
+// that looks small from p, else four, one per quarter of the patch, and where these disagree (a penumbra) k x k more.
+// An occluder that hides part of a patch but none of the four rays is missed. It does not depend on which lamps are
 // lit, nor on their strength or colour, so every night of one day shares it.
 // Effort follows what is at stake, the unshadowed illuminance E at the emitter's peak intensity over all variants:
 //   E < cutoff_lx         V = 0, as for points behind the emitter or turned away from it
-//   E < 50 cutoff_lx      every 16th point is traced; those between take the value of the last one, their neighbour in a
-//   E < 500 cutoff_lx     every 4th point    row of the image, unless depth or normal say that it is another surface
+//   E < 50 cutoff_lx      every 16th point is traced; those between take the value of the last one, their neighbour
+//                         in a row of the image, unless depth or normal say that it is another surface
+//   E < 500 cutoff_lx     every 4th point, the same
 //   else                  every point
-// So a shadow edge of a weak source may lie up to 15 pixels off in a row. The error of the direct illuminance at a point
-// is at most  n_emitters * cutoff_lx + E / 510  away from shadow edges, plus there  500 cutoff_lx  per emitter at worst,
-// plus the penumbra's sampling noise.
-// Faces that carry an emitter's own mark do not block it: a lamp is not hidden by its own glass.
-// Cost: one shadow ray per pair and sample, traced in batches of neighbouring points and one lamp. Memory: one byte per
-// pair, emitter-major; 18 KiB of stack.
+// So a shadow edge of a weak source may lie up to 15 pixels off in a row. The error of the direct illuminance at a
+// point is at most  n_emitters * cutoff_lx + E / 510  away from shadow edges, plus there  500 cutoff_lx  per emitter at
+// worst, plus the penumbra's sampling noise. Faces that carry an emitter's own mark do not block it: a lamp is not
+// hidden by its own glass. Cost: one shadow ray per pair and sample, traced in batches of neighbouring points and one
+// lamp. Memory: one byte per pair, emitter-major; 18 KiB of stack.
 #ifndef NPSIM_RENDER_VISIBILITY_HPP
 #define NPSIM_RENDER_VISIBILITY_HPP
 
@@ -36,11 +36,10 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 struct VisibilityParams {
-  int samples_per_side = 4;         // k of the penumbra, 1..16
-  float small_angle = 0.02F;        // patch side / distance below which one ray is enough
-  float cutoff_lx = 5e-4F;          // full moon: 0.25 lx; city sky: 0.07 lx
-  float relative_bias = 3e-3F;      // see pulled_out()
-  std::uint64_t seed = 0;
+  int samples_per_side = 4;     // k of the penumbra, 1..16
+  float small_angle = 0.02F;    // patch side / distance below which one ray is enough
+  float cutoff_lx = 5e-4F;      // full moon: 0.25 lx; city sky: 0.07 lx
+  float relative_bias = 3e-3F;  // see pulled_out()
 };
 
 [[nodiscard]] inline Status validate(const VisibilityParams& p) noexcept {
@@ -50,7 +49,6 @@ struct VisibilityParams {
               : Status(StatusCode::invalid_argument,
                        "visibility: samples_per_side in 1..16, cutoff and angle not negative, bias in [0, 1)");
 }
-
 
 // Unshadowed illuminance (lx) at a point per candela of the emitter's peak intensity; `to_light` is the unit direction.
 // The distance is bounded below by the patch size, where the point-source form would diverge.
@@ -91,8 +89,7 @@ inline void plan_chunk(const VisibilityParams& params, const SurfacePoints& poin
     like = kDark;
     if (!wanted.empty() && wanted[p] == 0) continue;
     Vec3f to_light;
-    const float unshadowed =
-        peak_cd * illuminance_per_cd(emitter, points.position[p], points.normal[p], to_light);
+    const float unshadowed = peak_cd * illuminance_per_cd(emitter, points.position[p], points.normal[p], to_light);
     if (!(unshadowed > params.cutoff_lx)) continue;
     if (plan.count > 0) {
       const std::size_t stride =
@@ -141,14 +138,14 @@ inline void add_rays(const Emitter& emitter, const Vec3f& origin, int k, RandomS
 
 }  // namespace visibility_detail
 
-// `scene`: see trace/scene.hpp. `peak_cd[e]`: greatest luminous intensity that emitter e has in any variant; 0 skips
-// it. `face_mark[f]`: mark of the face's lamp, 0 for none. `wanted[p]`: 0 where nobody will ask; such points get 0;
-// empty: all are wanted. `visibility` has emitters * points elements.
+// `seed`: of the draws, one stream per pair. `scene`: see trace/scene.hpp. `peak_cd[e]`: greatest luminous intensity
+// that emitter e has in any variant; 0 skips it. `face_mark[f]`: mark of the face's lamp, 0 for none. `wanted[p]`: 0
+// where nobody will ask; such points get 0; empty: all are wanted. `visibility` has emitters * points elements.
 template <class Scene, class Executor, class Observer>
-Status compute_visibility(const VisibilityParams& params, const Scene& scene, const SurfacePoints& points,
-                          Span<const std::uint8_t> wanted, Span<const Emitter> emitters, Span<const float> peak_cd,
-                          Span<const std::uint16_t> face_mark, Span<std::uint8_t> visibility, Executor& executor,
-                          Observer& observer) {
+Status compute_visibility(const VisibilityParams& params, std::uint64_t seed, const Scene& scene,
+                          const SurfacePoints& points, Span<const std::uint8_t> wanted, Span<const Emitter> emitters,
+                          Span<const float> peak_cd, Span<const std::uint16_t> face_mark, Span<std::uint8_t> visibility,
+                          Executor& executor, Observer& observer) {
   using namespace visibility_detail;
   NPSIM_RETURN_IF_ERROR(validate(points));
   if (peak_cd.size() != emitters.size() || visibility.size() != emitters.size() * points.size() ||
@@ -194,12 +191,11 @@ Status compute_visibility(const VisibilityParams& params, const Scene& scene, co
         };
         for (std::size_t t = 0; t < remaining; ++t) {
           const std::uint16_t i = plan.traced[t];
-          const Vec3f origin =
-              pulled_out(points.position[begin + i], points.normal[begin + i], params.relative_bias);
+          const Vec3f origin = pulled_out(points.position[begin + i], points.normal[begin + i], params.relative_bias);
           const bool small = extent < params.small_angle * length(emitter.centre_m - origin);
           const int k = more ? params.samples_per_side : (small ? 1 : 2);
           if (batch.count + static_cast<std::size_t>(k * k) > kRaysPerBatch) trace();
-          RandomStream random(params.seed, RandomPurpose::direct, 0, static_cast<std::uint32_t>(e),
+          RandomStream random(seed, RandomPurpose::direct, 0, static_cast<std::uint32_t>(e),
                               static_cast<std::uint32_t>(begin + i), 0);
           if (more) {
             for (int drawn = 0; drawn < 8; ++drawn) static_cast<void>(random.uniform());  // by the first four rays

@@ -16,6 +16,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <initializer_list>
 
 #include "npsim/core/config.hpp"
 #include "npsim/core/executor.hpp"
@@ -61,6 +62,18 @@ inline constexpr float kSaturationExposure = 78.0F;  // lx s at ISO 1
           "exposure: f-number in [.5, 128], time in (0, 3600] s, ISO in (0, 1e7], transmittance in (0, 1]"};
 }
 
+[[nodiscard]] inline Status validate(const AutoExposureParams& p) noexcept {
+  CameraExposure camera = p.camera;
+  for (const float iso : {p.iso_min, p.iso_max}) {
+    camera.iso = iso;
+    NPSIM_RETURN_IF_ERROR(validate(camera));
+  }
+  if (p.iso_min <= p.iso_max && p.target_mean > 0.0F && p.target_mean < 1.0F && p.steps >= 1 && p.steps <= 64)
+    return {};
+  return {StatusCode::invalid_argument,
+          "automatic exposure: iso_min <= iso_max, target mean in (0, 1), steps in 1..64"};
+}
+
 // Exposure of the sensor in lx s for a scene luminance in cd/m2.
 [[nodiscard]] constexpr float exposure_lx_s(const CameraExposure& e, float luminance_cd_m2) noexcept {
   return 0.785398163F / (e.f_number * e.f_number) * e.transmittance * e.time_s * luminance_cd_m2;
@@ -75,7 +88,6 @@ inline constexpr float kSaturationExposure = 78.0F;  // lx s at ISO 1
   const std::size_t rows = shape.empty() ? 0 : static_cast<std::size_t>(shape.height);
   return allocation_bytes<double>(chunk_count(rows, kSensorRowChunk)) + kWorkspaceAlignment;
 }
-
 
 // signal = luminance * signal_per_luminance(camera), not clipped. `out` may be `in`.
 template <class Executor>
@@ -117,22 +129,14 @@ template <class Executor>
 template <class Executor>
 [[nodiscard]] Status auto_exposure(const AutoExposureParams& params, ImageView<const Vec3f> luminance_cd_m2,
                                    AutoExposureResult& out, Workspace& workspace, Executor& executor) {
-  CameraExposure camera = params.camera;
-  camera.iso = params.iso_min;
-  NPSIM_RETURN_IF_ERROR(validate(camera));
-  camera.iso = params.iso_max;
-  NPSIM_RETURN_IF_ERROR(validate(camera));
-  if (!(params.iso_min <= params.iso_max) || !(params.target_mean > 0.0F && params.target_mean < 1.0F) ||
-      params.steps < 1 || params.steps > 64) {
-    return Status(StatusCode::invalid_argument,
-                  "automatic exposure: iso_min <= iso_max, target mean in (0, 1), steps in 1..64");
-  }
+  NPSIM_RETURN_IF_ERROR(validate(params));
   NPSIM_RETURN_IF_ERROR(check_image(luminance_cd_m2));
   const WorkspaceScope scope(workspace);
   Span<double> partial;
   NPSIM_RETURN_IF_ERROR(
       workspace.allocate(chunk_count(static_cast<std::size_t>(luminance_cd_m2.height()), kSensorRowChunk), partial));
 
+  CameraExposure camera = params.camera;
   const auto mean_at = [&](float iso) {
     camera.iso = iso;
     return exposure_detail::mean_signal(luminance_cd_m2, signal_per_luminance(camera), partial, executor);

@@ -114,7 +114,7 @@ void box_pass(const ExtendedBox& box, int n, int lanes, const In& in_at, const O
     for (int k = 0; k < lanes; ++k) {
       const Vec3d entering = vec_cast<double>(next[k]);
       const Vec3d value = (sum[k] + (vec_cast<double>(before[k]) + entering) * box.edge) * box.scale;
-      // A sum of nothing may be left at -1e-16 of a lamp by rounding.
+      // Rounding of what a lamp added and took away again can leave a sum of zeros just below 0.
       out[k] = {value.x > 0 ? static_cast<float>(value.x) : 0.0F, value.y > 0 ? static_cast<float>(value.y) : 0.0F,
                 value.z > 0 ? static_cast<float>(value.z) : 0.0F};
       sum[k] += entering - vec_cast<double>(last[k]);

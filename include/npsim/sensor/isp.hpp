@@ -51,12 +51,22 @@ struct WhiteBalanceParams {
   float max_gain = 4.0F;    // of one channel, against the luminance
 };
 
-[[nodiscard]] inline Status validate(const IspParams& p) noexcept {
-  const auto gain = [](float g) noexcept { return g >= 0.0F && g <= 64.0F; };
-  const bool good = gain(p.white_balance.x) && gain(p.white_balance.y) && gain(p.white_balance.z) &&
-                    p.tone.toe >= 0.0F && p.tone.toe <= 0.1F && p.tone.knee >= 0.0F && p.tone.knee <= 1.0F;
+[[nodiscard]] inline Status validate(const WhiteBalanceParams& p) noexcept {
+  const bool good = p.adaptation >= 0.0F && p.adaptation <= 1.0F && p.max_gain >= 1.0F && p.max_gain <= 32.0F;
   return good ? Status()
-              : Status(StatusCode::invalid_argument, "ISP: white balance in [0, 64], toe in [0, .1], knee in [0, 1]");
+              : Status(StatusCode::invalid_argument, "white balance: adaptation in [0, 1], max_gain in [1, 32]");
+}
+
+[[nodiscard]] inline Status validate(const ToneCurve& c) noexcept {
+  const bool good = c.toe >= 0.0F && c.toe <= 0.1F && c.knee >= 0.0F && c.knee <= 1.0F;
+  return good ? Status() : Status(StatusCode::invalid_argument, "ISP: toe in [0, .1], knee in [0, 1]");
+}
+
+[[nodiscard]] inline Status validate(const IspParams& p) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(p.tone));
+  const auto gain = [](float g) noexcept { return g >= 0.0F && g <= 64.0F; };
+  if (gain(p.white_balance.x) && gain(p.white_balance.y) && gain(p.white_balance.z)) return {};
+  return {StatusCode::invalid_argument, "ISP: white balance in [0, 64]"};
 }
 
 // Displayed linear value of a linear signal; 0 to 0, 1 to 1 and monotonic, within a rounding of 2^-23.
@@ -76,15 +86,11 @@ struct WhiteBalanceParams {
   return allocation_bytes<Vec3d>(chunk_count(rows, kSensorRowChunk)) + kWorkspaceAlignment;
 }
 
-
 // Gains for IspParams::white_balance; 1 each when every pixel is black or saturated.
 template <class Executor>
 [[nodiscard]] Status auto_white_balance(const WhiteBalanceParams& params, ImageView<const Vec3f> signal, Vec3f& gains,
                                         Workspace& workspace, Executor& executor) {
-  if (!(params.adaptation >= 0.0F && params.adaptation <= 1.0F && params.max_gain >= 1.0F &&
-        params.max_gain <= 32.0F)) {
-    return Status(StatusCode::invalid_argument, "white balance: adaptation in [0, 1], max_gain in [1, 32]");
-  }
+  NPSIM_RETURN_IF_ERROR(validate(params));
   NPSIM_RETURN_IF_ERROR(check_image(signal));
   const WorkspaceScope scope(workspace);
   Span<Vec3d> partial;

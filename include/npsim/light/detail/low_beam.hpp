@@ -22,7 +22,6 @@ inline namespace NPSIM_ABI {
 inline constexpr float kLowBeamAim = 0.01F;        // slope by which the axis of an emitter points below the horizontal
 inline constexpr float kLowBeamPeakCd = 20196.7F;  // nominal; R112 holds from 0.65 to 1.4 times this
 
-
 // Height of the cut-off above H-H at slope h.
 [[nodiscard]] inline float low_beam_cutoff(float h) noexcept {
   constexpr float kTan15 = 0.26794919F;

@@ -52,10 +52,6 @@ struct PixelLinks {
                                                          static_cast<std::size_t>(shape.height));
 }
 
-[[nodiscard]] constexpr std::size_t connected_components_workspace_bytes(Shape shape) noexcept {
-  return 3 * pixel_bits_bytes(shape) + kWorkspaceAlignment;
-}
-
 namespace mesh_detail {
 
 [[nodiscard]] inline Status allocate_bits(Shape shape, Workspace& workspace, ImageView<std::uint64_t>& bits) noexcept {
@@ -181,30 +177,6 @@ inline void number_row(const PixelLinks& links, ImageView<std::uint32_t> compone
   for (int y = 0; y < links.height(); ++y) mesh_detail::unite_row(links, component, y);
   for (int y = 0; y < links.height(); ++y) mesh_detail::number_row(links, component, y, count);
   return {};
-}
-
-// The same where member(x, y) says whether a pixel belongs to any component, same(x0, y0, x1, y1) whether two
-// neighbouring members belong to one.
-template <class Member, class Same>
-[[nodiscard]] Status connected_components(const Member& member, const Same& same, ImageView<std::uint32_t> component,
-                                          Workspace& workspace, std::uint32_t& count) {
-  count = 0;
-  if (component.empty()) return {StatusCode::invalid_argument, "components need at least one pixel"};
-  const WorkspaceScope scope(workspace);
-  PixelLinks links;
-  NPSIM_RETURN_IF_ERROR(mesh_detail::allocate_links(component.shape(), workspace, links));
-  for (int y = 0; y < links.height(); ++y) {
-    for (int w = 0; w < links.member.width(); ++w) links.member(w, y) = links.left(w, y) = links.above(w, y) = 0;
-    for (int x = 0; x < links.width; ++x) {
-      if (!member(x, y)) continue;
-      const int w = x / kWordBits;
-      const std::uint64_t bit = std::uint64_t{1} << static_cast<unsigned>(x % kWordBits);
-      links.member(w, y) |= bit;
-      if (x > 0 && PixelLinks::at(links.member, x - 1, y) && same(x - 1, y, x, y)) links.left(w, y) |= bit;
-      if (y > 0 && PixelLinks::at(links.member, x, y - 1) && same(x, y - 1, x, y)) links.above(w, y) |= bit;
-    }
-  }
-  return label_components(links, component, count);
 }
 
 }  // namespace NPSIM_ABI

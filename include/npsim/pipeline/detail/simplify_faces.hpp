@@ -20,7 +20,6 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/mesh/detail/simplify/depth.hpp"
 #include "npsim/mesh/index.hpp"
 #include "npsim/mesh/simplify.hpp"
 

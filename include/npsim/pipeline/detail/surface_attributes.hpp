@@ -15,6 +15,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/material/albedo.hpp"
+#include "npsim/material/roughness.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
