@@ -12,7 +12,7 @@
 //        sheets "away" are seen through a long lens. Where float coordinates leave no such ray nothing is asked.
 // agree  Camera, shadow and bounce rays: all tracers against each other; each reported hit against double precision
 //        (exact.hpp); where tracers disagree, and for a sample, against every face in double precision.
-// spawn  Rays that leave a hit (spawn.hpp) and meet the face that they left.
+// spawn  Rays that leave a hit (offset_ray_origin()) and meet the face that they left.
 // hash   Hits of a million rays as one number: to be compared between builds for other instruction sets. Serial, on
 //        threads, and with one lane must be equal.
 #include <algorithm>
@@ -31,9 +31,9 @@
 #include "exact.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/obj.hpp"
-#include "npsim/simd/detail/scalar.hpp"
-#include "npsim/trace/detail/sheet/packet.hpp"
-#include "npsim/trace/detail/sheet/stream.hpp"
+#include "npsim/simd/batch.hpp"
+#include "npsim/trace/ray.hpp"
+#include "npsim/trace/sheet.hpp"
 #include "subjects.hpp"
 
 namespace {

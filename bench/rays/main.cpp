@@ -11,8 +11,7 @@
 //       b  from points seen by the camera to 30 lamps, lamp by lamp, points in scan order, any hit;
 //       l  the same where all pixels of a row follow each other, as when one lamp's shadows are computed together;
 //       c  cosine-distributed bounces from those points in random order, closest hit;   c2  the same in pixel order.
-// What traces them: "sheet", one ray after the other; "stream", all of a set in one call (sheet_stream.hpp,
-// and of shadow rays that look alike sheet_packet.hpp);
+// What traces them: "sheet", one ray after the other; "stream", all of a set in one call;
 // Embree's single rays, default ("embree"), robust, and default on quads, where a quad has both its triangles
 // ("quads"); for information its coherent packets of 16 and its streams.
 // Agreement is against Embree's robust mode: rays whose hit, face or distance (1e-5 of max(t, depth)) differs, per
@@ -33,11 +32,8 @@
 #include "../timing.hpp"
 #include "layers.hpp"
 #include "npsim/core/executor.hpp"
-#include "npsim/trace/detail/sheet/build.hpp"
-#include "npsim/trace/detail/sheet/packet.hpp"
-#include "npsim/trace/detail/sheet/stream.hpp"
-#include "npsim/trace/detail/sheet/traverse.hpp"
-#include "npsim/trace/spawn.hpp"
+#include "npsim/trace/ray.hpp"
+#include "npsim/trace/sheet.hpp"
 #include "ray_sets.hpp"
 #if defined(NPSIM_BENCH_EMBREE)
 #include "embree.hpp"

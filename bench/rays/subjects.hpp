@@ -18,8 +18,7 @@
 #include "npsim/core/random.hpp"
 #include "npsim/io/mesh.hpp"
 #include "npsim/trace/bvh.hpp"
-#include "npsim/trace/detail/sheet/build.hpp"
-#include "npsim/trace/detail/sheet/traverse.hpp"
+#include "npsim/trace/sheet.hpp"
 #if defined(NPSIM_BENCH_EMBREE)
 #include "embree.hpp"
 #endif

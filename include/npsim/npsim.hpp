@@ -70,7 +70,7 @@
 #include "npsim/trace/bvh.hpp"
 #include "npsim/trace/ray.hpp"
 #include "npsim/trace/scene.hpp"
-#include "npsim/trace/spawn.hpp"
+#include "npsim/trace/sheet.hpp"
 
 // sections 3.2, 3.6: lamps
 #include "npsim/light/activation.hpp"

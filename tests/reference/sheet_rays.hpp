@@ -8,12 +8,14 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/trace/detail/sheet/build.hpp"
-#include "npsim/trace/detail/triangle/triangle.hpp"
+#include "npsim/trace/detail/triangle.hpp"
+#include "npsim/trace/sheet.hpp"
+#include "unit/fixture.hpp"
 
 namespace npsim::reference {
 
@@ -22,7 +24,7 @@ struct TracedSheet {
   Intrinsics k;
   std::vector<Vec3f> vertices;
   std::vector<std::uint8_t> quads;
-  std::vector<unsigned char> bytes;
+  std::unique_ptr<npsim_test::Scratch> memory;
   SheetTrace trace;
 
   explicit TracedSheet(Shape s)
@@ -53,10 +55,9 @@ struct TracedSheet {
   [[nodiscard]] Vec3f& at(int x, int y) { return vertices[static_cast<std::size_t>(y * shape.width + x)]; }
   template <class F = simd::F32>
   [[nodiscard]] Status build() {
-    bytes.assign(sheet_workspace_bytes(shape), 0xA5);
-    Workspace workspace(bytes.data(), bytes.size());
+    memory = std::make_unique<npsim_test::Scratch>(sheet_workspace_bytes(shape));
     SerialExecutor executor;
-    return build_sheet_trace<F>(layer(), k, workspace, trace, executor);
+    return build_sheet_trace<F>(layer(), k, memory->workspace(), trace, executor);
   }
 };
 

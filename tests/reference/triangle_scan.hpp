@@ -13,8 +13,8 @@
 
 #include "npsim/core/random.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
+#include "npsim/trace/detail/triangle.hpp"
 #include "npsim/trace/ray.hpp"
-#include "npsim/trace/detail/triangle/triangle.hpp"
 
 namespace npsim::reference {
 

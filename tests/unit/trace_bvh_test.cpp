@@ -9,69 +9,33 @@
 #include <limits>
 #include <vector>
 
+#include "fixture.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/trace/bvh.hpp"
+#include "reference/triangle_scan.hpp"
+#include "trace_tree.hpp"
 
 namespace {
 
 using npsim::Bvh;
 using npsim::Face;
 using npsim::Hit;
-using npsim::RandomPurpose;
 using npsim::RandomStream;
 using npsim::Ray;
 using npsim::Vec3d;
 using npsim::Vec3f;
+using npsim::reference::bits;
+using npsim::reference::in_cube;
+using npsim::reference::soup;
+using npsim::reference::stream;
+using Mesh = npsim::reference::ScanMesh;
+using Tree = npsim_test::Tree<>;
 
 using Pack = npsim::TrianglePack<npsim::kBvhPack>;
 using Node = npsim::BvhNode<npsim::kBvhWidth>;
 
 constexpr float kInf = std::numeric_limits<float>::infinity();
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-
-struct Mesh {
-  std::vector<Vec3f> vertices;
-  std::vector<Face> faces;
-
-  [[nodiscard]] npsim::TriangleMeshView view() const {
-    return {{vertices.data(), vertices.size()}, {faces.data(), faces.size()}};
-  }
-  void add(const Vec3f& a, const Vec3f& b, const Vec3f& c) {
-    const auto n = static_cast<std::uint32_t>(vertices.size());
-    vertices.insert(vertices.end(), {a, b, c});
-    faces.push_back({n, n + 1, n + 2});
-  }
-};
-
-struct Tree {
-  std::vector<unsigned char> bytes;
-  Bvh bvh;
-
-  explicit Tree(const Mesh& mesh) : bytes(npsim::bvh_workspace_bytes(mesh.faces.size())) {
-    npsim::Workspace workspace(bytes.data(), bytes.size());
-    REQUIRE(npsim::build_bvh(mesh.view(), workspace, bvh).ok());
-  }
-};
-
-RandomStream stream(std::uint32_t pixel) { return {7, RandomPurpose::test, 0, 0, pixel, 0}; }
-
-Vec3f in_cube(RandomStream& random, float scale) {
-  const float x = random.uniform(-scale, scale);
-  const float y = random.uniform(-scale, scale);
-  return {x, y, random.uniform(-scale, scale)};
-}
-
-Mesh soup(std::size_t faces, float size, float scale, std::uint32_t seed) {
-  Mesh mesh;
-  for (std::size_t i = 0; i < faces; ++i) {
-    RandomStream random = stream(seed + static_cast<std::uint32_t>(i));
-    const Vec3f centre = in_cube(random, scale);
-    const Vec3f a = centre + in_cube(random, size * scale);
-    const Vec3f b = centre + in_cube(random, size * scale);
-    mesh.add(a, b, centre + in_cube(random, size * scale));
-  }
-  return mesh;
-}
 
 // Every triangle of the tree in turn, in the order of the tree.
 bool linear_scan(const Bvh& bvh, const Ray& ray, Hit& out) {
@@ -111,12 +75,6 @@ ExactHit exact_hit(const Mesh& mesh, std::size_t face, const Ray& ray) {
   const double u = dot(e2, q) / det;
   const double v = -dot(e1, q) / det;
   return {dot(n, a - o) / det, std::min({u, v, 1 - u - v}), std::fabs(det) / (length(n) * length(d))};
-}
-
-std::uint32_t bits(float x) {
-  std::uint32_t out = 0;
-  std::copy_n(reinterpret_cast<const unsigned char*>(&x), sizeof out, reinterpret_cast<unsigned char*>(&out));
-  return out;
 }
 
 int depth_of(const Bvh& bvh) {
@@ -384,16 +342,13 @@ TEST_CASE("trace: empty mesh, one face, and a mesh of unusable faces") {
 TEST_CASE("trace: a face that names a missing vertex, and a workspace one byte short, are a status") {
   Mesh mesh;
   mesh.add({-1, -1, 4}, {3, -1, 4}, {-1, 3, 4});
-  std::vector<unsigned char> bytes(npsim::bvh_workspace_bytes(1));
   Bvh bvh;
-  {
-    npsim::Workspace small(bytes.data(), npsim::bvh_workspace_bytes(1) - npsim::kWorkspaceAlignment - 1);
-    CHECK(npsim::build_bvh(mesh.view(), small, bvh).code() == npsim::StatusCode::workspace_exhausted);
-    CHECK(bvh.nodes.empty());
-  }
+  npsim_test::Scratch small(npsim::bvh_workspace_bytes(1) - npsim::kWorkspaceAlignment - 1);
+  CHECK(npsim::build_bvh(mesh.view(), small.workspace(), bvh).code() == npsim::StatusCode::workspace_exhausted);
+  CHECK(bvh.nodes.empty());
   mesh.faces[0].c = 3;
-  npsim::Workspace workspace(bytes.data(), bytes.size());
-  CHECK(npsim::build_bvh(mesh.view(), workspace, bvh).code() == npsim::StatusCode::invalid_argument);
+  npsim_test::Scratch memory(npsim::bvh_workspace_bytes(1));
+  CHECK(npsim::build_bvh(mesh.view(), memory.workspace(), bvh).code() == npsim::StatusCode::invalid_argument);
 }
 
 TEST_CASE("trace: rays without a direction or with NaN hit nothing") {

@@ -26,7 +26,7 @@ using npsim::reference::scan;
 using npsim::reference::ScanMesh;
 using npsim::reference::soup;
 using npsim::reference::stream;
-using npsim::testing::Tree;
+using npsim_test::Tree;
 
 constexpr float kInf = std::numeric_limits<float>::infinity();
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();

@@ -6,24 +6,14 @@
 #include <cstdint>
 #include <vector>
 
-#include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/core/workspace.hpp"
 #include "npsim/trace/scene.hpp"
+#include "trace_tree.hpp"
 
 namespace {
 
 using namespace npsim;
-
-struct Tree {
-  std::vector<unsigned char> memory;
-  Bvh bvh;
-
-  explicit Tree(const TriangleMeshView& mesh) : memory(bvh_workspace_bytes(mesh.faces.size())) {
-    Workspace workspace(memory.data(), memory.size());
-    REQUIRE(build_bvh(mesh, workspace, bvh).ok());
-  }
-};
+using Tree = npsim_test::Tree<>;
 
 // Faces of a tree of which the first `count` are one scene and the others another. A Bvh does not know how many numbers
 // its faces take.

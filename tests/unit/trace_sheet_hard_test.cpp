@@ -13,10 +13,7 @@
 
 #include "npsim/core/random.hpp"
 #include "npsim/simd/detail/scalar.hpp"
-#include "npsim/trace/detail/sheet/build.hpp"
-#include "npsim/trace/detail/sheet/packet.hpp"
-#include "npsim/trace/detail/sheet/stream.hpp"
-#include "npsim/trace/detail/sheet/traverse.hpp"
+#include "npsim/trace/sheet.hpp"
 #include "reference/sheet_rays.hpp"
 #include "reference/triangle_scan.hpp"
 

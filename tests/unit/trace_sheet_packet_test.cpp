@@ -13,9 +13,8 @@
 
 #include "npsim/core/random.hpp"
 #include "npsim/simd/detail/scalar.hpp"
-#include "npsim/trace/detail/sheet/join.hpp"
 #include "npsim/trace/detail/sheet/packet.hpp"
-#include "npsim/trace/detail/sheet/traverse.hpp"
+#include "npsim/trace/sheet.hpp"
 #include "reference/sheet_rays.hpp"
 
 namespace {

@@ -6,13 +6,13 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <vector>
 
 #include "npsim/core/random.hpp"
 #include "npsim/simd/detail/scalar.hpp"
-#include "npsim/trace/detail/sheet/build.hpp"
 #include "npsim/trace/detail/sheet/ray.hpp"
-#include "npsim/trace/detail/sheet/test.hpp"
+#include "npsim/trace/detail/sheet/walk.hpp"
 #include "reference/sheet_rays.hpp"
 
 namespace {
@@ -36,7 +36,7 @@ float depth_of(int kind, int x, int y) {
   RandomStream r = stream(static_cast<std::uint32_t>(x + 1000 * y + 1000000 * kind));
   switch (kind) {
     case kSteps: return 1.0F + ((x / 3 + y / 5) % 2 == 0 ? 40.0F : 0.0F) + r.uniform(0.0F, 0.01F);
-    case kHugeSteps: return (r.next_u32() & 1U) == 0 ? 0.1F : 1e5F * r.uniform();  // sheet_ray.hpp has the limit
+    case kHugeSteps: return (r.next_u32() & 1U) == 0 ? 0.1F : 1e5F * r.uniform();  // the limit of detail/sheet/ray.hpp
     case kAnyDepth: return std::exp2(r.uniform(-13.3F, 16.6F));
     case kFlat: return 4.0F;
     case kNearlyFlat: return (r.next_u32() & 1U) != 0 ? 4.0F : std::nextafter(4.0F, 5.0F);
@@ -228,4 +228,47 @@ TEST_CASE("sheet relief: the tests of tiles and quads leave out nothing that is 
     CHECK(lost_quads<npsim::simd::scalar::F32>(sheet, 500, hits) == 0);
     CHECK(hits > 300);
   }
+}
+
+namespace {
+
+template <class T>
+bool same_bytes(npsim::Span<const T> a, npsim::Span<const T> b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+}
+
+bool same_structure(const SheetTrace& a, const SheetTrace& b) {
+  return a.levels == b.levels && same_bytes(a.tiles, b.tiles) && same_bytes(a.relief, b.relief) &&
+         same_bytes(a.nodes, b.nodes) && std::memcmp(a.bounds.low, b.bounds.low, sizeof a.bounds.low) == 0 &&
+         std::memcmp(a.bounds.high, b.bounds.high, sizeof a.bounds.high) == 0 && a.bounds.pad_px == b.bounds.pad_px &&
+         a.bounds.max_inverse_depth == b.bounds.max_inverse_depth && a.bounds.focal_reach == b.bounds.focal_reach;
+}
+
+}  // namespace
+
+TEST_CASE("trace sheet: any number of lanes and any executor build the same bytes, signs of zero included") {
+  TracedSheet sheet(Shape{90, 40});
+  sheet.fill([](int x, int y) {
+    RandomStream r = stream(static_cast<std::uint32_t>(x + 300 * y));
+    return (x / 5 + y / 7) % 3 == 0 ? r.uniform(3.0F, 3.2F) : r.uniform(9.0F, 30.0F);
+  });
+  for (int y = 0; y < 40; ++y) {
+    for (int x = 0; x < 90; ++x) {
+      if ((x + y) % 4 == 0) sheet.at(x, y).x = (x + y) % 8 == 0 ? 0.0F : -0.0F;  // off the grid, within reason
+    }
+  }
+  sheet.connect(false);
+  REQUIRE(sheet.build().ok());
+  const std::size_t bytes = npsim::sheet_workspace_bytes(sheet.shape);
+  npsim_test::Scratch one_lane(bytes);
+  npsim_test::Scratch backwards(bytes);
+  SheetTrace other;
+  npsim::SerialExecutor serial;
+  REQUIRE(
+      npsim::build_sheet_trace<npsim::simd::scalar::F32>(sheet.layer(), sheet.k, one_lane.workspace(), other, serial)
+          .ok());
+  CHECK(same_structure(sheet.trace, other));
+  npsim_test::BackwardExecutor backward;
+  REQUIRE(npsim::build_sheet_trace(sheet.layer(), sheet.k, backwards.workspace(), other, backward).ok());
+  CHECK(same_structure(sheet.trace, other));
 }

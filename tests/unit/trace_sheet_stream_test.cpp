@@ -9,12 +9,10 @@
 #include <limits>
 #include <vector>
 
-#include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/simd/detail/scalar.hpp"
-#include "npsim/trace/detail/sheet/build.hpp"
-#include "npsim/trace/detail/sheet/packet.hpp"
-#include "npsim/trace/detail/sheet/stream.hpp"
+#include "npsim/trace/sheet.hpp"
+#include "reference/sheet_rays.hpp"
 
 namespace {
 
@@ -25,6 +23,7 @@ using npsim::Ray;
 using npsim::Shape;
 using npsim::Span;
 using npsim::Vec3f;
+using npsim::reference::TracedSheet;
 using Scalar = npsim::simd::scalar::F32;
 
 constexpr float kInf = std::numeric_limits<float>::infinity();
@@ -34,49 +33,33 @@ RandomStream stream(std::uint32_t i) { return {6, npsim::RandomPurpose::test, 0,
 
 // Layers of one camera: a ground that recedes, with boxes and holes; the second one lies behind.
 struct Layers {
-  Shape shape;
-  npsim::Intrinsics k;
-  std::vector<std::vector<Vec3f>> vertices;
-  std::vector<std::vector<std::uint8_t>> quads;
-  std::vector<std::vector<unsigned char>> bytes;
+  std::vector<TracedSheet> sheets;
   std::vector<npsim::SheetTrace> traces;
   npsim::SheetScene scene;
 
-  Layers(Shape s, int count) : shape(s), k(npsim::intrinsics_from_fov(s, 1.2F)) {
-    for (int l = 0; l < count; ++l) add(l);
+  Layers(Shape shape, int count) {
+    for (int l = 0; l < count; ++l) add(shape, l);
     REQUIRE(npsim::join_layers({traces.data(), traces.size()}, scene).ok());
   }
-  Layers(const Layers&) = delete;
-  Layers& operator=(const Layers&) = delete;
 
-  void add(int l) {
-    vertices.emplace_back();
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        const float row = static_cast<float>(y) + 0.5F - 0.4F * static_cast<float>(shape.height);
-        float z = row > 1 ? std::min(60.0F, 1.5F * static_cast<float>(shape.height) / row) : 60.0F;
-        if ((x / 7) % 3 == 1 && y > shape.height / 4) z = std::min(z, 6.0F + 0.5F * static_cast<float>(x % 5));
-        RandomStream r = stream(static_cast<std::uint32_t>(x + 1000 * y + 777777 * l));
-        z *= r.uniform(0.99F, 1.01F) + 0.3F * static_cast<float>(l);
-        vertices.back().push_back(npsim::unproject_pixel(k, x, y, z));
-      }
-    }
-    quads.emplace_back(npsim::quad_shape(shape).pixels());
-    for (std::size_t i = 0; i < quads.back().size(); ++i) {
+  void add(Shape shape, int l) {
+    TracedSheet& sheet = sheets.emplace_back(shape);
+    sheet.fill([&](int x, int y) {
+      const float row = static_cast<float>(y) + 0.5F - 0.4F * static_cast<float>(shape.height);
+      float z = row > 1 ? std::min(60.0F, 1.5F * static_cast<float>(shape.height) / row) : 60.0F;
+      if ((x / 7) % 3 == 1 && y > shape.height / 4) z = std::min(z, 6.0F + 0.5F * static_cast<float>(x % 5));
+      RandomStream r = stream(static_cast<std::uint32_t>(x + 1000 * y + 777777 * l));
+      return z * (r.uniform(0.99F, 1.01F) + 0.3F * static_cast<float>(l));
+    });
+    for (std::size_t i = 0; i < sheet.quads.size(); ++i) {
       RandomStream r = stream(static_cast<std::uint32_t>(i) + 99);
       const std::uint32_t bits = r.next_u32();
-      quads.back()[i] = static_cast<std::uint8_t>(bits % 16U == 0 ? bits >> 8U & 7U : 6U | (bits >> 8U & 1U));
+      sheet.quads[i] = static_cast<std::uint8_t>(bits % 16U == 0 ? bits >> 8U & 7U : 6U | (bits >> 8U & 1U));
     }
-    bytes.emplace_back(npsim::sheet_workspace_bytes(shape));
-    npsim::Workspace workspace(bytes.back().data(), bytes.back().size());
-    npsim::SerialExecutor executor;
-    npsim::SheetLayer layer;
-    layer.vertices = {vertices.back().data(), shape};
-    layer.quads = {quads.back().data(), npsim::quad_shape(shape)};
-    traces.emplace_back();
-    REQUIRE(npsim::build_sheet_trace(layer, k, workspace, traces.back(), executor).ok());
+    REQUIRE(sheet.build().ok());
+    traces.push_back(sheet.trace);
   }
-  [[nodiscard]] Vec3f vertex(std::uint32_t i) const { return vertices[0][i % vertices[0].size()]; }
+  [[nodiscard]] Vec3f vertex(std::uint32_t i) const { return sheets[0].vertices[i % sheets[0].vertices.size()]; }
 };
 
 Vec3f in_cube(RandomStream& r, float scale) {
@@ -177,7 +160,7 @@ TEST_CASE("trace stream: rays to one lamp in the order of the image") {
   const Layers layers({240, 136}, 2);
   std::vector<Ray> rays;
   for (const Vec3f lamp : {Vec3f{1.0F, -2.5F, 12.0F}, Vec3f{-2.0F, 0.5F, 7.0F}, Vec3f{0.0F, -1.0F, -3.0F}}) {
-    for (const Vec3f& v : layers.vertices[0]) {
+    for (const Vec3f& v : layers.sheets[0].vertices) {
       Ray ray{v * 0.999F, lamp - v * 0.999F};
       ray.t_max = 1.0F;
       rays.push_back(ray);

@@ -15,8 +15,9 @@
 #include "npsim/core/random.hpp"
 #include "npsim/simd/detail/scalar.hpp"
 #include "npsim/trace/bvh.hpp"
-#include "npsim/trace/detail/sheet/build.hpp"
-#include "npsim/trace/detail/sheet/traverse.hpp"
+#include "npsim/trace/sheet.hpp"
+#include "reference/sheet_rays.hpp"
+#include "trace_tree.hpp"
 
 namespace {
 
@@ -29,6 +30,7 @@ using npsim::Ray;
 using npsim::Shape;
 using npsim::Vec3d;
 using npsim::Vec3f;
+using npsim::reference::hit_by_all_faces;
 using Scalar = npsim::simd::scalar::F32;
 
 constexpr float kInf = std::numeric_limits<float>::infinity();
@@ -36,45 +38,16 @@ constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 RandomStream stream(std::uint32_t i) { return {5, RandomPurpose::test, 0, 0, i, 0}; }
 
-struct Sheet {
-  Shape shape;
-  npsim::Intrinsics k;
-  std::vector<Vec3f> vertices;
-  std::vector<std::uint8_t> quads;
-  std::vector<unsigned char> bytes;
-  npsim::SheetTrace trace;
+struct Sheet : npsim::reference::TracedSheet {
+  explicit Sheet(Shape s) : TracedSheet(s) {}
 
-  explicit Sheet(Shape s)
-      : shape(s),
-        k(npsim::intrinsics_from_fov(s, 1.2F)),
-        vertices(s.pixels()),
-        quads(std::max<std::size_t>(npsim::quad_shape(s).empty() ? 0 : npsim::quad_shape(s).pixels(), 1)) {}
-
-  [[nodiscard]] npsim::SheetLayer layer() {
-    npsim::SheetLayer out;
-    out.vertices = {vertices.data(), shape};
-    if (!npsim::quad_shape(shape).empty()) out.quads = {quads.data(), npsim::quad_shape(shape)};
-    return out;
-  }
-  template <class Depth>
-  void fill(Depth&& depth) {
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) at(x, y) = npsim::unproject_pixel(k, x, y, depth(x, y));
-    }
-  }
-  Vec3f& at(int x, int y) { return vertices[static_cast<std::size_t>(y * shape.width + x)]; }
   void connect(bool random) {
     for (std::size_t i = 0; i < quads.size(); ++i) {
       RandomStream r = stream(static_cast<std::uint32_t>(i) + 77);
       quads[i] = static_cast<std::uint8_t>(random ? r.next_u32() % 8U : 6U | (r.next_u32() & 1U));
     }
   }
-  void build() {
-    bytes.resize(npsim::sheet_workspace_bytes(shape));
-    npsim::Workspace workspace(bytes.data(), bytes.size());
-    npsim::SerialExecutor executor;
-    REQUIRE(npsim::build_sheet_trace(layer(), k, workspace, trace, executor).ok());
-  }
+  void build() { REQUIRE(TracedSheet::build().ok()); }
   [[nodiscard]] bool has(std::uint32_t face) const {
     return (quads[face / 2] & (face % 2 == 0 ? npsim::kQuadUpperFace : npsim::kQuadLowerFace)) != 0;
   }
@@ -84,27 +57,6 @@ struct Sheet {
   }
   [[nodiscard]] std::uint32_t faces() const { return npsim::sheet_face_count(shape); }
 };
-
-// Every face in turn, with the same test.
-bool linear_scan(const Sheet& sheet, const Ray& ray, Hit& out) {
-  npsim::RayFrame frame;
-  if (sheet.trace.levels == 0 || !npsim::make_ray_frame(ray, sheet.trace.bounds.low, sheet.trace.bounds.high, frame))
-    return false;
-  bool found = false;
-  for (std::uint32_t f = 0; f < sheet.faces(); ++f) {
-    if (!sheet.has(f)) continue;
-    const auto c = sheet.corners(f);
-    if (!(c[0].z > 0 && c[1].z > 0 && c[2].z > 0)) continue;
-    const float vertex[3][3] = {{c[0].x, c[0].y, c[0].z}, {c[1].x, c[1].y, c[1].z}, {c[2].x, c[2].y, c[2].z}};
-    npsim::TriangleHit hit;
-    if (!npsim::intersect_triangle(frame, vertex, hit) || !(hit.t < frame.t_max)) continue;
-    if (!found || hit.t < out.t) {
-      out = Hit{hit.t, f, hit.u, hit.v};
-      found = true;
-    }
-  }
-  return found;
-}
 
 Vec3f in_cube(RandomStream& random, float scale) {
   const float x = random.uniform(-scale, scale);
@@ -177,7 +129,7 @@ TEST_CASE("trace sheet: every ray has the hit that a test of all faces in turn f
         Hit expected;
         Hit got;
         Hit one_lane;
-        const bool found = linear_scan(sheet, ray, expected);
+        const bool found = hit_by_all_faces(sheet, ray, expected);
         CAPTURE(i);
         CAPTURE(shape.width);
         CAPTURE(random);
@@ -330,18 +282,13 @@ TEST_CASE("trace sheet: the general tree over the exported faces finds the same"
     faces.push_back(npsim::sheet_face(sheet.trace.quads, f));
     number.push_back(f);
   }
-  std::vector<unsigned char> bytes(npsim::bvh_workspace_bytes(faces.size()));
-  npsim::Workspace workspace(bytes.data(), bytes.size());
-  npsim::Bvh bvh;
-  REQUIRE(
-      npsim::build_bvh({{sheet.vertices.data(), sheet.vertices.size()}, {faces.data(), faces.size()}}, workspace, bvh)
-          .ok());
+  const npsim_test::Tree<> tree({{sheet.vertices.data(), sheet.vertices.size()}, {faces.data(), faces.size()}});
   std::size_t hits = 0;
   for (std::uint32_t i = 0; i < 20000; ++i) {
     const Ray ray = ray_of(sheet, i);
     Hit a;
     Hit b;
-    const bool found = npsim::closest_hit(bvh, ray, b);
+    const bool found = npsim::closest_hit(tree.bvh, ray, b);
     CAPTURE(i);
     REQUIRE(npsim::closest_hit(sheet.trace, ray, a) == found);
     if (!found) continue;
@@ -396,7 +343,7 @@ TEST_CASE(
       for (const Ray& ray : rays) {
         Hit expected;
         Hit got;
-        const bool found = linear_scan(*sheet, ray, expected);
+        const bool found = hit_by_all_faces(*sheet, ray, expected);
         if (i >= 300 && &ray - rays > 12) continue;
         CAPTURE(i);
         CAPTURE(&ray - rays);
@@ -456,7 +403,7 @@ TEST_CASE("trace sheet: steps in depth of 1 to 1000 m between neighbours") {
       const Ray ray = ray_of(sheet, i);
       Hit expected;
       Hit got;
-      const bool found = linear_scan(sheet, ray, expected);
+      const bool found = hit_by_all_faces(sheet, ray, expected);
       CAPTURE(i);
       CAPTURE(step);
       REQUIRE(npsim::closest_hit(sheet.trace, ray, got) == found);
@@ -563,7 +510,7 @@ TEST_CASE("trace sheet: vertices off their pixels' rays are still hit where they
     const Ray ray = ray_of(sheet, i);
     Hit expected;
     Hit got;
-    const bool found = linear_scan(sheet, ray, expected);
+    const bool found = hit_by_all_faces(sheet, ray, expected);
     CAPTURE(i);
     REQUIRE(npsim::closest_hit(sheet.trace, ray, got) == found);
     if (!found) continue;
@@ -575,15 +522,14 @@ TEST_CASE("trace sheet: vertices off their pixels' rays are still hit where they
 
 TEST_CASE("trace sheet: a workspace too small and quads of another shape are refused") {
   Sheet sheet = waves(Shape{20, 20});
-  std::vector<unsigned char> bytes(npsim::sheet_workspace_bytes(sheet.shape) / 2);
-  npsim::Workspace workspace(bytes.data(), bytes.size());
+  npsim_test::Scratch half(npsim::sheet_workspace_bytes(sheet.shape) / 2);
   npsim::SerialExecutor executor;
   npsim::SheetTrace trace;
-  CHECK(npsim::build_sheet_trace(sheet.layer(), sheet.k, workspace, trace, executor).code() ==
+  CHECK(npsim::build_sheet_trace(sheet.layer(), sheet.k, half.workspace(), trace, executor).code() ==
         npsim::StatusCode::workspace_exhausted);
   CHECK(trace.levels == 0);
   npsim::SheetLayer layer = sheet.layer();
   layer.quads = {sheet.quads.data(), Shape{10, 10}};
-  CHECK_FALSE(npsim::build_sheet_trace(layer, sheet.k, workspace, trace, executor).ok());
+  CHECK_FALSE(npsim::build_sheet_trace(layer, sheet.k, half.workspace(), trace, executor).ok());
   CHECK(static_cast<double>(npsim::sheet_workspace_bytes({960, 540})) < 2.1 * 2 * 959 * 539);
 }

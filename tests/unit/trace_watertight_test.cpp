@@ -5,28 +5,23 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 #include "npsim/core/random.hpp"
 #include "npsim/trace/bvh.hpp"
+#include "reference/triangle_scan.hpp"
+#include "trace_tree.hpp"
 
 namespace {
 
-using npsim::Bvh;
 using npsim::Face;
 using npsim::Hit;
 using npsim::RandomPurpose;
 using npsim::RandomStream;
 using npsim::Ray;
 using npsim::Vec3f;
-
-struct Mesh {
-  std::vector<Vec3f> vertices;
-  std::vector<Face> faces;
-  [[nodiscard]] npsim::TriangleMeshView view() const {
-    return {{vertices.data(), vertices.size()}, {faces.data(), faces.size()}};
-  }
-};
+using npsim::reference::in_cube;
+using Mesh = npsim::reference::ScanMesh;
+using Tree = npsim_test::Tree<>;
 
 // A closed surface of 2 rings sectors - 2 sectors faces round the origin, with radii between 1 and 2, scaled and moved.
 Mesh closed_surface(std::uint32_t rings, std::uint32_t sectors, float scale, const Vec3f& centre) {
@@ -62,21 +57,6 @@ Mesh closed_surface(std::uint32_t rings, std::uint32_t sectors, float scale, con
   }
   return mesh;
 }
-
-Vec3f in_cube(RandomStream& random, float scale) {
-  const float x = random.uniform(-scale, scale);
-  const float y = random.uniform(-scale, scale);
-  return {x, y, random.uniform(-scale, scale)};
-}
-
-struct Tree {
-  std::vector<unsigned char> bytes;
-  Bvh bvh;
-  explicit Tree(const Mesh& mesh) : bytes(npsim::bvh_workspace_bytes(mesh.faces.size())) {
-    npsim::Workspace workspace(bytes.data(), bytes.size());
-    REQUIRE(npsim::build_bvh(mesh.view(), workspace, bvh).ok());
-  }
-};
 
 }  // namespace
 

@@ -10,26 +10,23 @@
 //   void closest_hits(const S&, Span<const Ray>, Span<Hit>)   the nearest face of many rays; kNoFace: none
 // The last two take Span<const std::uint8_t> active besides: rays where it is 0 are left out, their answers stay as
 // they are; empty: all are traced.
-// They are here for SheetScene (layers over the pixel grid), Bvh (any mesh) and JoinedScene of two such types, in which
-// the faces of the second follow the first's face_count(). Code that takes a scene as a template parameter pays only
-// for what its type holds; in a JoinedScene an empty part costs one comparison a ray.
+// SheetScene (sheet.hpp: layers over the pixel grid) and Bvh (bvh.hpp: any mesh) are such types, and so is JoinedScene
+// of two such types, in which the faces of the second follow the first's face_count(). Code that takes a scene as a
+// template parameter pays only for what its type holds; in a JoinedScene an empty part costs one comparison a ray.
 // Invariant: answers are the nearest, or any, of those of the parts, ties at the lowest face included; each part's are
 // its own, to the bit, also when many rays are handed over together.
 // Memory: none; rays of a joined scene are handed on in portions of kJoinedBatch, on the stack.
 #ifndef NPSIM_TRACE_SCENE_HPP
 #define NPSIM_TRACE_SCENE_HPP
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
 #include "npsim/core/config.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/trace/bvh.hpp"
-#include "npsim/trace/detail/sheet/layout.hpp"
-#include "npsim/trace/detail/sheet/packet.hpp"
-#include "npsim/trace/detail/sheet/traverse.hpp"
 #include "npsim/trace/ray.hpp"
+#include "npsim/trace/sheet.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -40,16 +37,6 @@ struct JoinedScene {
   Second second;
 };
 
-
-// Numbers that the faces take, those that are not there included.
-[[nodiscard]] inline std::uint32_t face_count(const SheetScene& scene) noexcept {
-  std::uint32_t n = 0;
-  for (const SheetTrace& sheet : scene.layers) n += sheet_face_count(sheet.vertices.shape());
-  return n;
-}
-
-[[nodiscard]] inline bool is_empty(const SheetScene& scene) noexcept { return scene.layers.empty(); }
-[[nodiscard]] inline bool is_empty(const Bvh& bvh) noexcept { return bvh.nodes.empty(); }
 template <class First, class Second>
 [[nodiscard]] bool is_empty(const JoinedScene<First, Second>& scene) noexcept {
   return is_empty(scene.first) && is_empty(scene.second);
@@ -74,26 +61,6 @@ template <class First, class Second, class Accept>
   if (is_empty(scene.second)) return false;
   const std::uint32_t first_face = face_count(scene.first);
   return occluded(scene.second, ray, [&](std::uint32_t face) noexcept { return accept(first_face + face); });
-}
-
-// One after the other; what shadowed the last ray is tried first.
-template <class Accept>
-void occluded(const Bvh& bvh, Span<const Ray> rays, Accept&& accept, Span<std::uint8_t> blocked,
-              Span<const std::uint8_t> active = {}) noexcept {
-  std::uint32_t likely = kNoFace;
-  for (std::size_t i = 0; i < rays.size(); ++i) {
-    if (!active.empty() && active[i] == 0) continue;
-    blocked[i] = occluded(bvh, rays[i], accept, likely) ? 1 : 0;
-  }
-}
-
-inline void closest_hits(const Bvh& bvh, Span<const Ray> rays, Span<Hit> hits,
-                         Span<const std::uint8_t> active = {}) noexcept {
-  for (std::size_t i = 0; i < rays.size(); ++i) {
-    if (!active.empty() && active[i] == 0) continue;
-    hits[i] = Hit{};
-    static_cast<void>(closest_hit(bvh, rays[i], hits[i]));
-  }
 }
 
 template <class First, class Second>

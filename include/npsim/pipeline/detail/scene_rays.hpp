@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The scene mesh made ready for rays: what they meet, which lamp a face is part of, and which point stands for a hit.
 //
-// LayerRays: both layers as they are, every face of them, in the structure for layers (trace/detail/sheet/layout.hpp), and the
-// backs of objects in a tree. Faces: two a quad of the background, two a quad of the foreground, then the backs.
-// MeshRays: the indexed mesh, however few its faces, in a tree. Faces: the mesh's.
-// Both offer  scene  (trace/scene.hpp),  face_count(),  mark(...)  and  point_of(hit).
-// Exact, given the faces. Cost: a few passes over the layers, or the building of a tree. Memory: the workspace, which
-// they point into.
+// LayerRays: both layers as they are, every face of them, in the structure for layers (trace/sheet.hpp), and the backs
+// of objects in a tree. Faces: two a quad of the background, two a quad of the foreground, then the backs. MeshRays:
+// the indexed mesh, however few its faces, in a tree. Faces: the mesh's. Both offer  scene  (trace/scene.hpp),
+// face_count(),  mark(...)  and  point_of(hit). Exact, given the faces. Cost: a few passes over the layers, or the
+// building of a tree. Memory: the workspace, which they point into.
 #ifndef NPSIM_PIPELINE_DETAIL_SCENE_RAYS_HPP
 #define NPSIM_PIPELINE_DETAIL_SCENE_RAYS_HPP
 
@@ -21,8 +20,9 @@
 #include "npsim/pipeline/detail/lamp_faces.hpp"
 #include "npsim/pipeline/detail/point_of_hit.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
-#include "npsim/trace/detail/sheet/build.hpp"
+#include "npsim/trace/bvh.hpp"
 #include "npsim/trace/scene.hpp"
+#include "npsim/trace/sheet.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

@@ -1,12 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// Builds the bounding volume hierarchy from the top down, wide at once: a node starts with its set of triangles, and
-// the child of the largest surface is divided (bvh_split.hpp) until the node is full or every child fits a pack.
+// The bounding volume hierarchy: how it lies in memory, how a set of triangles is divided, and how the tree is built.
 //
-// Invariants: as in bvh_layout.hpp; the same mesh gives the same tree on every machine. Packs are at least half full on
-// average: sets carry a budget of packs, 2 ceil(n / P) for all, and divide it in proportion.
-// Left out of the tree, hence never hit: faces with a vertex that is not finite or beyond kTraceMaxCoordinate, and
-// faces without area (the cross product of two edges, in double, is exactly zero).
-// Cost: O(n log n), about .2 us per face at a million. Memory: bvh_layout.hpp.
+// Layout. Nodes of up to W boxes side by side, leaves of one pack of up to P triangles. Node 0 is the root. A node has
+// count in [1, W] children in slots 0 .. count - 1, each an inner node or a pack, told apart by kBvhLeaf; only the root
+// may have a single one. Box i holds exactly (no rounding) every vertex below child i. Nodes and packs are numbered as
+// a walk from the root meets them that goes to the first child first and numbers all children of a node when it enters
+// it, so each is named once. No leaf is deeper than kBvhMaxDepth, hence a traversal needs a stack of kBvhStack entries
+// and no more. Everything is an index, nothing a pointer; the layout does not depend on the instruction set.
+//
+// Building. From the top down, wide at once: a node starts with its set of triangles, and the child of the largest
+// surface is divided until the node is full or every child fits a pack. A set is divided by the surface area heuristic
+// over binned centroids (Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007), counted in
+// packs. Packs are at least half full on average: sets carry a budget of packs, 2 ceil(n / P) for all, and divide it in
+// proportion. Boxes are eight floats, low x, y, z, -, -high x, y, z, -, so that one min grows both ends; centroids c
+// are kept as low + high, twice the middle, in boxes of (c, -c). No operation rounds differently between instruction
+// sets, so the same mesh gives the same tree on every machine. Cost: O(n log n), about .2 us per face at a million; a
+// set takes two passes, one that bins all three axes and one that moves the left side to the front in place. Memory: at
+// most wide_bvh_workspace_bytes(); on ordinary meshes about 55 bytes a face and, while building, 32 of scratch and what
+// was set aside for a poor filling.
 #ifndef NPSIM_TRACE_DETAIL_BVH_BUILD_HPP
 #define NPSIM_TRACE_DETAIL_BVH_BUILD_HPP
 
@@ -14,19 +25,290 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <limits>
 #include <utility>
 
 #include "npsim/core/config.hpp"
+#include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
-#include "npsim/trace/detail/bvh/layout.hpp"
-#include "npsim/trace/detail/bvh/split.hpp"
-#include "npsim/trace/detail/triangle/triangle.hpp"
+#include "npsim/simd/fixed.hpp"
+#include "npsim/trace/detail/triangle.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
+
+inline constexpr int kBvhMaxDepth = 64;                  // edges from the root to the deepest leaf
+inline constexpr std::uint32_t kBvhLeaf = 0x80000000U;   // child: a pack
+inline constexpr std::size_t kBvhMaxFaces = 0x20000000;  // 2^29
+
+template <unsigned W>
+struct alignas(64) BvhNode {
+  float bound[6][W];  // low x, y, z, high x, y, z
+  std::uint32_t child[W];
+  std::uint32_t count;
+};
+
+// Spans into the workspace that build_bvh() was given. Without nodes nothing is ever hit.
+template <unsigned W, unsigned P>
+struct WideBvh {
+  Span<BvhNode<W>> nodes;
+  Span<TrianglePack<P>> packs;
+  float low[3] = {};  // bounds of everything
+  float high[3] = {};
+};
+
+// Sixteen children and sixteen triangles are the fastest, or within 10 % of it, on 16, 8 and 4 lanes (docs/rays.md).
+inline constexpr unsigned kBvhWidth = 16;
+inline constexpr unsigned kBvhPack = 16;
+using Bvh = WideBvh<kBvhWidth, kBvhPack>;
+
+template <unsigned W>
+inline constexpr std::size_t kBvhStack = (W - 1) * std::size_t{kBvhMaxDepth} + 1;
+
+// Scratch of the builder: the box of one triangle as low x, y, z, its number, -high x, y, z, 0.
+struct alignas(32) BvhPrimitive {
+  float box[8];
+};
+
+// At most so many of each.
+template <unsigned P>
+[[nodiscard]] constexpr std::size_t bvh_max_packs(std::size_t face_count) noexcept {
+  return 2 * ((face_count + P - 1) / P);
+}
+// A node that is not full has only leaves below it, and more than P triangles; all others have W children.
+template <unsigned W, unsigned P>
+[[nodiscard]] constexpr std::size_t bvh_max_nodes(std::size_t face_count) noexcept {
+  const std::size_t full = face_count / (W - 1);
+  return 1 + full + (P < W - 1 ? face_count / (P + 1) * (W - 1 - P) / (W - 1) + 1 : 0);
+}
+
+template <unsigned W, unsigned P>
+[[nodiscard]] constexpr std::size_t wide_bvh_workspace_bytes(std::size_t face_count) noexcept {
+  return allocation_bytes<BvhNode<W>>(bvh_max_nodes<W, P>(face_count)) +
+         allocation_bytes<TrianglePack<P>>(bvh_max_packs<P>(face_count)) + allocation_bytes<BvhPrimitive>(face_count) +
+         kWorkspaceAlignment;
+}
+
 namespace bvh_detail {
+
+// Dividing a set in two.
+
+inline constexpr int kBvhBins = 16;
+
+using Box = simd::Fixed<8>;
+
+[[nodiscard]] NPSIM_ALWAYS_INLINE Box empty_box() noexcept { return Box(std::numeric_limits<float>::infinity()); }
+[[nodiscard]] NPSIM_ALWAYS_INLINE Box load_box(const BvhPrimitive& p) noexcept { return Box::load(p.box); }
+[[nodiscard]] NPSIM_ALWAYS_INLINE Box centroid_of(const Box& box) noexcept { return box - halves_swapped(box); }
+
+// Triangles that are contiguous in the array of primitives.
+struct BvhSet {
+  std::uint32_t first = 0;
+  std::uint32_t count = 0;
+  std::uint32_t budget = 0;  // packs that may be used
+  int depth = 0;
+  float box[8];
+  float centroids[8];
+};
+
+// A plane between two bins of one axis: primitives with bin < `bin` go left.
+struct Split {
+  float cost = std::numeric_limits<float>::infinity();
+  int axis = -1;  // -1: no plane separates the centroids
+  int bin = 0;
+  std::uint32_t left_count = 0;
+};
+
+[[nodiscard]] constexpr int ceil_log2(std::uint32_t n) noexcept {
+  int bits = 0;
+  while ((std::uint64_t{1} << bits) < n) ++bits;
+  return bits;
+}
+
+// Half the surface of a box with all extents multiplied by `scale`.
+[[nodiscard]] inline float half_area(const float (&box)[8], float scale) noexcept {
+  const float x = -(box[0] + box[4]) * scale;
+  const float y = -(box[1] + box[5]) * scale;
+  const float z = -(box[2] + box[6]) * scale;
+  return x * y + y * z + z * x;
+}
+[[nodiscard]] inline float half_area(const Box& box, float scale) noexcept {
+  float all[8];
+  box.store(all);
+  return half_area(all, scale);
+}
+// One over the largest extent, so that areas neither overflow nor all vanish.
+[[nodiscard]] inline float area_scale(const float (&box)[8]) noexcept {
+  float largest = 0x1p-120F;
+  for (int k = 0; k < 3; ++k) largest = -(box[k] + box[k + 4]) > largest ? -(box[k] + box[k + 4]) : largest;
+  return 1.0F / largest;
+}
+
+// Maps centroids to bins; an axis without extent has scale 0.
+struct BinMap {
+  float start[4] = {};
+  float scale[4] = {};
+  int bins = 0;
+
+  explicit BinMap(const BvhSet& set) noexcept {
+    bins = set.count < 96 ? 4 + static_cast<int>(set.count / 8) : kBvhBins;
+    for (int k = 0; k < 3; ++k) {
+      const float extent = -(set.centroids[k] + set.centroids[k + 4]);
+      // Smaller than the number of bins by more than the roundings, so that the last bin needs no test.
+      const float to_bins = 0.999F * static_cast<float>(bins) / extent;
+      start[k] = set.centroids[k];
+      scale[k] = extent > 0.0F && to_bins <= std::numeric_limits<float>::max() ? to_bins : 0.0F;
+    }
+  }
+};
+
+template <unsigned P>
+[[nodiscard]] constexpr std::uint32_t packs_of(std::uint32_t triangles) noexcept {
+  return (triangles + P - 1) / P;
+}
+
+struct Bins {
+  Box box[3][kBvhBins];
+  std::uint32_t count[3][kBvhBins];
+};
+
+inline void fill_bins(Span<const BvhPrimitive> primitives, const BinMap& map, Bins& out) noexcept {
+  for (int k = 0; k < 3; ++k) {
+    for (int i = 0; i < map.bins; ++i) {
+      out.box[k][i] = empty_box();
+      out.count[k][i] = 0;
+    }
+  }
+  using Four = simd::Fixed<4>;
+  const Four start = Four::load(map.start);
+  const Four scale = Four::load(map.scale);
+  for (const BvhPrimitive& p : primitives) {
+    alignas(16) std::int32_t at[4];
+    (((Four::load(p.box) - Four::load(p.box + 4)) - start) * scale).store_truncated(at);
+    const Box box = load_box(p);
+    for (int k = 0; k < 3; ++k) {
+      out.box[k][at[k]] = min(out.box[k][at[k]], box);
+      ++out.count[k][at[k]];
+    }
+  }
+}
+
+template <unsigned P>
+[[nodiscard]] inline Split best_split(const BvhSet& set, const BinMap& map, const Bins& bins) noexcept {
+  const float scale = area_scale(set.box);
+  Split best;
+  for (int k = 0; k < 3; ++k) {
+    if (map.scale[k] == 0.0F) continue;
+    float cost_right[kBvhBins];  // of everything from this bin on
+    Box right = empty_box();
+    std::uint32_t right_count = 0;
+    for (int i = map.bins - 1; i > 0; --i) {
+      right = min(right, bins.box[k][i]);
+      right_count += bins.count[k][i];
+      cost_right[i] = right_count == 0 ? 0.0F : half_area(right, scale) * static_cast<float>(packs_of<P>(right_count));
+    }
+    Box left = empty_box();
+    std::uint32_t left_count = 0;
+    for (int i = 1; i < map.bins; ++i) {
+      left = min(left, bins.box[k][i - 1]);
+      left_count += bins.count[k][i - 1];
+      if (left_count == 0 || left_count == set.count) continue;
+      const float cost = half_area(left, scale) * static_cast<float>(packs_of<P>(left_count)) + cost_right[i];
+      if (cost < best.cost) best = Split{cost, k, i, left_count};
+    }
+  }
+  return best;
+}
+
+// Moves the primitives of the left side to the front and finds both sides' centroids.
+inline void partition(Span<BvhPrimitive> primitives, const BinMap& map, const Split& split, BvhSet& left,
+                      BvhSet& right) noexcept {
+  const float inf = std::numeric_limits<float>::infinity();
+  const Box open[2] = {Box(-inf), Box(inf)};  // max with the second leaves a centroid out
+  const int k = split.axis;
+  const float start = map.start[k];
+  const float scale = map.scale[k];
+  const auto bin = static_cast<float>(split.bin);
+  Box left_centroids = empty_box();
+  Box right_centroids = empty_box();
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < primitives.size(); ++i) {
+    const Box box = load_box(primitives[i]);
+    const bool is_left = ((primitives[i].box[k] - primitives[i].box[k + 4]) - start) * scale < bin;
+    const Box centroid = centroid_of(box);
+    left_centroids = min(left_centroids, max(centroid, open[is_left ? 0 : 1]));
+    right_centroids = min(right_centroids, max(centroid, open[is_left ? 1 : 0]));
+    const Box other = load_box(primitives[next]);
+    other.store(primitives[i].box);
+    box.store(primitives[next].box);
+    next += is_left ? 1U : 0U;
+  }
+  left_centroids.store(left.centroids);
+  right_centroids.store(right.centroids);
+}
+
+inline void measure(Span<const BvhPrimitive> primitives, BvhSet& set) noexcept {
+  Box box = empty_box();
+  Box centroids = empty_box();
+  for (const BvhPrimitive& p : primitives) {
+    box = min(box, load_box(p));
+    centroids = min(centroids, centroid_of(load_box(p)));
+  }
+  box.store(set.box);
+  centroids.store(set.centroids);
+}
+
+// Divides a set of more than P triangles. Packs stay within the budget and leaves within the depth: a set at depth d
+// with n triangles always satisfies d + ceil(log2(packs_of(n))) <= kBvhMaxDepth and packs_of(n) <= budget, because a
+// split that would break this is replaced by one into halves of whole packs, which keeps both.
+template <unsigned P>
+inline void divide(Span<BvhPrimitive> primitives, const BvhSet& set, BvhSet& left, BvhSet& right) noexcept {
+  const Span<BvhPrimitive> mine = primitives.sub(set.first, set.count);
+  const BinMap map(set);
+  Split split;
+  Bins bins;
+  if (map.scale[0] != 0.0F || map.scale[1] != 0.0F || map.scale[2] != 0.0F) {
+    fill_bins(mine, map, bins);
+    split = best_split<P>(set, map, bins);
+  }
+  std::uint32_t packs = 0;
+  if (split.axis >= 0) {
+    const std::uint32_t a = packs_of<P>(split.left_count);
+    const std::uint32_t b = packs_of<P>(set.count - split.left_count);
+    packs = a + b;
+    if (set.depth + 1 + ceil_log2(a > b ? a : b) > kBvhMaxDepth || packs > set.budget) split.axis = -1;
+  }
+  if (split.axis >= 0) {
+    left.count = split.left_count;
+    partition(mine, map, split, left, right);
+    Box left_box = empty_box();
+    Box right_box = empty_box();
+    for (int i = 0; i < map.bins; ++i) {
+      if (i < split.bin) left_box = min(left_box, bins.box[split.axis][i]);
+      if (i >= split.bin) right_box = min(right_box, bins.box[split.axis][i]);
+    }
+    left_box.store(left.box);
+    right_box.store(right.box);
+  } else {
+    packs = packs_of<P>(set.count);
+    left.count = packs / 2 * P;
+    measure(mine.sub(0, left.count), left);
+    measure(mine.sub(left.count, set.count - left.count), right);
+  }
+  left.first = set.first;
+  right.first = set.first + left.count;
+  right.count = set.count - left.count;
+  left.depth = set.depth + 1;
+  right.depth = set.depth + 1;
+  const std::uint64_t spare = set.budget - packs;
+  left.budget = packs_of<P>(left.count) + static_cast<std::uint32_t>(spare * left.count / set.count);
+  right.budget = set.budget - left.budget;
+}
+
+// Building.
 
 // False when the face must never be hit.
 [[nodiscard]] inline bool corners_of(const TriangleMeshView& mesh, std::uint32_t face, Vec3f (&out)[3]) noexcept {
@@ -207,45 +489,6 @@ template <unsigned W, unsigned P>
 }
 
 }  // namespace bvh_detail
-
-// `out` points into the workspace and stays good as long as those bytes do; the mesh is not needed any more. A mesh
-// without a usable face gives a tree that nothing hits. The workspace keeps only what the tree really takes.
-template <unsigned W, unsigned P>
-[[nodiscard]] Status build_bvh(TriangleMeshView mesh, Workspace& workspace, WideBvh<W, P>& out) noexcept {
-  out = WideBvh<W, P>{};
-  const std::size_t face_count = mesh.faces.size();
-  if (face_count >= kBvhMaxFaces) {
-    return Status(StatusCode::capacity_exceeded, "a ray tracer takes fewer than 2^29 faces");
-  }
-  Span<TrianglePack<P>> packs;
-  Span<BvhNode<W>> nodes;
-  bvh_detail::BvhSet all;
-  bvh_detail::BvhCounts used;
-  {
-    const WorkspaceScope scope(workspace);
-    Span<BvhPrimitive> primitives;
-    NPSIM_RETURN_IF_ERROR(workspace.allocate(bvh_max_packs<P>(face_count), packs));
-    NPSIM_RETURN_IF_ERROR(workspace.allocate(bvh_max_nodes<W, P>(face_count), nodes));
-    NPSIM_RETURN_IF_ERROR(workspace.allocate(face_count, primitives));
-    NPSIM_RETURN_IF_ERROR(bvh_detail::list_primitives(mesh, primitives, all));
-    if (all.count == 0) return {};
-    all.budget = static_cast<std::uint32_t>(bvh_max_packs<P>(all.count));
-    used = bvh_detail::build_nodes(mesh, primitives.sub(0, all.count), all, nodes, packs);
-  }
-  // The packs stay where they are, the nodes move up to them.
-  const BvhNode<W>* const built = nodes.data();
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(used.packs, packs));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(used.nodes, nodes));
-  std::memmove(nodes.data(), built, nodes.size() * sizeof(BvhNode<W>));
-  out.nodes = nodes;
-  out.packs = packs;
-  for (int k = 0; k < 3; ++k) {
-    out.low[k] = all.box[k];
-    out.high[k] = -all.box[k + 4];
-  }
-  return {};
-}
-
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 

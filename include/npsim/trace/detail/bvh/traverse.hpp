@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Closest hit and occlusion through a bounding volume hierarchy.
+// The way of a ray through a bounding volume hierarchy.
 //
-// Invariant: the answer is that of testing every triangle of the tree in turn, bit for bit (see triangle.hpp). Of
-// several faces at the same t the one with the lowest index is reported, so that the answer depends neither on the
-// order of traversal nor on the shape of the tree.
+// Invariant: no pack is left out of which intersect_triangle() would hit a triangle (detail/triangle.hpp).
 // Node boxes are tested with one rounding less than box_interval(), t = fl(fl(b - o) / d -+ 3 pad / |d|). With
 // u = 2^-24 and pad = 8 u reach, the entry so computed is at most (b - o - 24 u reach + 4.1 u reach) / |d|, and that of
 // box_interval() for a box inside is at least (b - o - 8 u reach - 3.1 u reach) / |d|; for the exits 19.9 stands
@@ -21,10 +19,8 @@
 #include "npsim/core/bits.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/simd/fixed.hpp"
-#include "npsim/trace/detail/bvh/layout.hpp"
-#include "npsim/trace/detail/triangle/pack.hpp"
-#include "npsim/trace/detail/triangle/triangle.hpp"
-#include "npsim/trace/ray.hpp"
+#include "npsim/trace/detail/bvh/build.hpp"
+#include "npsim/trace/detail/triangle.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -84,13 +80,10 @@ template <unsigned W>
   return t_enter;
 }
 
-}  // namespace bvh_detail
-
 // Calls leaf(pack index) on the packs that the ray may cross, roughly from near to far if `in_order`; leaf returns the
 // distance beyond which nothing matters any more, or a negative number to stop.
 template <bool in_order, unsigned W, unsigned P, class Leaf>
 inline void traverse(const WideBvh<W, P>& bvh, const RayFrame& ray, Leaf&& leaf) noexcept {
-  using namespace bvh_detail;
   std::uint64_t stack[kBvhStack<W>];
   std::uint64_t* top = stack;
   float limit = ray.t_max;
@@ -145,61 +138,7 @@ inline void traverse(const WideBvh<W, P>& bvh, const RayFrame& ray, Leaf&& leaf)
   }
 }
 
-// The nearest face that the ray meets; `out` is written only when there is one.
-template <unsigned W, unsigned P>
-[[nodiscard]] bool closest_hit(const WideBvh<W, P>& bvh, const Ray& ray, Hit& out) noexcept {
-  RayFrame frame;
-  if (bvh.nodes.empty() || !make_ray_frame(ray, bvh.low, bvh.high, frame)) return false;
-  Hit best;
-  best.t = frame.t_max;
-  traverse<true>(bvh, frame, [&frame, &best, &bvh](std::uint32_t index) noexcept {
-    const TrianglePack<P>& pack = bvh.packs[index];
-    alignas(64) PackHit<P> hit;
-    for (std::uint32_t lanes = intersect_pack(frame, pack, best.t, hit); lanes != 0; lanes &= lanes - 1) {
-      const int i = lowest_set_bit(lanes);
-      // At t == t_max there is no hit yet, and best.face is still kNoFace: the interval is open.
-      const bool tie = hit.t[i] == best.t && best.face != kNoFace && pack.face[i] < best.face;
-      if (hit.t[i] < best.t || tie) best = Hit{hit.t[i], pack.face[i], hit.u[i], hit.v[i]};
-    }
-    return best.t;
-  });
-  if (best.face == kNoFace) return false;
-  out = best;
-  return true;
-}
-
-// Whether some face with accept(face) lies on the ray; the others are transparent. `likely`, a position in bvh.packs
-// or kNoFace, is tried first, and becomes the pack with the triangle that was met: what shadows one point mostly
-// shadows its neighbour too. It never changes the answer.
-template <unsigned W, unsigned P, class Accept>
-[[nodiscard]] bool occluded(const WideBvh<W, P>& bvh, const Ray& ray, Accept&& accept, std::uint32_t& likely) noexcept {
-  RayFrame frame;
-  if (bvh.nodes.empty() || !make_ray_frame(ray, bvh.low, bvh.high, frame)) return false;
-  const auto blocks = [&frame, &accept](const TrianglePack<P>& pack) noexcept {
-    return pack_blocks(frame, pack, accept);
-  };
-  if (likely < bvh.packs.size() && blocks(bvh.packs[likely])) return true;
-  bool found = false;
-  traverse<false>(bvh, frame, [&](std::uint32_t index) noexcept {
-    if (!blocks(bvh.packs[index])) return frame.t_max;
-    likely = index;
-    found = true;
-    return -1.0F;
-  });
-  return found;
-}
-
-template <unsigned W, unsigned P, class Accept>
-[[nodiscard]] bool occluded(const WideBvh<W, P>& bvh, const Ray& ray, Accept&& accept) noexcept {
-  std::uint32_t none = kNoFace;
-  return occluded(bvh, ray, accept, none);
-}
-
-template <unsigned W, unsigned P>
-[[nodiscard]] bool occluded(const WideBvh<W, P>& bvh, const Ray& ray) noexcept {
-  return occluded(bvh, ray, [](std::uint32_t) noexcept { return true; });
-}
-
+}  // namespace bvh_detail
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 

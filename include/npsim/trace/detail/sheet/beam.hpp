@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What holds rays of a packet (sheet_ray_lanes.hpp) that run alike through a sheet, and tests of all of them at once.
+// What holds rays of a packet (ray.hpp) that run alike through a sheet, and tests of all of them at once.
 //
 // Let m be the axis of the image that the first ray follows and n the other one. All rays are extended to the same
 // places on m, the least and the greatest of their ends. In between, the least of their places on n and of their 1 /
@@ -30,12 +30,10 @@
 #include "npsim/simd/block.hpp"
 #include "npsim/trace/detail/sheet/layout.hpp"
 #include "npsim/trace/detail/sheet/ray.hpp"
-#include "npsim/trace/detail/sheet/ray_lanes.hpp"
-#include "npsim/trace/detail/sheet/test.hpp"
+#include "npsim/trace/detail/sheet/walk.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
-
 namespace sheet_detail {
 
 inline constexpr float kBeamPad = 0x1p-18F;  // of the image and of the greatest 1 / depth

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ray structure of one layer of the scene (geometry/sheet_layer.hpp): a pyramid over its inverse depths.
+// How the ray structure of a layer (geometry/sheet_layer.hpp) lies in memory: a pyramid over its inverse depths.
 //
 // In (column, row, 1 / depth), columns and rows counted from the centre of the first pixel, a pinhole camera maps lines
 // to lines and planes to planes, and the layer is a heightfield w(u, v) over a regular grid. The pyramid has 4x4
@@ -8,16 +8,13 @@
 //          first pixel; 16 tiles side by side make a SheetTiles. Its SheetRelief says which faces there are, and where
 //          in the slab its vertices lie, in 255ths of it;
 //   node   16 SheetTiles or 16 nodes: the least and the greatest w of each.
-// Faces keep their implicit numbers: 2 (y (width - 1) + x) for the upper, one more for the lower triangle of quad (x,
-// y).
+// Faces keep their implicit numbers: 2 (y (width - 1) + x) for the upper triangle of quad (x, y), one more for the
+// lower.
 //
 // Invariants: every face that can be hit has its bit set and lies in the slab and the bounds of everything above it
-// (to within the rounding that sheet_ray.hpp allows for); a tile without a face has half = -infinity. Vertices and
-// quads are not copied: the caller keeps them. Memory: 2.02 bytes a triangle of a full layer: 64 bytes a tile, 8.5
+// (to within the rounding that detail/sheet/ray.hpp allows for); a tile without a face has half = -infinity. Vertices
+// and quads are not copied: the caller keeps them. Memory: 2.02 bytes a triangle of a full layer: 64 bytes a tile, 8.5
 // bytes a SheetTiles and the nodes above.
-//
-// All of it is one block of bytes without an address in it: SheetHeader, tiles, reliefs, nodes, bounds of rows, each
-// padded with zeros to whole 64 bytes. It can be stored and attached again (sheet_store.hpp).
 #ifndef NPSIM_TRACE_DETAIL_SHEET_LAYOUT_HPP
 #define NPSIM_TRACE_DETAIL_SHEET_LAYOUT_HPP
 
@@ -25,12 +22,10 @@
 #include <cstdint>
 
 #include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
-#include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/core/workspace.hpp"
-#include "npsim/geometry/sheet_layer.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -83,21 +78,6 @@ struct SheetBounds {
   Shape image;
 };
 
-// What a stored structure starts with. A number is in the byte order of the machine that wrote it.
-struct alignas(64) SheetHeader {
-  std::uint32_t magic = 0;
-  std::uint32_t version = 0;
-  std::int32_t width = 0;  // px, of the layer
-  std::int32_t height = 0;
-  Intrinsics intrinsics;
-  std::uint64_t bytes = 0;  // of the block, this header included
-  std::uint32_t unused[6] = {};
-};
-static_assert(sizeof(SheetHeader) == 64);
-
-inline constexpr std::uint32_t kSheetMagic = 0x5453504EU;  // "NPST"
-inline constexpr std::uint32_t kSheetVersion = 2;          // another one for every change of what a block holds
-
 // Views of the layer and of the workspace that build_sheet_trace() was given. Without levels nothing is ever hit.
 struct SheetTrace {
   ImageView<const Vec3f> vertices;
@@ -111,124 +91,13 @@ struct SheetTrace {
   int down[kSheetMaxLevels] = {};
   Intrinsics intrinsics;
   SheetBounds bounds;
-  Span<const unsigned char> block;  // what to store
-  Span<unsigned char> writable;     // the same, for refit_sheet_trace(); empty where it was attached to stored bytes
 };
 
-// Pixels [x, x + width) x [y, y + height) of a layer.
-struct SheetRegion {
-  int x = 0;
-  int y = 0;
-  Shape shape;
-};
-
-// Layers of one camera that are traced as one (join_layers() in sheet_join.hpp). The faces of layer i follow those of
-// layer i - 1.
+// Layers of one camera that are traced as one. The faces of layer i follow those of layer i - 1.
 struct SheetScene {
   Span<const SheetTrace> layers;
   SheetBounds bounds;
 };
-
-namespace sheet_layout {
-
-[[nodiscard]] constexpr int groups_of(int quads) noexcept { return (quads + kSheetGroupQuads - 1) / kSheetGroupQuads; }
-
-struct Levels {
-  int count = 0;
-  int across[kSheetMaxLevels] = {};
-  int down[kSheetMaxLevels] = {};
-  std::size_t first[kSheetMaxLevels] = {};
-  std::size_t nodes = 0;
-};
-
-[[nodiscard]] constexpr Levels levels_of(Shape pixels) noexcept {
-  Levels out;
-  const Shape q = quad_shape(pixels);
-  if (q.empty()) return out;
-  int across = groups_of(q.width);
-  int down = groups_of(q.height);
-  for (int level = 0; level < kSheetMaxLevels; ++level) {
-    out.across[level] = across;
-    out.down[level] = down;
-    out.count = level + 1;
-    if (level > 0) {
-      out.first[level] = out.nodes;
-      out.nodes += static_cast<std::size_t>(across) * static_cast<std::size_t>(down);
-    }
-    if (across == 1 && down == 1) break;
-    across = (across + 3) / 4;
-    down = (down + 3) / 4;
-  }
-  return out;
-}
-
-// What cannot be numbered or has no node above all others is refused.
-[[nodiscard]] inline Status check_size(Shape pixels, const Levels& levels) noexcept {
-  if (pixels.pixels() >= (std::size_t{1} << 30U)) {
-    return {StatusCode::capacity_exceeded, "a ray tracer takes fewer than 2^31 faces"};
-  }
-  if (levels.across[levels.count - 1] > 1 || levels.down[levels.count - 1] > 1) {
-    return {StatusCode::capacity_exceeded, "a traced layer has at most 4^9 quads a side"};
-  }
-  return {};
-}
-
-// What a row of groups learns about its vertices.
-struct RowBounds {
-  float low[3];
-  float high[3];
-  float max_inverse_depth;
-  float off_grid_px;
-};
-
-// Where the parts of a block start, in bytes.
-struct Block {
-  std::size_t tiles = 0;
-  std::size_t relief = 0;
-  std::size_t nodes = 0;
-  std::size_t rows = 0;
-  std::size_t bytes = 0;
-};
-
-[[nodiscard]] constexpr Block block_of(const Levels& levels) noexcept {
-  const auto rows = static_cast<std::size_t>(levels.down[0]);
-  Block out;
-  const std::size_t groups = static_cast<std::size_t>(levels.across[0]) * rows;
-  out.tiles = sizeof(SheetHeader);
-  out.relief = out.tiles + allocation_bytes<SheetTiles>(groups);
-  out.nodes = out.relief + allocation_bytes<SheetRelief>(16 * groups);
-  out.rows = out.nodes + allocation_bytes<SheetNode>(levels.nodes);
-  out.bytes = out.rows + allocation_bytes<RowBounds>(rows);
-  return out;
-}
-
-// The views of a layer's structure in the bytes of a block; nothing in them is read.
-[[nodiscard]] inline SheetTrace views_of(const SheetLayer& layer, const Levels& levels,
-                                         Span<const unsigned char> bytes) noexcept {
-  const Block block = block_of(levels);
-  SheetTrace out;
-  out.vertices = layer.vertices;
-  out.quads = layer.quads;
-  const std::size_t groups = static_cast<std::size_t>(levels.across[0]) * static_cast<std::size_t>(levels.down[0]);
-  out.tiles = {reinterpret_cast<const SheetTiles*>(bytes.data() + block.tiles), groups};
-  out.relief = {reinterpret_cast<const SheetRelief*>(bytes.data() + block.relief), 16 * groups};
-  out.nodes = {reinterpret_cast<const SheetNode*>(bytes.data() + block.nodes), levels.nodes};
-  for (int level = 0; level < levels.count; ++level) {
-    out.first[level] = levels.first[level];
-    out.across[level] = levels.across[level];
-    out.down[level] = levels.down[level];
-  }
-  out.block = bytes;
-  return out;
-}
-
-}  // namespace sheet_layout
-
-[[nodiscard]] constexpr std::size_t sheet_workspace_bytes(Shape pixels) noexcept {
-  const sheet_layout::Levels levels = sheet_layout::levels_of(pixels);
-  if (levels.count == 0) return kWorkspaceAlignment;
-  return sheet_layout::block_of(levels).bytes + kWorkspaceAlignment;
-}
 
 }  // namespace NPSIM_ABI
 }  // namespace npsim

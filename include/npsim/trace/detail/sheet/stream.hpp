@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Many rays through a sheet (sheet_layout.hpp) at once, in one thread.
+// Many rays through a sheet at once, in one thread.
 //
 // A ray alone waits: for a node's bounds, then for its test, then for the branch that depends on it. Here kStreamRays
 // rays are under way together. Each turn takes those that have a quad, a tile, sixteen tiles or a node before them, one
 // kind after the other, so that the machine works on several rays at any time and hardly a branch is to be guessed, and
 // asks for what they read next a turn before it is read.
-// Invariant: every ray takes the steps that it takes alone (sheet_walk.hpp), so the answers are those of
-// sheet_traverse.hpp, bit for bit, for any order and number of rays and lanes.
+// Invariant: every ray takes the steps that it takes alone (walk.hpp), so the answers are those of single rays, bit for
+// bit, for any order and number of rays and lanes.
 // Cost: 0.5 to 0.9 of the time of single rays. Memory: 10 KiB of stack.
 #ifndef NPSIM_TRACE_DETAIL_SHEET_STREAM_HPP
 #define NPSIM_TRACE_DETAIL_SHEET_STREAM_HPP
@@ -15,20 +15,17 @@
 #include <cstdint>
 
 #include "npsim/core/bits.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/core/span.hpp"
-#include "npsim/simd/batch.hpp"
 #include "npsim/simd/fixed.hpp"
 #include "npsim/trace/detail/sheet/layout.hpp"
-#include "npsim/trace/detail/sheet/query.hpp"
 #include "npsim/trace/detail/sheet/ray.hpp"
-#include "npsim/trace/detail/sheet/test.hpp"
-#include "npsim/trace/detail/sheet/traverse.hpp"
 #include "npsim/trace/detail/sheet/walk.hpp"
+#include "npsim/trace/detail/triangle.hpp"
 #include "npsim/trace/ray.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
-
 inline constexpr int kStreamRays = 32;
 
 namespace sheet_detail {
@@ -248,15 +245,6 @@ void trace_stream(Span<const SheetTrace> layers, const SheetBounds& bounds, Span
 }
 
 }  // namespace sheet_detail
-
-// hits[i]: the nearest face that ray i meets, a Hit without a face where there is none; one for every ray. `active`:
-// where it is 0 the ray is left out and hits[i] stays as it is; empty: all are traced.
-template <class F = simd::F32>
-void closest_hits(const SheetScene& scene, Span<const Ray> rays, Span<Hit> hits,
-                  Span<const std::uint8_t> active = {}) noexcept {
-  sheet_detail::trace_stream<F>(scene.layers, scene.bounds, rays, sheet_detail::ClosestQuery{hits}, active);
-}
-
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
