@@ -31,7 +31,7 @@ constexpr Shape kShape{64, 48};
 
 static_assert(fill_workspace_bytes({}, kShape) >= 9 * kShape.pixels());
 static_assert(sharpen_edges_workspace_bytes({}, kShape) >= 8 * kShape.pixels());
-static_assert(anchor_ground_workspace_bytes({}, kShape) >= 20 * kShape.pixels());
+static_assert(anchor_ground_workspace_bytes(kShape) >= 20 * kShape.pixels());
 static_assert(cross_bilateral_workspace_bytes({}, kShape) == 532032);
 static_assert(uncertainty_workspace_bytes({}, kShape) == 448);
 static_assert(normals_workspace_bytes({}, kShape) == 0);
