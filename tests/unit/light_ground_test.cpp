@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "npsim/core/random.hpp"
-#include "npsim/light/activation.hpp"
 #include "npsim/geometry/ground.hpp"
+#include "npsim/light/activation.hpp"
 #include "npsim/light/headlamps.hpp"
 #include "unit/fixture.hpp"
 
@@ -97,7 +97,8 @@ TEST_CASE("ground: few road pixels are joined by the pavement; without labels th
   CHECK(street.fit().camera_height_m == doctest::Approx(1.4).epsilon(1e-3));
   npsim_test::Scratch scratch(ground_workspace_bytes({}, street.shape));
   GroundPlane out;
-  REQUIRE(estimate_ground({}, ImageView<const float>(street.depth.data(), street.shape), {}, street.k, scratch.workspace(), out)
+  REQUIRE(estimate_ground({}, ImageView<const float>(street.depth.data(), street.shape), {}, street.k,
+                          scratch.workspace(), out)
               .ok());
   CHECK(out.camera_height_m == doctest::Approx(1.4).epsilon(1e-3));
 }
@@ -108,7 +109,8 @@ TEST_CASE("ground: refuses shapes that disagree, bad parameters and a small work
   npsim_test::Scratch scratch(ground_workspace_bytes({}, street.shape));
   GroundPlane out;
   const ImageView<const float> depth(street.depth.data(), street.shape);
-  CHECK(estimate_ground({}, depth, ImageView<const Label>(street.labels.data(), {20, 30}), street.k, scratch.workspace(), out)
+  CHECK(estimate_ground({}, depth, ImageView<const Label>(street.labels.data(), {20, 30}), street.k,
+                        scratch.workspace(), out)
             .code() == StatusCode::shape_mismatch);
   GroundParams bad;
   bad.iterations = 0;

@@ -7,11 +7,11 @@
 #include <cstring>
 #include <vector>
 
+#include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/material/albedo.hpp"
 #include "npsim/material/roughness.hpp"
-#include "fixture.hpp"
 
 namespace {
 
@@ -201,8 +201,9 @@ TEST_CASE("albedo: strided views, and refusals") {
   bad.tile_px = 0;
   CHECK(estimate_albedo(bad, day, labels, scratch.workspace(), ImageView<Vec3f>(dense.data(), part), serial).code() ==
         StatusCode::invalid_argument);
-  CHECK(estimate_albedo({}, day, labels, scratch.workspace(), ImageView<Vec3f>(dense.data(), {50, 60}), serial).code() ==
-        StatusCode::shape_mismatch);
+  CHECK(
+      estimate_albedo({}, day, labels, scratch.workspace(), ImageView<Vec3f>(dense.data(), {50, 60}), serial).code() ==
+      StatusCode::shape_mismatch);
   npsim_test::Scratch tiny(1000);
   CHECK(estimate_albedo({}, day, labels, tiny.workspace(), ImageView<Vec3f>(dense.data(), part), serial).code() ==
         StatusCode::workspace_exhausted);
@@ -213,9 +214,9 @@ TEST_CASE("roughness follows the label and the weather; the priors are usable") 
   std::vector<float> alpha(4);
   SerialExecutor serial;
   const Shape shape{2, 2};
-  REQUIRE(
-      estimate_roughness({}, ImageView<const Label>(labels.data(), shape), ImageView<float>(alpha.data(), shape), serial)
-          .ok());
+  REQUIRE(estimate_roughness({}, ImageView<const Label>(labels.data(), shape), ImageView<float>(alpha.data(), shape),
+                             serial)
+              .ok());
   CHECK(alpha[0] == surface_prior(label::road).alpha);
   CHECK(alpha[2] < alpha[1]);
   CHECK(alpha[3] == surface_prior(label::unlabeled).alpha);

@@ -22,7 +22,8 @@ struct Grid {
 
   Grid() {
     for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) position(x, y) = {0.01F * static_cast<float>(x), 0.01F * static_cast<float>(y), 5};
+      for (int x = 0; x < shape.width; ++x)
+        position(x, y) = {0.01F * static_cast<float>(x), 0.01F * static_cast<float>(y), 5};
     }
   }
   void run() {

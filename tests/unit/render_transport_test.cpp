@@ -108,7 +108,8 @@ TEST_CASE("illuminance of a square lamp is within 5 % of its patch integral from
     constexpr int n = 64;
     for (int i = 0; i < n; ++i) {
       for (int j = 0; j < n; ++j) {
-        const Vec3d q = vec_cast<double>(sample_point(lamp, (static_cast<float>(i) + 0.5F) / n, (static_cast<float>(j) + 0.5F) / n));
+        const Vec3d q = vec_cast<double>(
+            sample_point(lamp, (static_cast<float>(i) + 0.5F) / n, (static_cast<float>(j) + 0.5F) / n));
         const Vec3d d = q - vec_cast<double>(position);
         const double r2 = dot(d, d);
         const double cos_both = (-d.y / std::sqrt(r2)) * (-d.y / std::sqrt(r2));
@@ -182,7 +183,8 @@ TEST_CASE("gather: inside a closed white-lit box every ray lands and the furnace
   SerialExecutor serial;
   NullObserver observer;
   REQUIRE(trace_gather_rays(params, 0, world.bvh, nearest_corner(world.faces), world.points(),
-                            Span<const std::uint32_t>(&receiver, 1), SkyParams{}, {hits.data(), hits.size()}, {sky.data(), 1}, serial, observer)
+                            Span<const std::uint32_t>(&receiver, 1), SkyParams{}, {hits.data(), hits.size()},
+                            {sky.data(), 1}, serial, observer)
               .ok());
   for (const std::uint32_t h : hits) CHECK(h != kNoPoint);
   CHECK(sky[0] == Vec3f{});
@@ -209,7 +211,8 @@ TEST_CASE("gather: an open road under the night sky gets the sky's irradiance, a
   SerialExecutor serial;
   NullObserver observer;
   REQUIRE(trace_gather_rays(params, 0, world.bvh, nearest_corner(world.faces), world.points(),
-                            Span<const std::uint32_t>(&receiver, 1), SkyParams{}, {hits.data(), hits.size()}, {sky.data(), 1}, serial, observer)
+                            Span<const std::uint32_t>(&receiver, 1), SkyParams{}, {hits.data(), hits.size()},
+                            {sky.data(), 1}, serial, observer)
               .ok());
   for (const std::uint32_t h : hits) CHECK(h == kNoPoint);
   // Numeric integral over the free half of the hemisphere (x < 0 side and what passes above the wall is small).
@@ -231,7 +234,8 @@ TEST_CASE("gather: an open road under the night sky gets the sky's irradiance, a
   CHECK(static_cast<double>(luminance(sky[0])) < 0.60 * whole);
 }
 
-TEST_CASE("direct light: a lit lamp on a Lambertian road gives E = I cos / d^2 and L = albedo E / pi; unlit gives none") {
+TEST_CASE(
+    "direct light: a lit lamp on a Lambertian road gives E = I cos / d^2 and L = albedo E / pi; unlit gives none") {
   World world;
   world.add_point({0, 6, 10}, {0, -1, 0});
   Emitter lamp = lamp_above(0.2F);
@@ -261,8 +265,8 @@ TEST_CASE("direct light: a lit lamp on a Lambertian road gives E = I cos / d^2 a
 
 namespace {
 
-// Whether the segment from a to b crosses a triangle strictly inside, in double (Moeller and Trumbore 1997); `margin` is
-// how far the crossing lies from the triangle's border and from both ends, in barycentric and segment parameters.
+// Whether the segment from a to b crosses a triangle strictly inside, in double (Moeller and Trumbore 1997); `margin`
+// is how far the crossing lies from the triangle's border and from both ends, in barycentric and segment parameters.
 bool crosses(const Vec3d& a, const Vec3d& b, const Vec3d& p, const Vec3d& q, const Vec3d& r, double& margin) {
   const Vec3d d = b - a;
   const Vec3d e1 = q - p;
@@ -319,8 +323,9 @@ TEST_CASE("visibility and direct light agree with brute force in double among ra
   const std::size_t n = world.vertices.size();
   std::vector<std::uint8_t> seen(n * lamps.size());
   const std::vector<std::uint16_t> no_marks(world.faces.size(), 0);
-  REQUIRE(compute_visibility(params, 0, world.bvh, world.points(), {}, {lamps.data(), lamps.size()}, {peak.data(), peak.size()},
-                             {no_marks.data(), no_marks.size()}, {seen.data(), seen.size()}, serial, observer)
+  REQUIRE(compute_visibility(params, 0, world.bvh, world.points(), {}, {lamps.data(), lamps.size()},
+                             {peak.data(), peak.size()}, {no_marks.data(), no_marks.size()}, {seen.data(), seen.size()},
+                             serial, observer)
               .ok());
   std::vector<Vec3f> illuminance(n);
   std::vector<Vec3f> luminance_out(n);

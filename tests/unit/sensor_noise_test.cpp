@@ -20,7 +20,8 @@ using sensor_test::Image;
 using sensor_test::pixels;
 
 template <class Executor>
-Image noisy(const NoiseParams& params, Image image, Executor executor, std::uint64_t seed = 0, std::uint32_t index = 0) {
+Image noisy(const NoiseParams& params, Image image, Executor executor, std::uint64_t seed = 0,
+            std::uint32_t index = 0) {
   REQUIRE(npsim::add_noise(params, seed, index, image.cview(), image.view(), executor).ok());
   return image;
 }
@@ -180,9 +181,9 @@ TEST_CASE("sensor: the default preset at ISO 3200 shows the noise of flat areas 
   for (const float x : {0.0008F, 0.0025F, 0.004F, 0.009F, 0.03F, 0.11F}) {
     Image image = noisy(params, Image({200, 200}, {x, x, x}), npsim::SerialExecutor{});
     std::vector<npsim::Rgb8> shown(pixels(image).size());
-    REQUIRE(npsim::develop(npsim::IspParams{}, image.cview(),
-                           ImageView<npsim::Rgb8>(shown.data(), image.shape()), executor)
-                .ok());
+    REQUIRE(
+        npsim::develop(npsim::IspParams{}, image.cview(), ImageView<npsim::Rgb8>(shown.data(), image.shape()), executor)
+            .ok());
     const Moments m = moments(shown.size(), [&shown](std::size_t i) { return static_cast<double>(shown[i].g); });
     CAPTURE(m.mean);
     CHECK(std::sqrt(m.variance) > 0.55);

@@ -57,7 +57,9 @@ Count behind_objects(const street::Street& s, const BackgroundParams& params, Th
 
 }  // namespace
 
-TEST_CASE("behind the objects of streets with kerbs unseen and much hidden, three of five pixels are within 3 % of what is truly there") {
+TEST_CASE(
+    "behind the objects of streets with kerbs unseen and much hidden, three of five pixels are within 3 % of what is "
+    "truly there") {
   ThreadPool pool(2);
   for (const std::uint64_t seed : {3U, 5U}) {  // kerbs that are never seen, bins and bushes behind cars
     CAPTURE(seed);

@@ -44,6 +44,11 @@ struct MeshBuffers {
   Span<std::uint32_t> pixels;  // y * width + x of each vertex
 };
 
+[[nodiscard]] inline bool have_room(const MeshBuffers& buffers, const MeshSize& size) noexcept {
+  return size.vertices <= buffers.vertices.size() && size.faces <= buffers.faces.size() &&
+         (buffers.pixels.data() == nullptr || size.vertices <= buffers.pixels.size());
+}
+
 [[nodiscard]] constexpr std::size_t index_layer_workspace_bytes(Shape shape) noexcept {
   if (shape.empty()) return kWorkspaceAlignment;
   return allocation_bytes<std::uint32_t>(shape.pixels()) +
@@ -317,9 +322,7 @@ template <class F = simd::F32, class Executor>
     size.vertices += vertices;
     size.faces += faces;
   }
-  const bool pixels = out.pixels.data() != nullptr;
-  if (size.vertices > out.vertices.size() || size.faces > out.faces.size() ||
-      (pixels && size.vertices > out.pixels.size()) || size.vertices + first_vertex > 0xFFFFFFFFU) {
+  if (!have_room(out, size) || size.vertices + first_vertex > 0xFFFFFFFFU) {
     return {StatusCode::capacity_exceeded, "mesh buffers are smaller than mesh_size() says"};
   }
   if (layer.quads.empty()) return {};

@@ -266,9 +266,7 @@ template <class Executor>
           mesh_detail::bit_count(mesh_detail::fan_starts(mesh_detail::fan_slots(layer.quads, x, y)));
     }
   }
-  const bool pixels = out.pixels.data() != nullptr;
-  if (result.size.vertices > out.vertices.size() || result.size.faces > out.faces.size() ||
-      (pixels && result.size.vertices > out.pixels.size()) || result.size.vertices + first_vertex > 0xFFFFFFFFU) {
+  if (!have_room(out, result.size) || result.size.vertices + first_vertex > 0xFFFFFFFFU) {
     return {StatusCode::capacity_exceeded, "mesh buffers are smaller than the simplified mesh"};
   }
   result.depth = mesh_detail::compare_depth(mesh, thinner.sheet);

@@ -581,11 +581,8 @@ template <class Executor>
   std::size_t rim_edges = 0;
   NPSIM_RETURN_IF_ERROR(solidify_detail::find_rim(front, rim, rim_edges, workspace));
   size = {n, back_faces(faces, rim_edges)};
-  const bool pixels = out.pixels.data() != nullptr;
-  if (size.vertices > out.vertices.size() || size.faces > out.faces.size() ||
-      (pixels && size.vertices > out.pixels.size())) {
+  if (!have_room(out, size))
     return {StatusCode::capacity_exceeded, "solidify: the buffers are too small for the backs"};
-  }
   NPSIM_RETURN_IF_ERROR(solidify_detail::back_ratios(params, front, scene, ratio, workspace, executor));
   // A back at infinity would follow from a front there: depth times ratio overflows.
   for (std::size_t v = 0; v < n; ++v) {
@@ -595,7 +592,7 @@ template <class Executor>
   }
   for (std::size_t v = 0; v < n; ++v) {
     out.vertices[v] = front.mesh.vertices[v] * ratio[v];
-    if (pixels) out.pixels[v] = front.pixel[v];
+    if (out.pixels.data() != nullptr) out.pixels[v] = front.pixel[v];
   }
   const auto shift = static_cast<std::uint32_t>(n);
   std::size_t next = faces;

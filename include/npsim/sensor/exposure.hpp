@@ -107,19 +107,9 @@ namespace exposure_detail {
 // Mean luminance of the clipped signal.
 template <class Executor>
 [[nodiscard]] double mean_signal(ImageView<const Vec3f> image, float gain, Span<double> partial, Executor& executor) {
-  executor.for_chunks(static_cast<std::size_t>(image.height()), kSensorRowChunk,
-                      [&](std::size_t begin, std::size_t end) {
-                        double sum = 0.0;
-                        for (std::size_t y = begin; y < end; ++y) {
-                          const Vec3f* row = image.row(static_cast<int>(y));
-                          for (int x = 0; x < image.width(); ++x) {
-                            sum += static_cast<double>(luminance(saturated(sane_sample(row[x]) * gain)));
-                          }
-                        }
-                        partial[begin / kSensorRowChunk] = sum;
-                      });
-  double sum = 0.0;
-  for (const double part : partial) sum += part;
+  const double sum = sum_pixels(image, partial, executor, [gain](const Vec3f& c) noexcept {
+    return static_cast<double>(luminance(saturated(sane_sample(c) * gain)));
+  });
   return sum / static_cast<double>(image.shape().pixels());
 }
 

@@ -96,20 +96,10 @@ template <class Executor>
   Span<Vec3d> partial;
   NPSIM_RETURN_IF_ERROR(
       workspace.allocate(chunk_count(static_cast<std::size_t>(signal.height()), kSensorRowChunk), partial));
-  executor.for_chunks(static_cast<std::size_t>(signal.height()), kSensorRowChunk,
-                      [&](std::size_t begin, std::size_t end) {
-                        Vec3d sum;
-                        for (std::size_t y = begin; y < end; ++y) {
-                          const Vec3f* row = signal.row(static_cast<int>(y));
-                          for (int x = 0; x < signal.width(); ++x) {
-                            const Vec3f c = saturated(row[x]);
-                            if (c.x < 1.0F && c.y < 1.0F && c.z < 1.0F) sum += vec_cast<double>(c);
-                          }
-                        }
-                        partial[begin / kSensorRowChunk] = sum;
-                      });
-  Vec3d mean;
-  for (const Vec3d& part : partial) mean += part;
+  const Vec3d mean = sum_pixels(signal, partial, executor, [](const Vec3f& pixel) noexcept {
+    const Vec3f c = saturated(pixel);
+    return c.x < 1.0F && c.y < 1.0F && c.z < 1.0F ? vec_cast<double>(c) : Vec3d{};
+  });
   gains = {1.0F, 1.0F, 1.0F};
   const auto weighted = [](const Vec3d& rgb) noexcept { return 0.2126 * rgb.x + 0.7152 * rgb.y + 0.0722 * rgb.z; };
   const double grey = weighted(mean);

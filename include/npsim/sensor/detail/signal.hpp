@@ -9,6 +9,7 @@
 #include <cstddef>
 
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 
@@ -43,6 +44,24 @@ template <class Out>
     return Status(StatusCode::shape_mismatch, "input and output image must have the same size");
   }
   return {};
+}
+
+// Sum of f(rgb) over all pixels: by chunks of rows, then over the chunks in their order. partial: one element per
+// chunk.
+template <class Sum, class Executor, class F>
+[[nodiscard]] Sum sum_pixels(ImageView<const Vec3f> image, Span<Sum> partial, Executor& executor, const F& f) {
+  executor.for_chunks(static_cast<std::size_t>(image.height()), kSensorRowChunk,
+                      [&](std::size_t begin, std::size_t end) {
+                        Sum sum{};
+                        for (std::size_t y = begin; y < end; ++y) {
+                          const Vec3f* row = image.row(static_cast<int>(y));
+                          for (int x = 0; x < image.width(); ++x) sum += f(row[x]);
+                        }
+                        partial[begin / kSensorRowChunk] = sum;
+                      });
+  Sum sum{};
+  for (const Sum& part : partial) sum += part;
+  return sum;
 }
 
 // Calls f(y) for every row.

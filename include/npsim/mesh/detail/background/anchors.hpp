@@ -132,6 +132,26 @@ void keep_known(const std::uint8_t* state, const Vec3f* sheet, int width, Vec3f*
   }
 }
 
+// Sums over samples (x, y, w), for the least-squares plane w = a + b x + c y.
+struct PlaneSums {
+  double n = 0, x = 0, y = 0, w = 0, xx = 0, xy = 0, yy = 0, xw = 0, yw = 0;
+};
+
+// The same about the mean of the samples.
+struct CentredSums {
+  double xx, xy, yy, xw, yw;
+  [[nodiscard]] double determinant() const noexcept { return xx * yy - xy * xy; }
+  // False where all are in one row, one column or on one line: no tilt can be told across it.
+  [[nodiscard]] bool span_plane() const noexcept { return determinant() > 1e-6 * xx * yy; }
+  [[nodiscard]] double slope_x() const noexcept { return (yy * xw - xy * yw) / determinant(); }
+  [[nodiscard]] double slope_y() const noexcept { return (xx * yw - xy * xw) / determinant(); }
+};
+
+[[nodiscard]] inline CentredSums centred(const PlaneSums& s) noexcept {
+  return {s.xx - s.x * s.x / s.n, s.xy - s.x * s.y / s.n, s.yy - s.y * s.y / s.n, s.xw - s.x * s.w / s.n,
+          s.yw - s.y * s.w / s.n};
+}
+
 // At the kept pixel (x, y), 1 <= radius <= kMaxFitRadius.
 template <class F>
 [[nodiscard]] double inverse_depth_slope(int radius, float fit_tolerance, ImageView<const Vec3f> vertices,
@@ -142,7 +162,7 @@ template <class F>
   const F anchor(1.0F / vertices(x, y).z);
   const F tolerance = F(fit_tolerance) * anchor;
   const F zero(0.0F);
-  double n = 0, sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0, sw = 0, sxw = 0, syw = 0;
+  PlaneSums s;
   for (int begin = std::max(0, x - radius); begin <= last; begin += F::lanes) {
     const int lanes = std::min(F::lanes, last - begin + 1);
     float z[2 * kMaxFitRadius + 1][F::lanes];  // 0 where not kept
@@ -176,22 +196,15 @@ template <class F>
     for (int i = 0; i < lanes; ++i) {
       const double dx = begin + i - x;
       const auto of = [&column, i](int which) { return static_cast<double>(column[which][i]); };
-      n += of(0), sx += dx * of(0), sxx += dx * dx * of(0);
-      sy += of(1), sxy += dx * of(1), syy += of(2);
-      sw += of(3), sxw += dx * of(3), syw += of(4);
+      s.n += of(0), s.x += dx * of(0), s.xx += dx * dx * of(0);
+      s.y += of(1), s.xy += dx * of(1), s.yy += of(2);
+      s.w += of(3), s.xw += dx * of(3), s.yw += of(4);
     }
   }
-  if (n < 4) return 0.0;
-  const double cxx = sxx - sx * sx / n;
-  const double cxy = sxy - sx * sy / n;
-  const double cyy = syy - sy * sy / n;
-  const double cxw = sxw - sx * sw / n;
-  const double cyw = syw - sy * sw / n;
-  const double determinant = cxx * cyy - cxy * cxy;
-  if (!(determinant > 1e-6 * cxx * cyy)) {  // one row, one column or one diagonal: no tilt can be told across it
-    return cxx > 0 && cyy == 0 ? cxw / cxx : 0.0;
-  }
-  return (cyy * cxw - cxy * cyw) / determinant;
+  if (s.n < 4) return 0.0;
+  const CentredSums c = centred(s);
+  if (!c.span_plane()) return c.xx > 0 && c.yy == 0 ? c.xw / c.xx : 0.0;
+  return c.slope_x();
 }
 
 }  // namespace mesh_detail

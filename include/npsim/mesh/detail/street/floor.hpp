@@ -32,6 +32,7 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
+#include "npsim/mesh/detail/background/anchors.hpp"
 #include "npsim/mesh/detail/layer.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
 #include "npsim/simd/batch.hpp"
@@ -101,27 +102,22 @@ void for_floor_samples(Shape shape, F&& f) {
   // Samples farther off than this from the fit before, relatively, take no part: kerbs, ramps, wrong labels.
   constexpr double kTrim[] = {1e30, 0.3, 0.1, 0.05, 0.05};
   for (const double trim : kTrim) {
-    double n = 0, sx = 0, sy = 0, sw = 0, sxx = 0, sxy = 0, syy = 0, sxw = 0, syw = 0;
+    PlaneSums s;
     for_floor_samples(shape, [&](int px, int py) {
       if (state(px, py) != row_state::known || !params.carriageway.contains(labels(px, py))) return;
       const double w = 1.0 / static_cast<double>(vertices(px, py).z);
       if (std::fabs(floor.carriageway(px, py) - w) > trim * w) return;
       const double x = px - 0.5 * shape.width;
       const double y = py - 0.5 * shape.height;
-      n += 1, sx += x, sy += y, sw += w;
-      sxx += x * x, sxy += x * y, syy += y * y, sxw += x * w, syw += y * w;
+      s.n += 1, s.x += x, s.y += y, s.w += w;
+      s.xx += x * x, s.xy += x * y, s.yy += y * y, s.xw += x * w, s.yw += y * w;
     });
-    if (n < static_cast<double>(kMinFloorSamples)) return false;
-    const double cxx = sxx - sx * sx / n;
-    const double cxy = sxy - sx * sy / n;
-    const double cyy = syy - sy * sy / n;
-    const double cxw = sxw - sx * sw / n;
-    const double cyw = syw - sy * sw / n;
-    const double determinant = cxx * cyy - cxy * cxy;
-    if (!(determinant > 1e-6 * cxx * cyy)) return false;
-    floor.per_column = (cyy * cxw - cxy * cyw) / determinant;
-    floor.per_row = (cxx * cyw - cxy * cxw) / determinant;
-    floor.constant = (sw - floor.per_column * sx - floor.per_row * sy) / n - 0.5 * shape.width * floor.per_column -
+    if (s.n < static_cast<double>(kMinFloorSamples)) return false;
+    const CentredSums c = centred(s);
+    if (!c.span_plane()) return false;
+    floor.per_column = c.slope_x();
+    floor.per_row = c.slope_y();
+    floor.constant = (s.w - floor.per_column * s.x - floor.per_row * s.y) / s.n - 0.5 * shape.width * floor.per_column -
                      0.5 * shape.height * floor.per_row;
   }
   // w = n . (ray / ray.z), and 1 / |n| is the distance of the plane from the camera.
