@@ -259,8 +259,8 @@ Tally compare_occluded(const Subject& subject, const std::vector<Ray>& rays, Occ
 
 // A structure of ours: `index_of` turns its numbers into the mesh's; empty where they are the same.
 template <class Scene>
-void hold(const Subject& subject, const char* what, const Scene& scene, const std::vector<std::uint32_t>& index_of,
-          const RaySets& rays, const Allowed& allowed = {}) {
+void hold(const Subject& subject, const std::string& what, const Scene& scene,
+          const std::vector<std::uint32_t>& index_of, const RaySets& rays, const Allowed& allowed = {}) {
   const auto index = [&](const Hit& hit) {
     Hit out = hit;
     if (hit.face != kNoFace && !index_of.empty()) out.face = index_of[hit.face];
