@@ -4,8 +4,9 @@
 
 npsim_tool_packages=(g++ cmake ninja-build libeigen3-dev libxsimd-dev libcli11-dev nlohmann-json3-dev libstb-dev
                      libtinyobjloader-dev)
-npsim_test_packages=(doctest-dev pkg-config)
-npsim_bench_packages=(libbenchmark-dev libopencv-contrib-dev python3-torch python3-numpy)
+npsim_test_packages=(doctest-dev pkg-config libembree-dev libopenimageio-dev)
+npsim_bench_packages=(libbenchmark-dev libembree-dev libmeshoptimizer-dev libopencv-contrib-dev python3-torch
+                      python3-numpy)
 
 # Installs those of the named packages that are missing; without apt-get or the right to use it, says which and stops.
 npsim_require_packages() {

@@ -3,8 +3,7 @@
 //
 // Prints CSV, and draws an SVG per kernel where a folder is given. One thread; see comparison.hpp for how time is
 // taken.
-#include <CLI/CLI.hpp>
-#include <charconv>
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -13,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "../options.hpp"
 #include "cases.hpp"
 #include "opencv_peers.hpp"
 #include "picture.hpp"
@@ -34,16 +34,6 @@ constexpr Case kCases[] = {
     {"losses", losses_case},
     {"refine", refine_case},
 };
-
-[[nodiscard]] bool parse_size(const std::string& text, npsim::Shape& shape) {
-  const std::size_t x = text.find('x');
-  if (x == std::string::npos) return false;
-  const auto number = [&](std::size_t begin, std::size_t end, int& out) {
-    const auto [rest, error] = std::from_chars(text.data() + begin, text.data() + end, out);
-    return error == std::errc() && rest == text.data() + end && out >= 64 && out <= 8192;
-  };
-  return number(0, x, shape.width) && number(x + 1, text.size(), shape.height);
-}
 
 // A field of CSV: numbers short, an empty one for NaN, quotes where there is a comma.
 [[nodiscard]] std::string field(double v) {
@@ -110,13 +100,16 @@ int main(int argc, char** argv) {
   app.add_option("--csv", csv_path, "write the CSV to this file as well; what it holds of other kernels stays");
   app.add_option("--svg-dir", svg_folder, "draw one picture per kernel into this folder");
   app.add_flag("--quick", options.quick, "480x270, one round, errors from fewer samples: to see that all of it runs");
-  CLI11_PARSE(app, argc, argv);
+  if (const auto status = npsim::bench::parse(app, argc, argv)) return *status;
   if (options.quick) {
     if (app.count("--size") == 0) size = "480x270";
     if (app.count("--repeats") == 0) options.repeats = 1;
   }
-  if (!parse_size(size, options.shape)) {
-    std::fprintf(stderr, "npsim_frontier: --size: expected WIDTHxHEIGHT, got '%s'\n", size.c_str());
+  const npsim::Shape& shape = options.shape;
+  if (!parse_size(size, options.shape) || std::min(shape.width, shape.height) < 64 ||
+      std::max(shape.width, shape.height) > 8192) {
+    std::fprintf(stderr, "npsim_frontier: --size: expected WIDTHxHEIGHT, sides of 64 to 8192, got '%s'\n",
+                 size.c_str());
     return 2;
   }
   for (const std::string& k : kernels) {

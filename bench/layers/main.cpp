@@ -2,9 +2,9 @@
 // npsim_bench_layers: time of the steps from depth to the layered mesh, as a multiple of the time that memcpy takes to
 // write the same outputs.
 //
-// Arguments: largest number of threads (default 2), rounds (default 21). Each round runs every step and every memcpy
-// once, one after the other, so that a change of the machine's speed meets all alike; medians are printed. The picture
-// is a street generated at 960x540 and resampled; the uncertain pixels are found at each size.
+// Each round runs every step and every memcpy once, one after the other, so that a change of the machine's speed meets
+// all alike; medians are printed. The picture is a street generated at 960x540 and resampled; the uncertain pixels are
+// found at each size.
 #include <algorithm>
 #include <array>
 #include <cstddef>
@@ -12,10 +12,12 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "../host.hpp"
+#include "../options.hpp"
 #include "../timing.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/exec/thread_pool.hpp"
@@ -183,8 +185,14 @@ void measure(const street::Street& street, Shape shape, unsigned threads, int ro
 }  // namespace
 
 int main(int argc, char** argv) {
-  const unsigned most = argc > 1 ? static_cast<unsigned>(std::strtoul(argv[1], nullptr, 10)) : 2U;
-  const int rounds = argc > 2 ? std::max(1, std::atoi(argv[2])) : 21;
+  CLI::App app("From depth to the layered mesh, beside memcpy of the same outputs");
+  unsigned most = 2;
+  int rounds = 21;
+  std::vector<std::string> sizes{"424x240", "960x540", "1920x1080", "3840x2160"};
+  app.add_option("--threads", most, "from one to so many")->capture_default_str()->check(CLI::Range(1, 1024));
+  app.add_option("--rounds", rounds, "the median counts")->capture_default_str()->check(CLI::Range(1, 1000));
+  app.add_option("--size", sizes, "WIDTHxHEIGHT of the images")->capture_default_str()->check(bench::is_size);
+  if (const auto status = bench::parse(app, argc, argv)) return *status;
   street::Street street;
   street::StreetParams params;
   params.samples = 1;
@@ -195,7 +203,9 @@ int main(int argc, char** argv) {
   }
   std::printf("        size  threads  step              time       memcpy of its outputs  ratio   outputs\n");
   for (unsigned threads = 1; threads <= most; ++threads) {
-    for (const Shape shape : {Shape{424, 240}, Shape{960, 540}, Shape{1920, 1080}, Shape{3840, 2160}}) {
+    for (const std::string& size : sizes) {
+      Shape shape;
+      static_cast<void>(bench::parse_size(size, shape));
       measure(street, shape, threads, rounds);
     }
   }

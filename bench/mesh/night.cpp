@@ -2,9 +2,8 @@
 // npsim_bench_night_faces: what the night loses and how much sooner it is done when its mesh has fewer triangles, as
 // CSV.
 //
-// Arguments: a scene.json or streetSEED_WIDTHxHEIGHT (default street1_960x540), --threads N (default: one per
-// processor). One line for the layers as they are (faces: those of their mesh), one for their mesh, then one for each
-// bound on depth, with the pipeline's other settings; changes are against the first.
+// One line for the layers as they are (faces: those of their mesh), one for their mesh, then one for each bound on
+// depth, with the pipeline's other settings; changes are against the first.
 // mean_change: of the mean of the linear night, the colour channel that changes most; rms_change: root mean square of
 // the change of a displayed pixel, in codes of 255, over the picture.
 #include <algorithm>
@@ -20,6 +19,7 @@
 
 #include "../host.hpp"
 #include "../named_scene.hpp"
+#include "../options.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "tool/kept_night.hpp"
 #include "npsim/pipeline/night.hpp"
@@ -54,16 +54,13 @@ void run(const NightParams& params, const SceneView& scene, ThreadPool& pool, Cl
 }  // namespace
 
 int main(int argc, char** argv) {
+  CLI::App app("What the night loses and how much sooner it is done when its mesh has fewer triangles, as CSV");
   std::string name = "street1_960x540";
-  unsigned threads = 0;
-  for (int i = 1; i < argc; ++i) {
-    if (std::strcmp(argv[i], "--threads") == 0 && i + 1 < argc) {
-      threads = static_cast<unsigned>(std::atoi(argv[++i]));
-    } else {
-      name = argv[i];
-    }
-  }
-  ThreadPool pool(threads > 0 ? threads : std::max(1U, std::thread::hardware_concurrency()));
+  unsigned threads = std::max(1U, std::thread::hardware_concurrency());
+  app.add_option("scene", name, "a scene.json, its folder, or streetSEED_WIDTHxHEIGHT")->capture_default_str();
+  app.add_option("--threads", threads, "of the whole")->capture_default_str()->check(CLI::Range(1, 1024));
+  if (const auto status = bench::parse(app, argc, argv)) return *status;
+  ThreadPool pool(threads);
   bench::NamedScene scene;
   if (!scene.load(name, pool)) return 1;
   std::printf("scene,traced,bound,faces,share,complete_s,build_s,transport_s,mean_change,rms_change\n");

@@ -2,9 +2,8 @@
 // npsim_bench_simplify: faces and time of the simplified layers by bound, beside meshoptimizer at the same error, as
 // CSV.
 //
-// Arguments: scenes, each a scene.json or streetSEED_WIDTHxHEIGHT (default street1_960x540); --threads N times with N
-// as well, --rounds N takes the median of so many, --no-peer. One line for each scene and bound. Both layers count
-// together. The labels are kept ("labels") or not ("none"), which is how the peer sees the mesh.
+// One line for each scene and bound. Both layers count together. The labels are kept ("labels") or not ("none"), which
+// is how the peer sees the mesh.
 //
 // Equal error: of a row of targets (or those given by --target, in the unit of the space) the peer's mesh with the
 // fewest faces counts whose error of depth at pixel centres, measured alike on both, is at most ours: by its RMS, and
@@ -25,6 +24,7 @@
 
 #include "../host.hpp"
 #include "../named_scene.hpp"
+#include "../options.hpp"
 #include "../timing.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
@@ -248,24 +248,19 @@ template <class Measure>
 }  // namespace
 
 int main(int argc, char** argv) {
+  CLI::App app("Faces and time of simplified layers by bound, beside meshoptimizer at the same error, as CSV");
   std::vector<std::string> names;
   unsigned threads = 1;
   int rounds = 3;
-  bool with_peer = true;
+  bool no_peer = false;
   std::vector<double> targets;
-  for (int i = 1; i < argc; ++i) {
-    if (std::strcmp(argv[i], "--threads") == 0 && i + 1 < argc) {
-      threads = static_cast<unsigned>(std::atoi(argv[++i]));
-    } else if (std::strcmp(argv[i], "--rounds") == 0 && i + 1 < argc) {
-      rounds = std::max(1, std::atoi(argv[++i]));
-    } else if (std::strcmp(argv[i], "--target") == 0 && i + 1 < argc) {
-      targets.push_back(std::atof(argv[++i]));
-    } else if (std::strcmp(argv[i], "--no-peer") == 0) {
-      with_peer = false;
-    } else {
-      names.emplace_back(argv[i]);
-    }
-  }
+  app.add_option("scenes", names, "a scene.json, its folder, or streetSEED_WIDTHxHEIGHT (street1_960x540 where none)");
+  app.add_option("--threads", threads, "time with so many as well")->capture_default_str()->check(CLI::Range(1, 1024));
+  app.add_option("--rounds", rounds, "the median counts")->capture_default_str()->check(CLI::Range(1, 1000));
+  app.add_option("--target", targets, "of meshoptimizer's error, in the unit of its space");
+  app.add_flag("--no-peer", no_peer, "without meshoptimizer");
+  if (const auto status = bench::parse(app, argc, argv)) return *status;
+  const bool with_peer = !no_peer;
   if (targets.empty()) {
     for (int k = -16; k <= 6; ++k) targets.push_back(std::exp2(0.5 * k));
   }

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // npsim_bench_leaks: the robustness of rays, counted; nothing is timed.
 //
-// Arguments: --part leaks|agree|spawn|hash (default all), --rays N a row (default 100000), --street WxH (default
-// 960x540), --only NAME (sphere, cube, waves, street or the start of a file's name), and files: closed meshes (.obj) or
-// layers that npsim_bench_rays --save wrote. leaks  Rays that must hit, by topology alone. Closed meshes: one end of
-// the ray in a point round which the mesh winds
+// leaks  Rays that must hit, by topology alone. Closed meshes: one end of the ray in a point round which the mesh winds
 //        (solid angles in double), the other outside of the mesh's box; it goes through a vertex, an edge or a point of
 //        a face. Sheets without holes: a point in front of the sheet and one behind it on the ray, both within the
 //        frustum and decided in double. Street: from the camera at vertices and edges with all faces round them.
@@ -28,6 +25,7 @@
 #include <utility>
 #include <vector>
 
+#include "../options.hpp"
 #include "exact.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/obj.hpp"
@@ -520,20 +518,18 @@ void all_spawns(const Options& options) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  CLI::App app("The robustness of rays, counted against topology and double precision; nothing is timed");
   Options options;
-  for (int i = 1; i < argc; ++i) {
-    if (std::strcmp(argv[i], "--rays") == 0 && i + 1 < argc) {
-      options.rays = static_cast<std::uint32_t>(std::strtoul(argv[++i], nullptr, 10));
-    } else if (std::strcmp(argv[i], "--part") == 0 && i + 1 < argc) {
-      options.part = argv[++i];
-    } else if (std::strcmp(argv[i], "--only") == 0 && i + 1 < argc) {
-      options.only = argv[++i];
-    } else if (std::strcmp(argv[i], "--street") == 0 && i + 1 < argc) {
-      if (std::sscanf(argv[++i], "%dx%d", &options.street.width, &options.street.height) != 2) return 1;
-    } else {
-      options.files.push_back(argv[i]);
-    }
-  }
+  std::string street = "960x540";
+  app.add_option("files", options.files, "closed meshes (.obj), or layers that npsim_bench_rays --save wrote");
+  app.add_option("--part", options.part, "which of the counts")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"leaks", "agree", "spawn", "hash", "all"}));
+  app.add_option("--rays", options.rays, "of each row")->capture_default_str()->check(CLI::Range(1, 100000000));
+  app.add_option("--street", street, "WIDTHxHEIGHT of the generated street")->capture_default_str()->check(is_size);
+  app.add_option("--only", options.only, "only sphere, cube, waves, street or the files whose names begin so");
+  if (const auto status = parse(app, argc, argv)) return *status;
+  static_cast<void>(parse_size(street, options.street));
   std::vector<std::pair<std::string, io::Mesh>> meshes;
   meshes.emplace_back("sphere", sphere(100, 200));
   meshes.emplace_back("cube", cube(40));

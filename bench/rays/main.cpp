@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // npsim_bench_rays: the ray structure of the sheet beside Embree 3.
 //
-// Arguments: sizes such as 960x540 (default) or files of layers; --scene NAME for a scene.json or its folder; --save
-// FILE writes the layers of what follows and stops; --rays N a set (default 200000), --rounds N (default 5), --no-peer;
-// --csv prints a line of ns a ray for every size instead. npsim_bench_rays_8 and _4 are the same for AVX2 and for 4
-// lanes. One thread. Every round runs every structure once on each set, one after the other; medians are printed, the
-// rates in million rays a second. Scenes: "sheet", one layer as photographed, uncertain faces deleted; "layers",
-// background and foreground as one. Sets: a  camera rays through a random point of each pixel, in scan order, closest
-// hit;
+// One thread. Every round runs every structure once on each set, one after the other; medians are printed, the rates in
+// million rays a second. npsim_bench_rays_8 and _4 are the same for AVX2 and for 4 lanes. Scenes: "sheet", one layer as
+// photographed, uncertain faces deleted; "layers", background and foreground as one. Sets:
+//       a  camera rays through a random point of each pixel, in scan order, closest hit;
 //       b  from points seen by the camera to 30 lamps, lamp by lamp, points in scan order, any hit;
 //       l  the same where all pixels of a row follow each other, as when one lamp's shadows are computed together;
 //       c  cosine-distributed bounces from those points in random order, closest hit;   c2  the same in pixel order.
@@ -29,6 +26,7 @@
 #include <vector>
 
 #include "../host.hpp"
+#include "../options.hpp"
 #include "../timing.hpp"
 #include "layers.hpp"
 #include "npsim/core/executor.hpp"
@@ -314,34 +312,30 @@ void measure(const char* name, std::vector<SheetLayer> layers, const Intrinsics&
 }  // namespace
 
 int main(int argc, char** argv) {
+  CLI::App app("The ray structure of the sheet beside Embree 3, one thread: million rays a second, and who disagrees");
   std::size_t rays = 200000;
   int rounds = 5;
-  bool with_peer = true;
+  bool no_peer = false;
   bool csv = false;
-  const char* save = nullptr;
+  std::string save;
+  std::vector<std::string> scenes;
+  std::vector<std::string> sizes;
+  app.add_option("sizes", sizes, "WIDTHxHEIGHT of generated streets, or files of layers (960x540 where none)");
+  app.add_option("--scene", scenes, "a scene.json or its folder as well");
+  app.add_option("--rays", rays, "of each set")->capture_default_str()->check(CLI::Range(1, 100000000));
+  app.add_option("--rounds", rounds, "the median counts")->capture_default_str()->check(CLI::Range(1, 1000));
+  app.add_flag("--no-peer", no_peer, "without Embree");
+  app.add_flag("--csv", csv, "ns a ray, one line for each size; without Embree");
+  app.add_option("--save", save, "write the layers of the first scene to this file, and stop");
+  if (const auto status = bench::parse(app, argc, argv)) return *status;
+  const bool with_peer = !no_peer && !csv;
   struct Name {
-    const char* text;
+    std::string text;
     bool scene;
   };
   std::vector<Name> names;
-  for (int i = 1; i < argc; ++i) {
-    if (std::strcmp(argv[i], "--rays") == 0 && i + 1 < argc) {
-      rays = std::strtoul(argv[++i], nullptr, 10);
-    } else if (std::strcmp(argv[i], "--rounds") == 0 && i + 1 < argc) {
-      rounds = std::max(1, std::atoi(argv[++i]));
-    } else if (std::strcmp(argv[i], "--save") == 0 && i + 1 < argc) {
-      save = argv[++i];
-    } else if (std::strcmp(argv[i], "--no-peer") == 0) {
-      with_peer = false;
-    } else if (std::strcmp(argv[i], "--csv") == 0) {
-      csv = true;
-      with_peer = false;
-    } else if (std::strcmp(argv[i], "--scene") == 0 && i + 1 < argc) {
-      names.push_back({argv[++i], true});
-    } else {
-      names.push_back({argv[i], false});
-    }
-  }
+  for (const std::string& size : sizes) names.push_back({size, false});
+  for (const std::string& scene : scenes) names.push_back({scene, true});
   if (names.empty()) names.push_back({"960x540", false});
   if (csv) {
     std::printf("scene,width,height,triangles,build s,a,b,l,c,c2,stream a,stream b,stream l,stream c,stream c2\n");
@@ -351,13 +345,13 @@ int main(int argc, char** argv) {
     Shape shape;
     if (name.scene) {
       if (!bench::make_layers(name.text, layers)) return 1;
-    } else if (std::sscanf(name.text, "%dx%d", &shape.width, &shape.height) == 2) {
+    } else if (bench::parse_size(name.text, shape)) {
       layers = bench::make_layers(shape);
-    } else if (!bench::load_layers(name.text, layers)) {
-      std::fprintf(stderr, "npsim_bench_rays: cannot read %s\n", name.text);
+    } else if (!bench::load_layers(name.text.c_str(), layers)) {
+      std::fprintf(stderr, "npsim_bench_rays: cannot read %s\n", name.text.c_str());
       return 1;
     }
-    if (save != nullptr) return bench::save_layers(layers, save) ? 0 : 1;
+    if (!save.empty()) return bench::save_layers(layers, save.c_str()) ? 0 : 1;
     measure("sheet", {layers.all[0].view()}, layers.intrinsics, rays, rounds, with_peer, csv);
     measure("layers", {layers.all[1].view(), layers.all[2].view()}, layers.intrinsics, rays, rounds, with_peer, csv);
   }

@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // npsim_bench_trees: the general tree beside Embree 3, on the sheet of a generated street and on meshes from files.
 //
-// Arguments: sizes such as 960x540 (default), files of layers or Wavefront OBJ files; --save FILE writes the layers of
-// the size that follows and stops; --rays N a set (default 200000), --rounds N (default 5), --widths for trees of other
-// widths and packs too. One thread. Every round builds every tree (the first three rounds) and runs it once on each
-// set, one after the other; medians are printed, the rates in million rays a second. Sets: a  camera rays through a
-// random point of each pixel, in scan order, closest hit: from the camera's place for a
+// One thread. Every round builds every tree (the first three rounds) and runs it once on each set, one after the other;
+// medians are printed, the rates in million rays a second. Sets:
+//       a  camera rays through a random point of each pixel, in scan order, closest hit: from the camera's place for a
 //          sheet, from 2.5 radii away for a file;
 //       b  from points seen to 30 lamps, lamp by lamp, points in scan order, any hit;
 //       c  cosine-distributed bounces from those points in random order, closest hit;   c2  the same in pixel order.
@@ -23,6 +21,7 @@
 #include <vector>
 
 #include "../host.hpp"
+#include "../options.hpp"
 #include "../timing.hpp"
 #include "layers.hpp"
 #include "npsim/core/random.hpp"
@@ -259,44 +258,37 @@ void measure(const Subject& subject, std::size_t rays, int rounds, bool widths) 
 }  // namespace
 
 int main(int argc, char** argv) {
+  CLI::App app("The general tree beside Embree 3, one thread: time to build, million rays a second");
   std::size_t rays = 200000;
   int rounds = 5;
   bool widths = false;
-  const char* save = nullptr;
-  std::vector<const char*> names;
-  for (int i = 1; i < argc; ++i) {
-    if (std::strcmp(argv[i], "--rays") == 0 && i + 1 < argc) {
-      rays = std::max(1UL, std::strtoul(argv[++i], nullptr, 10));
-    } else if (std::strcmp(argv[i], "--rounds") == 0 && i + 1 < argc) {
-      rounds = std::max(1, std::atoi(argv[++i]));
-    } else if (std::strcmp(argv[i], "--save") == 0 && i + 1 < argc) {
-      save = argv[++i];
-    } else if (std::strcmp(argv[i], "--widths") == 0) {
-      widths = true;
-    } else {
-      names.push_back(argv[i]);
-    }
-  }
-  if (names.empty()) names.push_back("960x540");
-  for (const char* name : names) {
+  std::string save;
+  std::vector<std::string> names;
+  app.add_option("names", names, "WIDTHxHEIGHT of generated streets, files of layers, .obj files (960x540 where none)");
+  app.add_option("--rays", rays, "of each set")->capture_default_str()->check(CLI::Range(1, 100000000));
+  app.add_option("--rounds", rounds, "the median counts")->capture_default_str()->check(CLI::Range(1, 1000));
+  app.add_flag("--widths", widths, "trees of other widths and packs too");
+  app.add_option("--save", save, "write the layers of the first size to this file, and stop");
+  if (const auto status = bench::parse(app, argc, argv)) return *status;
+  if (names.empty()) names.emplace_back("960x540");
+  for (const std::string& name : names) {
     Subject subject;
     Shape shape;
-    const std::size_t length = std::strlen(name);
-    if (length > 4 && std::strcmp(name + length - 4, ".obj") == 0) {
-      if (!of_file(name, subject)) {
-        std::fprintf(stderr, "npsim_bench_trees: cannot read %s\n", name);
+    if (name.size() > 4 && name.compare(name.size() - 4, 4, ".obj") == 0) {
+      if (!of_file(name.c_str(), subject)) {
+        std::fprintf(stderr, "npsim_bench_trees: cannot read %s\n", name.c_str());
         return 1;
       }
     } else {
       bench::Layers layers;
-      if (std::sscanf(name, "%dx%d", &shape.width, &shape.height) == 2) {
+      if (bench::parse_size(name, shape)) {
         layers = bench::make_layers(shape);
-      } else if (!bench::load_layers(name, layers)) {
-        std::fprintf(stderr, "npsim_bench_trees: cannot read %s\n", name);
+      } else if (!bench::load_layers(name.c_str(), layers)) {
+        std::fprintf(stderr, "npsim_bench_trees: cannot read %s\n", name.c_str());
         return 1;
       }
-      if (save != nullptr) return bench::save_layers(layers, save) ? 0 : 1;
-      subject = of_sheet(name, layers);
+      if (!save.empty()) return bench::save_layers(layers, save.c_str()) ? 0 : 1;
+      subject = of_sheet(name.c_str(), layers);
     }
     measure(subject, rays, rounds, widths);
   }

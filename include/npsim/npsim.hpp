@@ -27,7 +27,6 @@
 
 // the one place that knows the instruction set
 #include "npsim/simd/batch.hpp"
-#include "npsim/simd/block.hpp"
 #include "npsim/simd/bytes.hpp"
 #include "npsim/simd/double.hpp"
 #include "npsim/simd/fixed.hpp"

@@ -4,7 +4,6 @@
 #include <cstddef>
 
 #include "npsim/simd/batch.hpp"
-#include "npsim/simd/block.hpp"
 #include "npsim/simd/detail/scalar.hpp"
 
 namespace {

@@ -112,11 +112,6 @@ TEST_CASE("every function stays within its stated bound over all exponents, with
       "log2", 0.6, kStride, [](auto x) { return simd::log2(x); }, [](double x) { return std::log2(x); });
   check_bound(
       "cbrt", 1.0, kStride, [](auto x) { return simd::cbrt(x); }, [](double x) { return std::cbrt(x); });
-  check_bound(
-      "rsqrt", 1.5, kStride, [](auto x) { return simd::rsqrt(x); },
-      [](double x) {
-        return x == 0.0 ? std::copysign(std::numeric_limits<double>::infinity(), x) : 1.0 / std::sqrt(x);
-      });
 }
 
 TEST_CASE(
@@ -211,7 +206,6 @@ TEST_CASE_TEMPLATE("special values", F, Native, One) {
   const auto log = [](float x) { return simd::log(F(x)).lane(0); };
   const auto log2 = [](float x) { return simd::log2(F(x)).lane(0); };
   const auto cbrt = [](float x) { return simd::cbrt(F(x)).lane(0); };
-  const auto rsqrt = [](float x) { return simd::rsqrt(F(x)).lane(0); };
   const auto pow = [](float x, float y) { return simd::pow(F(x), F(y)).lane(0); };
   const auto is_quiet_nan = [](float x) { return bits_of(x) == 0x7FC00000U; };
 
@@ -255,13 +249,6 @@ TEST_CASE_TEMPLATE("special values", F, Native, One) {
   CHECK(cbrt(-kInf) == -kInf);
   CHECK(is_quiet_nan(cbrt(-kNan)));
   for (int k = 1; k <= 100; ++k) CHECK(cbrt(static_cast<float>(-k * k * k)) == static_cast<float>(-k));
-
-  CHECK(rsqrt(0.0F) == kInf);
-  CHECK(rsqrt(-0.0F) == -kInf);
-  CHECK(rsqrt(kInf) == 0.0F);
-  CHECK(rsqrt(4.0F) == 0.5F);
-  CHECK(is_quiet_nan(rsqrt(-1.0F)));
-  CHECK(is_quiet_nan(rsqrt(kNan)));
 
   CHECK(pow(0.0F, 0.0F) == 1.0F);
   CHECK(pow(kInf, 0.0F) == 1.0F);
@@ -308,8 +295,7 @@ TEST_CASE("the bits of every function are those of every other instruction set w
   add_all([](Native x) { return simd::log(x); });
   add_all([](Native x) { return simd::log2(x); });
   add_all([](Native x) { return simd::cbrt(x); });
-  add_all([](Native x) { return simd::rsqrt(x); });
   add_all([](Native x) { return simd::pow(x, Native(2.4F)); });
   add_all([](Native x) { return simd::pow(Native(1.7F), x); });
-  CHECK(hash == (simd::kFusedFma ? 0x2D434F49CC8911CDU : 0x9C319FBEC54714B5U));
+  CHECK(hash == (simd::kFusedFma ? 0xE2B1E42C8343768EU : 0x9E91D07A26E85532U));
 }

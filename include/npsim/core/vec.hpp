@@ -30,7 +30,6 @@ struct Vec3 {
 };
 
 using Vec2f = Vec2<float>;
-using Vec2d = Vec2<double>;
 using Vec3f = Vec3<float>;
 using Vec3d = Vec3<double>;
 

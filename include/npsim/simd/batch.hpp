@@ -14,7 +14,7 @@
 //   other sign, the result is b. So clamp(x, low, high) sends a NaN to low.
 // - comparisons with a NaN are false, != is true; -x and abs touch the sign bit alone.
 // - trunc_to_int saturates: the largest int from 2^31 up, the smallest below -2^31, 0 for a NaN.
-// - int arithmetic wraps; >> keeps the sign, shift_right_logical does not; a shift count lies in [0, 31].
+// - int arithmetic wraps; >> keeps the sign; a shift count lies in [0, 31].
 // - load and store need no alignment; load(p, n) and store(p, n), 0 <= n <= lanes, touch n elements and no more, and
 //   the other lanes are 0.
 // - The sign and payload of a NaN made by arithmetic are unspecified; math.hpp returns quiet_nan().
@@ -29,12 +29,15 @@
 //   the second half of a0 b0 a1 b1 ...
 //   scale_by_floor(y, x) = y 2^floor(x), rounded once, for 0.5 <= |y| <= 4 and finite x (one instruction with AVX-512).
 //   I: load, store, gather, iota and lane alike, I::load_u8(p), I::load_u16(p) (also with n); + - * & | ^ ~ << >>,
-//   shift_right_logical, comparisons, min, max, select.
+//   comparisons, min, max, select.
 //   M(bool), M::first(n), M::from_bits(bits), m.lane(i), & | ^ ~, any, all, none, bits (lane i in bit i).
+// Besides: interleaved triples (load3, store3), blocks of 4x4 values (load_columns, block_columns, block_rows), exact
+// sums and products as pairs.
 // Mixed calls take a float for a batch where one argument is a batch: x * 2.0F, max(x, 0.0F).
 #ifndef NPSIM_SIMD_BATCH_HPP
 #define NPSIM_SIMD_BATCH_HPP
 
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <type_traits>
@@ -165,6 +168,43 @@ void store3(float* p, const F32x3<F>& v, int n = F::lanes) noexcept {
       p[3 * i + 2] = z[i];
     }
   }
+}
+
+// Blocks of 4x4 values: lane l of part p is element k = p lanes + l, in raster order. A kernel over a block runs for
+// p = 0 .. 16 / lanes - 1: once with 16 lanes, sixteen times with one.
+inline constexpr int kBlockElements = 16;
+
+// Column i of 4x4 blocks side by side: out[i] = p[(k / 4) stride + 4 (k % 4) + i] for i = 0 .. 3, k being the block.
+// Four loads and eight permutations for four columns.
+template <class F>
+NPSIM_ALWAYS_INLINE void load_columns(const float* p, std::ptrdiff_t stride, int part, F (&out)[4]) noexcept {
+  static_assert(F::lanes == 1 || F::lanes == 4 || F::lanes == 8 || F::lanes == 16);
+  if constexpr (F::lanes == 1) {
+    for (int i = 0; i < 4; ++i) out[i] = F::load(p + (part / 4) * stride + 4 * (part % 4) + i);
+  } else {
+    const auto quarter = [=](int m) noexcept {
+      return F::load(p + (part * F::lanes / 4 + m * F::lanes / 16) * stride + m * F::lanes % 16);
+    };
+    const F even[2] = {even_lanes(quarter(0), quarter(1)), even_lanes(quarter(2), quarter(3))};
+    const F odd[2] = {odd_lanes(quarter(0), quarter(1)), odd_lanes(quarter(2), quarter(3))};
+    out[0] = even_lanes(even[0], even[1]);
+    out[1] = even_lanes(odd[0], odd[1]);
+    out[2] = odd_lanes(even[0], even[1]);
+    out[3] = odd_lanes(odd[0], odd[1]);
+  }
+}
+
+// k % 4 and k / 4 as floats.
+template <class F>
+[[nodiscard]] NPSIM_ALWAYS_INLINE F block_columns(int part) noexcept {
+  alignas(64) static constexpr float kColumns[kBlockElements] = {0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3};
+  return F::load(kColumns + part * F::lanes);
+}
+
+template <class F>
+[[nodiscard]] NPSIM_ALWAYS_INLINE F block_rows(int part) noexcept {
+  alignas(64) static constexpr float kRows[kBlockElements] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
+  return F::load(kRows + part * F::lanes);
 }
 
 // a * b as an unevaluated sum hi + lo, exact unless it over- or underflows (|a| and |b| below 2^115 where fma is not

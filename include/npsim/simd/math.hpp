@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Elementary functions on batches: exp, exp2, log, log2, pow, cbrt (also for positive values only), rsqrt.
+// Elementary functions on batches: exp, exp2, log, log2, pow, cbrt (also for positive values only).
 //
 // Templates on the float batch: the native and the one-lane batch run the same sequence of IEEE operations and return
 // the same bits in every lane. Results are denormal where the exact value is; nothing is flushed. A NaN that goes in
 // comes out as quiet_nan(), and so does what has no real value.
 //
 // Largest error in units in the last place, with and without a fused fma:
-//   exp 1.1, exp2 1.1, log 1.0, log2 0.6, cbrt 1.0, rsqrt 1.5 (over every float);
+//   exp 1.1, exp2 1.1, log 1.0, log2 0.6, cbrt 1.0 (over every float);
 //   pow 1.5 where the result lies in [2^-16, 2^16], 6 elsewhere (over samples of both arguments).
 // The bound of a denormal result counts the spacing of denormals, 2^-149.
 // Cost in multiplications and additions, roughly: exp 20, log 25, cbrt 25 and 2 divisions, log2 45 and 2 divisions,
@@ -207,12 +207,6 @@ template <class F>
   const F root = x * square;
   const F missing = fma(-(root * root), root, x);
   return fma(missing * F(1.0F / 3.0F), square, root);
-}
-
-// 1 / sqrt(x), as two correctly rounded operations. Infinity (of its sign) at zero, 0 at infinity, NaN below 0.
-template <class F>
-[[nodiscard]] F rsqrt(F x) noexcept {
-  return select(x >= F(0.0F), F(1.0F) / sqrt(x), quiet_nan<F>());
 }
 
 }  // namespace simd

@@ -153,7 +153,6 @@ struct I32 {
   friend I32 operator~(I32 a) noexcept { return I32(~a.value); }
   friend I32 operator<<(I32 a, int n) noexcept;
   friend I32 operator>>(I32 a, int n) noexcept;
-  friend I32 shift_right_logical(I32 a, int n) noexcept;
   friend Mask operator==(I32 a, I32 b) noexcept { return Mask(as_float_bool(a.value == b.value)); }
   friend Mask operator!=(I32 a, I32 b) noexcept { return ~(a == b); }
   friend Mask operator<(I32 a, I32 b) noexcept { return Mask(as_float_bool(a.value < b.value)); }

@@ -35,9 +35,6 @@ inline I32 operator<<(I32 a, int n) noexcept {
 inline I32 operator>>(I32 a, int n) noexcept {
   return I32(IntBatch(_mm512_maskz_sra_epi32(kAllLanes, a.value, _mm_cvtsi32_si128(n))));
 }
-inline I32 shift_right_logical(I32 a, int n) noexcept {
-  return I32(IntBatch(_mm512_maskz_srl_epi32(kAllLanes, a.value, _mm_cvtsi32_si128(n))));
-}
 inline F32 operator/(F32 a, F32 b) noexcept { return F32(FloatBatch(_mm512_div_ps(a.value, b.value))); }
 inline F32 fma(F32 a, F32 b, F32 c) noexcept { return F32(FloatBatch(_mm512_fmadd_ps(a.value, b.value, c.value))); }
 inline F32 fnma(F32 a, F32 b, F32 c) noexcept { return F32(FloatBatch(_mm512_fnmadd_ps(a.value, b.value, c.value))); }
@@ -104,9 +101,6 @@ inline F32 round_even(F32 a) noexcept { return F32(FloatBatch(_mm256_round_ps(a.
 inline IntBatch truncate(const FloatBatch& a) noexcept { return _mm256_cvttps_epi32(a); }
 inline I32 operator<<(I32 a, int n) noexcept { return I32(IntBatch(_mm256_sll_epi32(a.value, _mm_cvtsi32_si128(n)))); }
 inline I32 operator>>(I32 a, int n) noexcept { return I32(IntBatch(_mm256_sra_epi32(a.value, _mm_cvtsi32_si128(n)))); }
-inline I32 shift_right_logical(I32 a, int n) noexcept {
-  return I32(IntBatch(_mm256_srl_epi32(a.value, _mm_cvtsi32_si128(n))));
-}
 inline F32 to_float(I32 a) noexcept { return F32(FloatBatch(_mm256_cvtepi32_ps(a.value))); }
 inline F32 slide_up(F32 previous, F32 current) noexcept {
   const __m256i low = as_int(current.value);
@@ -186,9 +180,6 @@ inline F32 floor(F32 a) noexcept {
 inline IntBatch truncate(const FloatBatch& a) noexcept { return _mm_cvttps_epi32(a); }
 inline I32 operator<<(I32 a, int n) noexcept { return I32(IntBatch(_mm_sll_epi32(a.value, _mm_cvtsi32_si128(n)))); }
 inline I32 operator>>(I32 a, int n) noexcept { return I32(IntBatch(_mm_sra_epi32(a.value, _mm_cvtsi32_si128(n)))); }
-inline I32 shift_right_logical(I32 a, int n) noexcept {
-  return I32(IntBatch(_mm_srl_epi32(a.value, _mm_cvtsi32_si128(n))));
-}
 inline F32 to_float(I32 a) noexcept { return F32(FloatBatch(_mm_cvtepi32_ps(a.value))); }
 inline F32 slide_up(F32 previous, F32 current) noexcept {
   const __m128i rest = _mm_slli_si128(as_int(current.value), 4);
@@ -222,9 +213,6 @@ inline F32 round_even(F32 a) noexcept { return F32(FloatBatch(vrndnq_f32(a.value
 inline F32 to_float(I32 a) noexcept { return F32(FloatBatch(vcvtq_f32_s32(a.value))); }
 inline I32 operator<<(I32 a, int n) noexcept { return I32(IntBatch(vshlq_s32(a.value, vdupq_n_s32(n)))); }
 inline I32 operator>>(I32 a, int n) noexcept { return I32(IntBatch(vshlq_s32(a.value, vdupq_n_s32(-n)))); }
-inline I32 shift_right_logical(I32 a, int n) noexcept {
-  return I32(IntBatch(vreinterpretq_s32_u32(vshlq_u32(vreinterpretq_u32_s32(a.value), vdupq_n_s32(-n)))));
-}
 inline F32 slide_up(F32 previous, F32 current) noexcept {
   return F32(FloatBatch(vextq_f32(previous.value, current.value, 3)));
 }

@@ -86,7 +86,6 @@ struct I32 {
   friend I32 operator~(I32 a) noexcept { return from(~to(a)); }
   friend I32 operator<<(I32 a, int n) noexcept { return from(to(a) << static_cast<unsigned>(n)); }
   friend I32 operator>>(I32 a, int n) noexcept { return a.value >> n; }
-  [[nodiscard]] friend I32 shift_right_logical(I32 a, int n) noexcept { return from(to(a) >> static_cast<unsigned>(n)); }
   friend Mask operator==(I32 a, I32 b) noexcept { return a.value == b.value; }
   friend Mask operator!=(I32 a, I32 b) noexcept { return a.value != b.value; }
   friend Mask operator<(I32 a, I32 b) noexcept { return a.value < b.value; }

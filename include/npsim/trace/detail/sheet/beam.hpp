@@ -27,7 +27,6 @@
 
 #include "npsim/core/bits.hpp"
 #include "npsim/simd/batch.hpp"
-#include "npsim/simd/block.hpp"
 #include "npsim/trace/detail/sheet/layout.hpp"
 #include "npsim/trace/detail/sheet/ray.hpp"
 #include "npsim/trace/detail/sheet/walk.hpp"

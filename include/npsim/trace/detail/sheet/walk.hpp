@@ -30,7 +30,6 @@
 #include "npsim/core/span.hpp"
 #include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/simd/batch.hpp"
-#include "npsim/simd/block.hpp"
 #include "npsim/simd/fixed.hpp"
 #include "npsim/trace/detail/sheet/layout.hpp"
 #include "npsim/trace/detail/sheet/ray.hpp"
