@@ -6,8 +6,8 @@ if(processor MATCHES "^(x86_64|AMD64|amd64)$")
       -march=bdver4 -msse3 -mssse3 -msse4.1 -msse4a -mpopcnt -mbmi -mbmi2 -mlzcnt -mmovbe -mavx -mavx2 -mfma
       -mfma4 -mxop -mtbm -mgfni -mavxvnni -mavx512f -mavx512cd -mavx512dq -mavx512bw -mavx512vl -mavx512vbmi
       -mavx512vbmi2 -mavx512vnni -mavx512bitalg -mavx512vpopcntdq -mavx512fp16 -DNPSIM_SIMD_SCALAR)
-  set(same "-march=x86-64-v2|-msse4.2" "-march=x86-64|-maes" "-march=x86-64|-mtune=haswell" "-march=x86-64-v3|-march=haswell"
-      "-march=x86-64-v4|-march=skylake-avx512")
+  set(same "-march=x86-64-v2|-msse4.2" "-march=x86-64|-maes" "-march=x86-64|-mtune=haswell"
+      "-march=x86-64-v3|-march=haswell" "-march=x86-64-v4|-march=skylake-avx512")
 elseif(processor MATCHES "^(aarch64|arm64)$")
   set(flags -march=armv8-a -march=armv8.1-a -march=armv8.2-a+fp16 -march=armv8.2-a+dotprod -march=armv8.3-a
       -march=armv8.6-a -march=armv8.2-a+sve -march=armv8.2-a+sve2 -DNPSIM_SIMD_SCALAR)
