@@ -82,9 +82,12 @@ function(npsim_check_xsimd_version)
 endfunction()
 
 macro(npsim_import_core)
-  npsim_import(eigen PACKAGE Eigen3 TARGET Eigen3::Eigen HEADER Eigen/Core SUFFIX eigen3 DEBIAN libeigen3-dev)
   npsim_import(xsimd PACKAGE xsimd TARGET xsimd HEADER xsimd/xsimd.hpp DEBIAN libxsimd-dev)
   npsim_check_xsimd_version()
+endmacro()
+
+macro(npsim_import_eigen)
+  npsim_import(eigen3 PACKAGE Eigen3 TARGET Eigen3::Eigen HEADER Eigen/Core SUFFIX eigen3 DEBIAN libeigen3-dev)
 endmacro()
 
 macro(npsim_import_io)

@@ -8,9 +8,12 @@ set(npsim_cmake_dir "${CMAKE_INSTALL_LIBDIR}/cmake/npsim")
 install(DIRECTORY "${PROJECT_SOURCE_DIR}/include/npsim" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}"
         FILES_MATCHING PATTERN "*.hpp")
 install(TARGETS npsim EXPORT npsim_targets INCLUDES DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
-install(TARGETS npsim_io EXPORT npsim_io_targets)
 install(EXPORT npsim_targets NAMESPACE npsim:: FILE npsim-targets.cmake DESTINATION "${npsim_cmake_dir}")
-install(EXPORT npsim_io_targets NAMESPACE npsim:: FILE npsim-io-targets.cmake DESTINATION "${npsim_cmake_dir}")
+foreach(component io eigen)
+  install(TARGETS npsim_${component} EXPORT npsim_${component}_targets)
+  install(EXPORT npsim_${component}_targets NAMESPACE npsim:: FILE npsim-${component}-targets.cmake
+          DESTINATION "${npsim_cmake_dir}")
+endforeach()
 
 configure_package_config_file("${CMAKE_CURRENT_LIST_DIR}/npsim-config.cmake.in" "${CMAKE_BINARY_DIR}/npsim-config.cmake"
                               INSTALL_DESTINATION "${npsim_cmake_dir}")
@@ -26,9 +29,9 @@ endif()
 get_target_property(npsim_scalar npsim::xsimd INTERFACE_COMPILE_DEFINITIONS)
 if(npsim_scalar)  # an xsimd that is too old: see npsim_dependencies.cmake
   string(APPEND npsim_pc_flags " -D${npsim_scalar}")
-  set(npsim_pc_requires "eigen3 >= 3.3")
+  set(npsim_pc_requires "")
 else()
-  set(npsim_pc_requires "eigen3 >= 3.3, xsimd >= 8")
+  set(npsim_pc_requires "xsimd >= 8")
 endif()
 # Relative to the file itself, so that the installed tree can be moved.
 file(RELATIVE_PATH npsim_pc_to_prefix "/${CMAKE_INSTALL_DATADIR}/pkgconfig" "/")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Debian's and Ubuntu's cross compiler (package g++-aarch64-linux-gnu); tests run under qemu-user where it is there.
 #
-# This compiler searches /usr/include after its own folders, so the header-only packages Eigen, xsimd and doctest of
+# This compiler searches /usr/include after its own folders, so the header-only packages xsimd and doctest of
 # the host are found without a sysroot. Libraries of the host are never linked: the core needs none.
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR aarch64)

@@ -5,6 +5,7 @@
 #define NPSIM_NPSIM_HPP
 
 // what everything stands on: status, views, memory, threads, random numbers
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/annotation.hpp"
 #include "npsim/core/bits.hpp"
 #include "npsim/core/camera.hpp"

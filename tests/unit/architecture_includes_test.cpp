@@ -51,7 +51,9 @@ const std::vector<Header>& headers() {
   return all;
 }
 
-bool for_hosts(const Header& header) { return header.area == "io" || header.area == "exec"; }
+bool for_hosts(const Header& header) {
+  return header.area == "io" || header.area == "exec" || header.area == "interop";
+}
 
 std::vector<std::string> included(const std::string& text) {
   static const std::regex pattern(R"re((?:^|\n)[ \t]*#[ \t]*include[ \t]*[<"]([^>"]+)[>"])re");
@@ -140,6 +142,7 @@ std::map<std::string, std::set<std::string>> allowed_includes() {
       {"exec", {"core"}},
       // A reader fills the light-source set, and the whole in one call needs the pipeline and threads.
       {"io", {"core", "labels", "geometry", "depth", "light", "pipeline", "exec"}},
+      {"interop", {"core", "geometry", "render"}},
       {"pipeline", kCoreAreas},
       {"", kCoreAreas},  // npsim.hpp
   };
@@ -214,6 +217,17 @@ TEST_CASE("only npsim/simd sees xsimd and intrinsics") {
     for (const std::string& name : included(header.text)) {
       CAPTURE(name);
       CHECK_FALSE(std::regex_match(name, foreign));
+    }
+  }
+}
+
+TEST_CASE("only npsim/interop sees Eigen") {
+  static const std::regex foreign(R"((eigen3/)?Eigen/.*|unsupported/Eigen/.*)");
+  for (const Header& header : headers()) {
+    CAPTURE(header.name);
+    for (const std::string& name : included(header.text)) {
+      CAPTURE(name);
+      CHECK((header.name == "npsim/interop/eigen.hpp" || !std::regex_match(name, foreign)));
     }
   }
 }

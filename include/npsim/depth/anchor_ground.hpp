@@ -21,12 +21,12 @@
 #ifndef NPSIM_DEPTH_ANCHOR_GROUND_HPP
 #define NPSIM_DEPTH_ANCHOR_GROUND_HPP
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
@@ -78,7 +78,7 @@ struct PlaneDepth {
 
 [[nodiscard]] inline float median_of(Span<float> values) noexcept {
   float* const middle = values.data() + values.size() / 2;
-  std::nth_element(values.data(), middle, values.data() + values.size());
+  select_nth(values.data(), middle, values.data() + values.size());
   return *middle;
 }
 
@@ -104,7 +104,7 @@ struct PlaneDepth {
   const Span<float> taken(samples.data(), count);
   const float median = median_of(taken);
   for (float& v : taken) v = std::fabs(v - median);
-  return std::clamp(params.spread * median_of(taken), params.min_tolerance, params.max_tolerance);
+  return clamp_to(params.spread * median_of(taken), params.min_tolerance, params.max_tolerance);
 }
 
 // Mean of `count` values `stride` apart over windows of 2 radius + 1, cut at the ends of each run of equal class; class
@@ -228,7 +228,7 @@ template <class Executor>
         const float off = around(x, y);
         const float limit = tolerance[known(x, y) - 1U];
         if (limit > 0.0F) {
-          correction(x, y) += std::clamp(std::fabs(off) / limit - 1.0F, 0.0F, 1.0F) * off;
+          correction(x, y) += clamp_to(std::fabs(off) / limit - 1.0F, 0.0F, 1.0F) * off;
         } else {
           depth(x, y) *= std::exp(correction(x, y) + off);
           known(x, y) = 0;

@@ -17,6 +17,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
@@ -151,7 +152,7 @@ inline void straighten_ground(const GroundNormalsParams& params, const GroundPla
       const float off = std::sqrt(std::max(0.0F, 2.0F - 2.0F * cosine));  // the chord; nearly the angle
       if (off > params.max_rad) continue;
       if (params.kerbs.contains(labels(x, y)) && dot(normals(x, y), ground.up) < steep) continue;
-      const float towards = known ? std::clamp(off / params.min_rad, 0.0F, 1.0F) : 0.0F;
+      const float towards = known ? clamp_to(off / params.min_rad, 0.0F, 1.0F) : 0.0F;
       normals(x, y) = normalized(smooth(x, y) * (1.0F - towards) + ground.up * towards);
     }
   }

@@ -27,6 +27,7 @@
 #include <cstdint>
 
 #include "npsim/color/srgb.hpp"
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
@@ -102,15 +103,15 @@ struct Context {
     return l < kLabelCount ? l : label::unlabeled;
   }
   [[nodiscard]] bool saturated(const Rgb8& c) const noexcept {
-    return std::max({static_cast<int>(c.r), static_cast<int>(c.g), static_cast<int>(c.b)}) >= params.saturated_level;
+    return max_of(static_cast<int>(c.r), static_cast<int>(c.g), static_cast<int>(c.b)) >= params.saturated_level;
   }
   [[nodiscard]] Vec3f linear(int x, int y) const noexcept { return srgb_decode8(day(x, y)) * gain; }
   // Bilinear between tile centres; the ends extend flat.
   [[nodiscard]] float shading(int x, int y) const noexcept {
     if (tiles.empty()) return 1.0F;
     const float inverse = 1.0F / static_cast<float>(params.tile_px);
-    const float fx = std::clamp((static_cast<float>(x) + 0.5F) * inverse - 0.5F, 0.0F, static_cast<float>(tiles_x - 1));
-    const float fy = std::clamp((static_cast<float>(y) + 0.5F) * inverse - 0.5F, 0.0F, static_cast<float>(tiles_y - 1));
+    const float fx = clamp_to((static_cast<float>(x) + 0.5F) * inverse - 0.5F, 0.0F, static_cast<float>(tiles_x - 1));
+    const float fy = clamp_to((static_cast<float>(y) + 0.5F) * inverse - 0.5F, 0.0F, static_cast<float>(tiles_y - 1));
     const int x0 = static_cast<int>(fx);
     const int y0 = static_cast<int>(fy);
     const int x1 = std::min(x0 + 1, tiles_x - 1);
@@ -163,7 +164,7 @@ void class_medians(const Context& c, Span<std::uint32_t> histograms, Span<float>
       if (2 * (below + here) >= total) {
         const float inside =
             here > 0 ? (0.5F * static_cast<float>(total) - static_cast<float>(below)) / static_cast<float>(here) : 0.5F;
-        const float root = (static_cast<float>(b) + std::clamp(inside, 0.0F, 1.0F)) / kScale;
+        const float root = (static_cast<float>(b) + clamp_to(inside, 0.0F, 1.0F)) / kScale;
         medians[l] = std::max(root * root, 1e-5F);
         break;
       }
@@ -208,7 +209,7 @@ template <class Executor>
   double gain[3];
   // A channel may be changed by a factor of three at most: a street is not that blue.
   for (int i = 0; i < 3; ++i) {
-    gain[i] = mean[i] > 0.0 && y > 0.0 ? 1.0 + share * (std::clamp(y / mean[i], 1.0 / 3.0, 3.0) - 1.0) : 1.0;
+    gain[i] = mean[i] > 0.0 && y > 0.0 ? 1.0 + share * (clamp_to(y / mean[i], 1.0 / 3.0, 3.0) - 1.0) : 1.0;
   }
   const double after = 0.2126 * gain[0] * mean[0] + 0.7152 * gain[1] * mean[1] + 0.0722 * gain[2] * mean[2];
   const double keep = after > 0.0 ? y / after : 1.0;
@@ -234,7 +235,7 @@ void measure_shading(const Context& c, Span<const float> medians, Span<float> ra
             const Label l = c.at(x, y);
             if (!kShadingLabels.contains(l) || !(medians[l] > 0.0F)) continue;
             const float ratio = luminance(c.linear(x, y)) / medians[l];
-            sum += static_cast<double>(std::sqrt(std::clamp(ratio, 0.02F, 8.0F)));
+            sum += static_cast<double>(std::sqrt(clamp_to(ratio, 0.02F, 8.0F)));
             ++n;
           }
         }
@@ -256,7 +257,7 @@ void measure_shading(const Context& c, Span<const float> medians, Span<float> ra
         }
       }
       smooth[static_cast<std::size_t>(j) * static_cast<std::size_t>(nx) + static_cast<std::size_t>(i)] =
-          n > 0 ? std::clamp(sum / static_cast<float>(n), 0.05F, 8.0F) : 1.0F;
+          n > 0 ? clamp_to(sum / static_cast<float>(n), 0.05F, 8.0F) : 1.0F;
     }
   }
 }
@@ -318,11 +319,11 @@ Status estimate_albedo(const AlbedoParams& p, ImageView<const Rgb8> day, ImageVi
           if (c.saturated(day(x, y))) a = {lum, lum, lum};
           const float limit = p.max_ratio * prior;
           if (lum > limit) a *= limit / lum;
-          const float high = std::max({a.x, a.y, a.z});
+          const float high = max_of(a.x, a.y, a.z);
           if (high > p.max_albedo) a *= p.max_albedo / high;  // all channels, so that the hue stays
         }
-        albedo(x, y) = {std::clamp(a.x, p.min_albedo, p.max_albedo), std::clamp(a.y, p.min_albedo, p.max_albedo),
-                        std::clamp(a.z, p.min_albedo, p.max_albedo)};
+        albedo(x, y) = {clamp_to(a.x, p.min_albedo, p.max_albedo), clamp_to(a.y, p.min_albedo, p.max_albedo),
+                        clamp_to(a.z, p.min_albedo, p.max_albedo)};
       }
     }
   });

@@ -37,6 +37,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
@@ -115,7 +116,7 @@ struct FaceShape {
   const Vec3d normal = cross(ab, ac);
   // The scalar product of the sides at the corner that faces the shortest side: its angle is the smallest.
   const double product = bc2 <= ab2 && bc2 <= ac2 ? dot(ab, ac) : (ac2 <= ab2 ? -dot(ab, bc) : dot(ac, bc));
-  return {dot(normal, normal), product * product, std::max({ab2, ac2, bc2})};
+  return {dot(normal, normal), product * product, max_of(ab2, ac2, bc2)};
 }
 
 // Marks the good faces, counts the others and the flat ones, finds the smallest angle.
@@ -193,7 +194,7 @@ inline void fill_buckets(const TriangleMeshView& mesh, CheckSpace& space) {
 // Buckets hold six half edges as a rule; std::sort is for fans of hundreds.
 inline void sort_bucket(std::uint64_t* first, std::uint64_t* last) {
   if (last - first > 32) {
-    std::sort(first, last);
+    std::sort(first, last, Less{});
     return;
   }
   for (std::uint64_t* i = first; i < last; ++i) {

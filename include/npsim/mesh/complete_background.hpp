@@ -37,6 +37,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
@@ -171,7 +172,7 @@ void extend_anchor(const BackgroundParams& params, const Intrinsics& intrinsics,
   for (int j = first; j <= last; ++j) {
     const double extended = w + slope * static_cast<double>(j - anchor_x);
     vertices(j, y) =
-        unproject_pixel(intrinsics, j, y, static_cast<float>(1.0 / std::clamp(extended, w / ratio, w * ratio)));
+        unproject_pixel(intrinsics, j, y, static_cast<float>(1.0 / clamp_to(extended, w / ratio, w * ratio)));
   }
 }
 

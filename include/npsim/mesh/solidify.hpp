@@ -46,6 +46,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
@@ -281,9 +282,9 @@ inline void set_extent(const SolidifyParams& params, const BackRule& rule, Span<
   for (int k = 0; k < 2; ++k) {
     for (std::size_t i = 0; i < n; ++i) projected[i] = dot(vertices[members[i]], box.along[k]);
     float* first = projected.data();
-    std::nth_element(first, first + outliers, first + n);
+    select_nth(first, first + outliers, first + n);
     box.low_m[k] = first[outliers];
-    std::nth_element(first + outliers, first + (n - 1 - outliers), first + n);
+    select_nth(first + outliers, first + (n - 1 - outliers), first + n);
     box.high_m[k] = first[n - 1 - outliers];
     seen[k] = box.high_m[k] - box.low_m[k];
   }

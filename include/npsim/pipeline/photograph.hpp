@@ -7,10 +7,10 @@
 #ifndef NPSIM_PIPELINE_PHOTOGRAPH_HPP
 #define NPSIM_PIPELINE_PHOTOGRAPH_HPP
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
@@ -54,8 +54,8 @@ struct PhotographParams {
 
 [[nodiscard]] constexpr std::size_t photograph_workspace_bytes(const PhotographParams& params, Shape shape) noexcept {
   return allocation_bytes<Vec3f>(shape.pixels()) +
-         std::max({glare_workspace_bytes(params.glare, shape), auto_exposure_workspace_bytes(shape),
-                   white_balance_workspace_bytes(shape)}) +
+         max_of(glare_workspace_bytes(params.glare, shape), auto_exposure_workspace_bytes(shape),
+                white_balance_workspace_bytes(shape)) +
          kWorkspaceAlignment;
 }
 

@@ -14,6 +14,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/observe.hpp"
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
@@ -141,8 +142,8 @@ struct SceneMeshSize {
                                                          const SceneMeshSize& size) noexcept {
   std::size_t step = index_layer_workspace_bytes(shape);
   if (params.simplify_faces) {
-    step = std::max({step, simplify_faces_workspace_bytes(params.simplify, shape, size.background),
-                     simplify_faces_workspace_bytes(params.simplify, shape, size.foreground)});
+    step = max_of(step, simplify_faces_workspace_bytes(params.simplify, shape, size.background),
+                  simplify_faces_workspace_bytes(params.simplify, shape, size.foreground));
   }
   if (params.backs) {
     step = std::max(

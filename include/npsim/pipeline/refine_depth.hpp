@@ -16,6 +16,7 @@
 #include <cstdint>
 
 #include "npsim/color/lab.hpp"
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/observe.hpp"
 #include "npsim/core/scene_view.hpp"
@@ -169,17 +170,15 @@ namespace refine_detail {
 [[nodiscard]] constexpr std::size_t refine_depth_workspace_bytes(const RefineDepthParams& params,
                                                                  Shape shape) noexcept {
   const std::size_t pixels = shape.pixels();
-  const std::size_t steps =
-      std::max({fill_workspace_bytes(params.fill, shape) + allocation_bytes<float>(pixels) +
-                    ground_workspace_bytes(params.ground, shape),
-                sharpen_edges_workspace_bytes(params.sharpen, shape) + allocation_bytes<float>(pixels),
-                anchor_ground_workspace_bytes(shape),
-                allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(pixels) +
-                    allocation_bytes<std::uint16_t>(pixels) +
-                    cross_bilateral_workspace_bytes(refine_detail::scaled_filter(params, shape), shape),
-                uncertainty_workspace_bytes(params.uncertainty, shape),
-                guiding_normals_workspace_bytes(params.normals, shape),
-                refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels)});
+  const std::size_t steps = max_of(
+      fill_workspace_bytes(params.fill, shape) + allocation_bytes<float>(pixels) +
+          ground_workspace_bytes(params.ground, shape),
+      sharpen_edges_workspace_bytes(params.sharpen, shape) + allocation_bytes<float>(pixels),
+      anchor_ground_workspace_bytes(shape),
+      allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(pixels) + allocation_bytes<std::uint16_t>(pixels) +
+          cross_bilateral_workspace_bytes(refine_detail::scaled_filter(params, shape), shape),
+      uncertainty_workspace_bytes(params.uncertainty, shape), guiding_normals_workspace_bytes(params.normals, shape),
+      refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels));
   return allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
          allocation_bytes<Vec3f>(pixels) + steps + kWorkspaceAlignment;
 }

@@ -17,6 +17,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/observe.hpp"
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
@@ -135,9 +136,10 @@ struct RelightSize {
                             allocation_bytes<std::uint16_t>(traced_face_count(traced, shape, size.faces, size.backs)) +
                             mark_faces_workspace_bytes(shape, size.marks, emitters) +
                             allocation_bytes<std::uint8_t>(size.points);
-  return shared + std::max({placement_workspace_bytes(params.placement, shape),
-                            surface_attributes_workspace_bytes(params.material, shape), trace,
-                            variant_workspace_bytes(params, shape, size.points, size.receivers)}) +
+  return shared +
+         max_of(placement_workspace_bytes(params.placement, shape),
+                surface_attributes_workspace_bytes(params.material, shape), trace,
+                variant_workspace_bytes(params, shape, size.points, size.receivers)) +
          kWorkspaceAlignment;
 }
 

@@ -30,6 +30,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
@@ -146,7 +147,7 @@ namespace view_pose_detail {
   constexpr int kMaxCandidates = 64;
   constexpr float kNearly = 0.8F;
   int fronts[kMaxCandidates] = {};
-  const int candidates = std::clamp(params.candidates, 2, kMaxCandidates);
+  const int candidates = clamp_to(params.candidates, 2, kMaxCandidates);
   const auto candidate_m = [&](int i) {
     return params.min_m *
            std::pow(params.max_m / params.min_m, static_cast<float>(i) / static_cast<float>(candidates - 1));
@@ -235,18 +236,18 @@ namespace preview_detail {
   return {static_cast<double>(c.r), static_cast<double>(c.g), static_cast<double>(c.b)};
 }
 [[nodiscard]] inline Rgb8 to_rgb(const Vec3d& v) noexcept {
-  const auto byte = [](double x) { return static_cast<std::uint8_t>(std::clamp(x, 0.0, 255.0) + 0.5); };
+  const auto byte = [](double x) { return static_cast<std::uint8_t>(clamp_to(x, 0.0, 255.0) + 0.5); };
   return {byte(v.x), byte(v.y), byte(v.z)};
 }
 
 // Between four texels; x and y are whole numbers at their centres.
 [[nodiscard]] inline Vec3d bilinear(ImageView<const Rgb8> texture, double x, double y) noexcept {
-  const auto column = static_cast<int>(std::clamp(x, 0.0, static_cast<double>(texture.width() - 1)));
-  const auto row = static_cast<int>(std::clamp(y, 0.0, static_cast<double>(texture.height() - 1)));
+  const auto column = static_cast<int>(clamp_to(x, 0.0, static_cast<double>(texture.width() - 1)));
+  const auto row = static_cast<int>(clamp_to(y, 0.0, static_cast<double>(texture.height() - 1)));
   const int next_column = std::min(column + 1, texture.width() - 1);
   const int next_row = std::min(row + 1, texture.height() - 1);
-  const double fx = std::clamp(x - column, 0.0, 1.0);
-  const double fy = std::clamp(y - row, 0.0, 1.0);
+  const double fx = clamp_to(x - column, 0.0, 1.0);
+  const double fy = clamp_to(y - row, 0.0, 1.0);
   const Vec3d upper = to_vec(texture(column, row)) * (1 - fx) + to_vec(texture(next_column, row)) * fx;
   const Vec3d lower = to_vec(texture(column, next_row)) * (1 - fx) + to_vec(texture(next_column, next_row)) * fx;
   return upper * (1 - fy) + lower * fy;

@@ -25,6 +25,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
@@ -106,7 +107,7 @@ namespace light_detail {
 // Lower median; reorders the values.
 [[nodiscard]] inline float median(Span<float> values) noexcept {
   float* middle = values.data() + (values.size() - 1) / 2;
-  std::nth_element(values.data(), middle, values.data() + values.size());
+  select_nth(values.data(), middle, values.data() + values.size());
   return *middle;
 }
 
@@ -117,10 +118,10 @@ namespace light_detail {
   // Half the interquartile range estimates the median absolute deviation without memory for the deviations.
   const std::size_t n = values.size();
   float* low = values.data() + n / 4;
-  std::nth_element(values.data(), low, values.data() + n);
+  select_nth(values.data(), low, values.data() + n);
   const float q1 = *low;
   float* high = values.data() + (3 * n) / 4;
-  std::nth_element(values.data(), high, values.data() + n);
+  select_nth(values.data(), high, values.data() + n);
   const float limit = std::max(0.02F * first, 3.0F * 1.4826F * 0.5F * (*high - q1));
   float* end = std::partition(values.begin(), values.end(), [&](float z) { return std::fabs(z - first) <= limit; });
   const auto kept = static_cast<std::size_t>(end - values.begin());
@@ -273,7 +274,7 @@ inline constexpr LabelSet kLampHeadLabels =
       scratch);
   if (!any.empty()) {
     float* quarter = any.data() + (any.size() - 1) / 4;
-    std::nth_element(any.data(), quarter, any.data() + any.size());
+    select_nth(any.data(), quarter, any.data() + any.size());
     if (credible(*quarter)) return *quarter;
   }
   const float rise = dot(ground.up, unproject(k, u, v, 1.0F));

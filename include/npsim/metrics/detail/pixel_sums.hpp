@@ -13,6 +13,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
@@ -61,10 +62,10 @@ template <class Sum, class Executor, class AddRow>
   float* const first = values.data();
   float* const last = std::remove_if(first, first + values.size(), [](float v) { return std::isnan(v); });
   float* const middle = first + (last - first) / 2;
-  std::nth_element(first, middle, last);
+  select_nth(first, middle, last);
   const auto upper = static_cast<double>(*middle);
   if ((last - first) % 2 != 0) return upper;
-  return 0.5 * (upper + static_cast<double>(*std::max_element(first, middle)));
+  return 0.5 * (upper + static_cast<double>(*std::max_element(first, middle, Less{})));
 }
 
 }  // namespace metrics_detail

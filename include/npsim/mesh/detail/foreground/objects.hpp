@@ -20,6 +20,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/bits.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
@@ -218,7 +219,7 @@ inline void grow_objects(const ObjectPixels& planes) {
   if (n == 0) return 0.0F;
   std::size_t rank = (n - 1) / 2;
   if (n <= kFew) {
-    std::nth_element(few, few + rank, few + n);
+    select_nth(few, few + rank, few + n);
     return few[rank];
   }
   // Positive floats are ordered like their bits: eight bits at a time, the highest first.
@@ -359,7 +360,7 @@ void connect_objects(ImageView<const std::uint64_t> present, ImageView<const std
           return width - px >= I::lanes ? I::load(p) : I::load(p, std::max(0, width - px));
         };
         const auto depth = [&](int px, int py) {
-          return simd::load3<F>(&layer.vertices.row(py)[px].x, std::clamp(width - px, 0, F::lanes)).z;
+          return simd::load3<F>(&layer.vertices.row(py)[px].x, clamp_to(width - px, 0, F::lanes)).z;
         };
         const I a = id(x + i, y), b = id(x + i + 1, y), c = id(x + i, y + 1), d = id(x + i + 1, y + 1);
         ab |= put(a == b), ac |= put(a == c), ad |= put(a == d), bc |= put(b == c), bd |= put(b == d);

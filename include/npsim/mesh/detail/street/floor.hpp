@@ -23,6 +23,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/bits.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
@@ -68,7 +69,7 @@ struct StreetFloor {
     const double beside = x - vanishing_x;
     const double kerb = kerb_slope[beside < 0 ? 0 : 1];
     if (kerb == 0.0 || !(below > 0)) return 1.0;
-    return std::clamp(beside / (kerb * below), 1.0, raise);
+    return clamp_to(beside / (kerb * below), 1.0, raise);
   }
 };
 
