@@ -371,12 +371,13 @@ struct StreetLayers {
     background = sheet;
     Kept memory(complete_background_workspace_bytes(background_params, shape) +
                 complete_foreground_workspace_bytes(foreground_params, shape));
-    REQUIRE(complete_background(background_params, sheet.view().vertices, s.labels.view(), uncertain.view(),
-                                surface.view(), s.intrinsics, background.view(), state.view(), memory.workspace(), pool)
-                .ok());
-    REQUIRE(complete_foreground(foreground_params, params, depth, surface.view(), s.labels.view(), s.instances.view(),
-                                uncertain.view(), state.view(), s.intrinsics, foreground.view(), object.view(),
-                                memory.workspace(), pool)
+    const BackgroundInput behind{sheet.view().vertices, s.labels.view(), uncertain.view(), surface.view(),
+                                 s.intrinsics};
+    REQUIRE(
+        complete_background(background_params, behind, background.view(), state.view(), memory.workspace(), pool).ok());
+    const ForegroundInput in_front{params,           depth,        surface.view(), s.labels.view(), s.instances.view(),
+                                   uncertain.view(), state.view(), s.intrinsics};
+    REQUIRE(complete_foreground(foreground_params, in_front, foreground.view(), object.view(), memory.workspace(), pool)
                 .ok());
   }
   Layer sheet, background, foreground;
