@@ -44,6 +44,18 @@ inline const char* state_name(SignalState s) {
   }
 }
 
+inline constexpr const char* kGenerator = "npsim street";  // as scene.json names what made it
+
+// Everything that write_street() writes into its folder.
+inline constexpr const char* kStreetFiles[] = {"image.png",           "depth.pfm",
+                                               "normals.pfm",         "labels.png",
+                                               "instances.png",       "albedo.pfm",
+                                               "roughness.pfm",       "lights.json",
+                                               "lights.png",          "truth/depth.pfm",
+                                               "truth/street.mtl",    "truth/street.obj",
+                                               "truth/normals.pfm",   "truth/background_depth.pfm",
+                                               "truth/emitters.json", "scene.json"};
+
 inline std::string scene_json(const Street& s) {
   const Intrinsics& k = s.intrinsics;
   char camera[200];
@@ -51,7 +63,8 @@ inline std::string scene_json(const Street& s) {
                 "{\"fx\": %.9g, \"fy\": %.9g, \"cx\": %.9g, \"cy\": %.9g, \"pixel_centre\": 0.5, \"height_m\": %.2f}",
                 static_cast<double>(k.fx), static_cast<double>(k.fy), static_cast<double>(k.cx),
                 static_cast<double>(k.cy), static_cast<double>(s.camera_height_m));
-  return std::string("{\n  \"npsim_scene\": 1,\n  \"name\": \"street\",\n  \"image\": \"image.png\",\n") +
+  return std::string("{\n  \"npsim_scene\": 1,\n  \"name\": \"street\",\n  \"generator\": \"") + kGenerator +
+         "\",\n  \"image\": \"image.png\",\n" +
          "  \"depth\": {\"file\": \"depth.pfm\", \"encoding\": \"metres\"},\n  \"camera\": " + camera + ",\n" +
          "  \"labels\": {\"file\": \"labels.png\", \"encoding\": \"cityscapes_label_ids\"},\n" +
          "  \"instances\": {\"file\": \"instances.png\", \"encoding\": \"cityscapes_instance_ids\"},\n" +

@@ -22,6 +22,7 @@
 #include "npsim/io/atomic_file.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "options.hpp"
+#include "outputs.hpp"
 
 namespace npsim::tool {
 
@@ -225,6 +226,9 @@ inline void print_table(const Evaluation& e, const io::Scene& scene, const Evalu
   io::Expected<io::Scene> scene = io::read_scene(options.scene);
   if (!scene) return scene.error();
   io::Scene& s = scene.value();
+  if (!options.output.empty()) {
+    if (const io::Outcome apart = InputFiles(s).expect_none_of({options.output}); !apart) return apart.error();
+  }
   Truth truth;
   io::Expected<io::Image<float>> depth = io::read_truth_depth(s);
   if (!depth) return depth.error();

@@ -22,6 +22,11 @@
 
 namespace npsim::tool {
 
+// Everything that export_mesh() may write, with either texture.
+inline constexpr const char* kMeshFiles[] = {
+    "mesh.glb",       "mesh.obj",       "mesh.mtl",       "mesh.ply", "background.glb", "background.obj",
+    "background.mtl", "background.ply", "background.png", "day.png",  "albedo.png",     "albedo_background.png"};
+
 struct MeshExportOptions {
   bool albedo = false;  // as texture, in place of the photograph
 };

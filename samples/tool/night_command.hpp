@@ -28,6 +28,7 @@
 #include "npsim/io/png_jpeg.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "options.hpp"
+#include "outputs.hpp"
 #include "pictures.hpp"
 
 namespace npsim::tool {
@@ -67,6 +68,27 @@ struct NightOptions {
   return static_cast<std::size_t>(std::count(used.begin(), used.end(), true));
 }
 
+// The files of one night.
+[[nodiscard]] inline std::array<std::string, 3> night_files(const std::string& folder, int variant) {
+  std::array<char, 32> stem{};
+  std::snprintf(stem.data(), stem.size(), "/night_%03d", variant);
+  const std::string base = folder + stem.data();
+  return {base + ".png", base + ".pfm", base + ".json"};
+}
+
+// Everything that a run may write.
+[[nodiscard]] inline std::vector<std::string> night_outputs(const NightOptions& options) {
+  std::vector<std::string> files;
+  for (const char* name : {"depth.png", "depth.pfm", "uncertain.png", "normals.png", "overview.png", "report.json"}) {
+    files.push_back(options.output + "/" + name);
+  }
+  for (const char* name : kMeshFiles) files.push_back(options.output + "/" + name);
+  for (int v = 0; v < options.variants; ++v) {
+    for (const std::string& file : night_files(options.output, v)) files.push_back(file);
+  }
+  return files;
+}
+
 // Receives what the pipeline makes and writes it; remembers the first file that could not be written.
 class NightWriter {
  public:
@@ -95,18 +117,16 @@ class NightWriter {
 
   Status night(const Night& night) {
     return written(console_.timed("write night", [&]() -> io::Outcome {
-      std::array<char, 32> stem{};
-      std::snprintf(stem.data(), stem.size(), "night_%03d", night.variant);
-      const std::string base = path(stem.data());
+      const auto [png, pfm, json] = night_files(options_.output, night.variant);
       io::Image<Rgb8> picture(night.picture.shape());
       for (int y = 0; y < picture.height(); ++y) {
         std::copy_n(night.picture.row(y), picture.width(), picture.view().row(y));
       }
-      if (auto o = io::write_png(base + ".png", night.picture); !o) return o;
-      if (auto o = io::write_pfm(base + ".pfm", night.luminance); !o) return o;
+      if (auto o = io::write_png(png, night.picture); !o) return o;
+      if (auto o = io::write_pfm(pfm, night.luminance); !o) return o;
       // The contact sheet shows at most six nights; the files hold all.
       if (night.variant < 6) panels_.push_back({"night " + std::to_string(night.variant), std::move(picture)});
-      return io::write_file(base + ".json", describe(night).dump(2) + "\n");
+      return io::write_file(json, describe(night).dump(2) + "\n");
     }));
   }
 
@@ -202,14 +222,14 @@ class NightWriter {
 };
 
 // Nights that an earlier run with more variants left behind: they do not belong to the report beside them.
-inline void remove_older_nights(const std::string& folder, int variants) {
+inline void remove_older_nights(const std::string& folder, int variants, const InputFiles& inputs) {
   for (int v = variants;; ++v) {
-    std::array<char, 32> stem{};
-    std::snprintf(stem.data(), stem.size(), "/night_%03d", v);
     bool any = false;
-    for (const char* extension : {".png", ".pfm", ".json"}) {
+    for (const std::string& file : night_files(folder, v)) {
       std::error_code ignored;
-      any = std::filesystem::remove(folder + stem.data() + extension, ignored) || any;
+      if (!std::filesystem::exists(file, ignored)) continue;
+      any = true;
+      if (inputs.read_as(file).empty()) std::filesystem::remove(file, ignored);
     }
     if (!any) return;
   }
@@ -239,6 +259,9 @@ inline int run_night(const NightOptions& options) {
     light_set = std::move(read.value());
     params.relight.activation.light_set = Span<const LightSetEntry>(light_set.data(), light_set.size());
   }
+  InputFiles inputs(scene);
+  if (!options.light_set.empty()) inputs.add(options.light_set, "--lights");
+  if (const io::Outcome apart = inputs.expect_none_of(night_outputs(options)); !apart) return fail(apart.error());
   if (const io::Outcome made = make_folder(options.output); !made) return fail(made.error());
 
   const SceneView view = view_of(scene);
@@ -260,7 +283,7 @@ inline int run_night(const NightOptions& options) {
   }
   if (!status.ok()) return fail(options.scene, status);
   if (const io::Outcome finished = writer.finish(params, workspace, threads); !finished) return fail(finished.error());
-  remove_older_nights(options.output, options.variants);
+  remove_older_nights(options.output, options.variants, inputs);
   std::printf("%s\n", (options.output + "/overview.png").c_str());
   return kExitDone;
 }

@@ -7,7 +7,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
+#include <filesystem>
+#include <fstream>
 #include <string>
+#include <system_error>
+
+#include <nlohmann/json.hpp>
 
 #include "console.hpp"
 #include "npsim/exec/thread_pool.hpp"
@@ -37,9 +42,33 @@ struct InterruptibleExecutor {
   }
 };
 
+// A street may replace one that was generated before, and nothing else: neither another scene nor single files.
+[[nodiscard]] inline io::Outcome expect_replaceable(const std::string& folder) {
+  namespace fs = std::filesystem;
+  std::error_code ignored;
+  const std::string scene_file = folder + "/scene.json";
+  if (fs::is_regular_file(scene_file, ignored)) {
+    std::ifstream file(scene_file, std::ios::binary);
+    const nlohmann::json scene = nlohmann::json::parse(file, nullptr, false);
+    const auto generator = scene.is_object() ? scene.find("generator") : scene.end();
+    if (generator != scene.end() && *generator == street::kGenerator) return io::Done{};
+    return io::Error{scene_file, "generator",
+                     std::string("is not \"") + street::kGenerator +
+                         "\", so this scene was made by somebody else: expected a new folder or a generated street"};
+  }
+  for (const char* name : street::kStreetFiles) {
+    const std::string path = folder + "/" + name;
+    if (fs::exists(fs::symlink_status(path, ignored))) {
+      return io::Error{path, "", "would be written over: expected a new folder or a generated street"};
+    }
+  }
+  return io::Done{};
+}
+
 inline int run_street(const StreetOptions& options) {
   const io::Expected<Shape> size = parse_size(options.size);
   if (!size) return fail(size.error());
+  if (const io::Outcome free = expect_replaceable(options.output); !free) return fail(free.error());
   if (const io::Outcome folder = make_folder(options.output); !folder) return fail(folder.error());
   Console console(options.quiet);
   street::StreetParams params;

@@ -21,6 +21,7 @@
 #include "npsim/mesh/check.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "options.hpp"
+#include "outputs.hpp"
 
 namespace npsim::tool {
 
@@ -110,6 +111,10 @@ inline int view_file(const ViewOptions& options) {
   io::Expected<io::Mesh> mesh = io::read_obj(options.scene);
   if (!mesh) return fail(mesh.error());
   if (mesh.value().faces.empty()) return fail(io::Error{options.scene, "", "has no faces, expected some to draw"});
+  InputFiles inputs;
+  inputs.add(options.scene, "the mesh");
+  inputs.add_files_of_obj(options.scene);
+  if (const io::Outcome apart = inputs.expect_none_of({options.output}); !apart) return fail(apart.error());
   if (const io::Outcome made = make_folder_of(options.output); !made) return fail(made.error());
   if (!options.y_down) {
     for (Vec3f& v : mesh.value().vertices) v = {v.x, -v.y, -v.z};
@@ -162,6 +167,9 @@ inline int run_view(const ViewOptions& options) {
   const io::Expected<io::Scene> loaded =
       console.timed("read scene", [&] { return load_scene(options.scene, options.size); });
   if (!loaded) return fail(loaded.error());
+  if (const io::Outcome apart = InputFiles(loaded.value()).expect_none_of({options.output}); !apart) {
+    return fail(apart.error());
+  }
   if (const io::Outcome made = make_folder_of(options.output); !made) return fail(made.error());
   const NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
   const SceneView scene = view_of(loaded.value());

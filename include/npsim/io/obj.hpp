@@ -21,6 +21,9 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <limits>
 #include <string>
 #include <string_view>
@@ -194,6 +197,48 @@ inline Expected<Mesh> read_obj(const std::string& path, const ReadLimits& limits
     if (!sound) return sound.error();
     return mesh;
   });
+}
+
+namespace detail {
+
+// The files that lines with one of the keywords name, next to `path`. A line may name one file with spaces, several
+// files, or options and a file: every reading of it is in the list.
+template <class Keyword>
+std::vector<std::string> files_named_in(const std::string& path, Keyword&& is_keyword) {
+  std::vector<std::string> files;
+  std::error_code code;
+  if (!std::filesystem::is_regular_file(path, code)) return files;
+  std::ifstream file(path, std::ios::binary);
+  for (std::string text; std::getline(file, text);) {
+    while (!text.empty() && (text.back() == '\r' || text.back() == ' ' || text.back() == '\t')) text.pop_back();
+    std::string_view line = text;
+    if (!is_keyword(next_word(line)) || line.empty()) continue;
+    const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+    while (!line.empty()) {
+      line.remove_prefix(line.find_first_not_of(" \t"));
+      files.push_back((folder / std::string(line)).string());
+      files.push_back((folder / std::string(next_word(line))).string());
+    }
+  }
+  return files;
+}
+
+}  // namespace detail
+
+// The material files that an OBJ names and the textures that these name, whether or not they exist; other names among
+// them do no harm. For programs that must not write over what they read.
+inline std::vector<std::string> files_beside_obj(const std::string& path) {
+  std::vector<std::string> files =
+      detail::files_named_in(path, [](std::string_view keyword) { return keyword == "mtllib"; });
+  constexpr std::string_view kTextures[] = {"bump", "decal", "disp", "norm", "refl"};
+  for (std::size_t i = 0, libraries = files.size(); i < libraries; ++i) {
+    const std::vector<std::string> textures = detail::files_named_in(files[i], [&](std::string_view keyword) {
+      return keyword.substr(0, 4) == "map_" ||
+             std::find(std::begin(kTextures), std::end(kTextures), keyword) != std::end(kTextures);
+    });
+    files.insert(files.end(), textures.begin(), textures.end());
+  }
+  return files;
 }
 
 }  // namespace io

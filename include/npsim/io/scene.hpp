@@ -44,9 +44,9 @@ inline Outcome read_truth_names(const JsonObject& entry, Scene& scene) {
                                                         {"emitters", &scene.truth.emitters}};
   for (const auto& [key, path] : names) {
     if (!entry.has(key)) continue;
-    const Expected<std::string> name = entry.text(key);
-    if (!name) return name.error();
-    *path = resolved_path(entry.file(), name.value());
+    const Expected<std::string> file = named_file(entry, key, scene);
+    if (!file) return file.error();
+    *path = file.value();
     std::error_code code;
     if (!std::filesystem::exists(*path, code)) scene.notes.push_back("truth: " + *path + " does not exist");
   }
@@ -54,11 +54,12 @@ inline Outcome read_truth_names(const JsonObject& entry, Scene& scene) {
 }
 
 inline Expected<Scene> scene_from_json(const JsonObject& root, const ReadLimits& limits) {
-  Outcome known = root.allow_only({"npsim_scene", "name", "image", "depth", "camera", "labels", "instances", "normals",
-                                   "albedo", "roughness", "lights", "truth"});
+  Outcome known = root.allow_only({"npsim_scene", "name", "generator", "image", "depth", "camera", "labels",
+                                   "instances", "normals", "albedo", "roughness", "lights", "truth"});
   if (!known) return known.error();
   Scene scene;
   scene.file = root.file();
+  scene.files.push_back({"", root.file()});
   if (root.has("npsim_scene")) {
     const Expected<std::int64_t> version = root.whole("npsim_scene");
     if (!version) return version.error();
@@ -73,19 +74,28 @@ inline Expected<Scene> scene_from_json(const JsonObject& root, const ReadLimits&
     std::error_code code;
     scene.name = std::filesystem::absolute(root.file(), code).parent_path().filename().string();
   }
+  if (root.has("generator")) {
+    const Expected<std::string> generator = root.text("generator");
+    if (!generator) return generator.error();
+    scene.generator = generator.value();
+  }
 
   // All required keys first: a missing one is reported before a large image is decoded.
-  const Expected<std::string> image_name = root.text("image");
-  if (!image_name) return image_name.error();
+  const Expected<std::string> image_file = named_file(root, "image", scene);
+  if (!image_file) return image_file.error();
   const Expected<JsonObject> depth_entry = root.object("depth");
   if (!depth_entry) return depth_entry.error();
   const Expected<JsonObject> camera_entry = root.object("camera");
   if (!camera_entry) return camera_entry.error();
 
-  Expected<Image<Rgb8>> image = read_rgb8(resolved_path(root.file(), image_name.value()), limits);
+  Expected<Image<Rgb8>> image = read_rgb8(image_file.value(), limits);
   if (!image) return image.error();
   scene.image = std::move(image.value());
   scene.notes.push_back("image: " + size_text(scene.shape()));
+  if (camera_entry.value().has("cityscapes")) {
+    const Expected<std::string> camera_file = named_file(camera_entry.value(), "cityscapes", scene);
+    if (!camera_file) return camera_file.error();
+  }
   const Expected<Camera> camera = camera_from_json(camera_entry.value(), scene.shape(), limits);
   if (!camera) return camera.error();
   scene.intrinsics = camera.value().intrinsics;

@@ -30,9 +30,17 @@ struct TruthFiles {
   std::string emitters;          // JSON
 };
 
+// A file that a scene is made of, and the field of scene.json that names it.
+struct SceneFile {
+  std::string field;  // empty: scene.json itself
+  std::string path;
+};
+
 struct Scene {
   std::string name;
-  std::string file;  // the scene.json
+  std::string file;              // the scene.json
+  std::string generator;         // the program that made the scene, where scene.json says so
+  std::vector<SceneFile> files;  // scene.json and every file it names, also those that are read on demand
   Image<Rgb8> image;
   Image<float> depth;  // z-depth, m
   Intrinsics intrinsics;

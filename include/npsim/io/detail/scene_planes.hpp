@@ -30,17 +30,18 @@ namespace detail {
   return text;
 }
 
-// The "file" of an entry, resolved.
-inline Expected<std::string> plane_file(const JsonObject& entry) {
-  const Expected<std::string> name = entry.text("file");
+// The path of the file that an entry names, kept among the scene's files.
+inline Expected<std::string> named_file(const JsonObject& entry, const char* key, Scene& scene) {
+  const Expected<std::string> name = entry.text(key);
   if (!name) return name;
-  return resolved_path(entry.file(), name.value());
+  scene.files.push_back({entry.field(key), resolved_path(entry.file(), name.value())});
+  return scene.files.back().path;
 }
 
 inline Outcome read_scene_depth(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
   const Outcome known = entry.allow_only({"file", "encoding", "scale"});
   if (!known) return known;
-  const Expected<std::string> path = plane_file(entry);
+  const Expected<std::string> path = named_file(entry, "file", scene);
   if (!path) return path.error();
   const Expected<std::string> encoding = entry.text("encoding");
   if (!encoding) return encoding.error();
@@ -96,7 +97,7 @@ inline Outcome read_scene_labels(const JsonObject& entry, const ReadLimits& limi
                                  LabelEncoding& encoding) {
   const Outcome known = entry.allow_only({"file", "encoding"});
   if (!known) return known;
-  const Expected<std::string> path = plane_file(entry);
+  const Expected<std::string> path = named_file(entry, "file", scene);
   if (!path) return path.error();
   const Expected<std::string> name = entry.text("encoding");
   if (!name) return name.error();
@@ -121,7 +122,7 @@ inline Outcome read_scene_labels(const JsonObject& entry, const ReadLimits& limi
 inline Outcome read_scene_instances(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
   const Outcome known = entry.allow_only({"file", "encoding"});
   if (!known) return known;
-  const Expected<std::string> path = plane_file(entry);
+  const Expected<std::string> path = named_file(entry, "file", scene);
   if (!path) return path.error();
   const Expected<std::string> name = entry.text("encoding");
   if (!name) return name.error();
@@ -164,7 +165,7 @@ inline std::size_t normalize_all(Image<Vec3f>& normals) {
 inline Outcome read_scene_normals(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
   const Outcome known = entry.allow_only({"file", "convention"});
   if (!known) return known;
-  const Expected<std::string> path = plane_file(entry);
+  const Expected<std::string> path = named_file(entry, "file", scene);
   if (!path) return path.error();
   std::string convention = "auto";
   if (entry.has("convention")) {
@@ -222,7 +223,7 @@ inline Outcome check_unit_range(const std::string& path, float* values, std::siz
 inline Outcome read_scene_albedo(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
   const Outcome known = entry.allow_only({"file"});
   if (!known) return known;
-  const Expected<std::string> path = plane_file(entry);
+  const Expected<std::string> path = named_file(entry, "file", scene);
   if (!path) return path.error();
   Expected<Image<Vec3f>> plane = read_vec3_plane(path.value(), limits);
   if (!plane) return plane.error();
@@ -235,7 +236,7 @@ inline Outcome read_scene_albedo(const JsonObject& entry, const ReadLimits& limi
 inline Outcome read_scene_roughness(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
   const Outcome known = entry.allow_only({"file"});
   if (!known) return known;
-  const Expected<std::string> path = plane_file(entry);
+  const Expected<std::string> path = named_file(entry, "file", scene);
   if (!path) return path.error();
   Expected<Image<float>> plane = read_float_plane(path.value(), limits);
   if (!plane) return plane.error();
@@ -254,13 +255,13 @@ inline Outcome read_scene_lights(const JsonObject& entry, const ReadLimits& limi
     return Error{entry.file(), entry.field("format"),
                  "is '" + format.value() + "', expected segments_ai or coco_panoptic"};
   }
-  const Expected<std::string> json = entry.text("json");
+  const Expected<std::string> json = named_file(entry, "json", scene);
   if (!json) return json.error();
-  const Expected<std::string> bitmap = entry.text("bitmap");
+  const Expected<std::string> bitmap = named_file(entry, "bitmap", scene);
   if (!bitmap) return bitmap.error();
   Expected<LightAnnotation> lights = read_light_annotation(
       format.value() == "segments_ai" ? LightAnnotationFormat::segments_ai : LightAnnotationFormat::coco_panoptic,
-      resolved_path(entry.file(), json.value()), resolved_path(entry.file(), bitmap.value()), scene.shape(), limits);
+      json.value(), bitmap.value(), scene.shape(), limits);
   if (!lights) return lights.error();
   scene.lights = std::move(lights.value().marks);
   scene.light_index = std::move(lights.value().index);
