@@ -42,7 +42,7 @@ class NamedScene {
       return false;
     }
     scene_ = std::move(read.value());
-    view_ = tool::view_of(scene_);
+    view_ = scene_.view();
     return true;
   }
   [[nodiscard]] const SceneView& view() const { return view_; }

@@ -21,8 +21,9 @@
 #include "../named_scene.hpp"
 #include "../options.hpp"
 #include "npsim/exec/thread_pool.hpp"
-#include "tool/kept_night.hpp"
 #include "npsim/pipeline/night.hpp"
+#include "tool/engine.hpp"
+#include "tool/kept_night.hpp"
 
 namespace {
 
@@ -48,7 +49,7 @@ void run(const NightParams& params, const SceneView& scene, ThreadPool& pool, Cl
   const std::size_t bytes = night_workspace_bytes(params, scene.shape(), scene.lights.size());
   const std::unique_ptr<unsigned char[]> memory(new unsigned char[bytes]);  // most of it is never touched
   Workspace workspace(memory.get(), bytes);
-  bench::must(make_nights(params, scene, workspace, pool, clock, night));
+  bench::must(engine::make_nights(params, scene, workspace, pool, clock, night));
 }
 
 }  // namespace

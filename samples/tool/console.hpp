@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "any.hpp"
 #include "npsim/core/observe.hpp"
 
 namespace npsim::tool {
@@ -32,6 +33,18 @@ inline void watch_for_interrupt() {
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
 }
+
+// Begins nothing any more once the user has interrupted; what is left is undone.
+struct InterruptibleExecutor {
+  AnyExecutor executor;
+
+  template <class F>
+  void for_chunks(std::size_t count, std::size_t chunk, F&& f) const {
+    executor.for_chunks(count, chunk, [&](std::size_t begin, std::size_t end) {
+      if (!interrupted.load(std::memory_order_relaxed)) f(begin, end);
+    });
+  }
+};
 
 struct StageTime {
   std::string name;

@@ -7,29 +7,23 @@
 #ifndef NPSIM_SAMPLES_TOOL_EVALUATION_HPP
 #define NPSIM_SAMPLES_TOOL_EVALUATION_HPP
 
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstddef>
-#include <cstdint>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "console.hpp"
 #include "mesh_evaluation.hpp"
 #include "mesh_truth.hpp"
 #include "night_change.hpp"
-#include "npsim/core/camera.hpp"
-#include "npsim/depth/normals.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/metrics/depth_errors.hpp"
 #include "npsim/metrics/edge_errors.hpp"
 #include "npsim/metrics/normal_errors.hpp"
-#include "npsim/pipeline/refine_depth.hpp"
+#include "npsim/pipeline/night.hpp"
 
 namespace npsim::tool {
 
@@ -76,116 +70,6 @@ struct Evaluation {
   std::optional<NightChange> night;           // when asked for
 };
 
-// Passes everything on to the console and keeps a copy of the depth after each step.
-class DepthRecorder {
- public:
-  explicit DepthRecorder(Console& console) : console_(console) {}
-  void begin(Stage stage) { console_.begin(stage); }
-  void progress(std::size_t done, std::size_t total) { console_.progress(done, total); }
-  void end(Stage stage) { console_.end(stage); }
-  void depth(Stage stage, const ImageView<const float>& depth) {
-    io::Image<float> copy(depth.shape());
-    copy_pixels(depth, copy.view());
-    kept_.emplace_back(stage, std::move(copy));
-  }
-  [[nodiscard]] bool cancelled() const { return console_.cancelled(); }
-  [[nodiscard]] const std::vector<std::pair<Stage, io::Image<float>>>& kept() const { return kept_; }
-
- private:
-  Console& console_;
-  std::vector<std::pair<Stage, io::Image<float>>> kept_;
-};
-
-// The measures of one image size, with their memory.
-class Judge {
- public:
-  using Mask = ImageView<const std::uint8_t>;
-
-  Judge(Shape shape, ThreadPool& pool)
-      : shape_(shape),
-        pool_(pool),
-        memory_(std::max({depth_errors_workspace_bytes(shape), normal_errors_workspace_bytes(shape),
-                          edge_errors_workspace_bytes({}, shape), mask_overlap_workspace_bytes(shape)})) {}
-
-  [[nodiscard]] std::optional<DepthErrors> depth(ImageView<const float> z, ImageView<const float> truth, Mask mask) {
-    DepthErrors errors;
-    return taken(errors, [&](Workspace& w) { return depth_errors(z, truth, mask, errors, w, pool_); });
-  }
-  [[nodiscard]] std::optional<NormalErrors> normals(ImageView<const Vec3f> n, ImageView<const Vec3f> truth, Mask mask) {
-    NormalErrors errors;
-    if (n.empty() || truth.empty()) return {};
-    return taken(errors, [&](Workspace& w) { return normal_errors(n, truth, mask, errors, w, pool_); });
-  }
-  [[nodiscard]] std::optional<EdgeErrors> edges(const EdgeErrorParams& params, Mask estimate, Mask truth) {
-    EdgeErrors errors;
-    return taken(errors, [&](Workspace& w) { return edge_errors(params, estimate, truth, errors, w, pool_); });
-  }
-  [[nodiscard]] MaskOverlap overlap(Mask first, Mask second) {
-    MaskOverlap sums;
-    return taken(sums, [&](Workspace& w) { return mask_overlap(first, second, sums, w, pool_); })
-        .value_or(MaskOverlap{});
-  }
-  [[nodiscard]] io::Image<std::uint8_t> edges_of(const DepthEdgeParams& params, ImageView<const float> z, Mask mask) {
-    io::Image<std::uint8_t> out(shape_);
-    (void)depth_edges(params, z, mask, out.view(), pool_).ok();
-    return out;
-  }
-  [[nodiscard]] io::Image<std::uint8_t> near(Mask mask, int radius_px) {
-    io::Image<std::uint8_t> out(shape_);
-    (void)mark_near(mask, radius_px, out.view(), pool_).ok();
-    return out;
-  }
-  // Of the depth on the pixels of the mask alone.
-  [[nodiscard]] io::Image<Vec3f> normals_of(ImageView<const float> z, Mask mask, const Intrinsics& camera) {
-    io::Image<float> kept(shape_);
-    for (int y = 0; y < shape_.height; ++y) {
-      for (int x = 0; x < shape_.width; ++x) kept(x, y) = mask(x, y) != 0 ? z(x, y) : 0.0F;
-    }
-    io::Image<Vec3f> out(shape_);
-    Workspace none;
-    (void)normals_from_depth(NormalsParams{}, ImageView<const float>(kept.view()), camera, out.view(), none, pool_)
-        .ok();
-    return out;
-  }
-
- private:
-  template <class Errors, class Measure>
-  [[nodiscard]] std::optional<Errors> taken(const Errors& errors, const Measure& measure) {
-    Workspace workspace(memory_.data(), memory_.size());
-    return measure(workspace).ok() ? std::optional<Errors>(errors) : std::nullopt;
-  }
-
-  Shape shape_;
-  ThreadPool& pool_;
-  std::vector<unsigned char> memory_;
-};
-
-// Pixels where the predicate holds.
-template <class Holds>
-[[nodiscard]] io::Image<std::uint8_t> mask_where(Shape shape, const Holds& holds) {
-  io::Image<std::uint8_t> mask(shape);
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) mask(x, y) = holds(x, y) ? 1 : 0;
-  }
-  return mask;
-}
-
-[[nodiscard]] inline std::size_t marked(const io::Image<std::uint8_t>& mask) {
-  std::size_t n = 0;
-  for (const std::uint8_t m : mask.view().pixels()) n += m != 0 ? 1U : 0U;
-  return n;
-}
-
-// "normal-guided refinement" is the key normal_guided_refinement.
-[[nodiscard]] inline StepErrors step_after(Stage stage) {
-  StepErrors step;
-  step.name = std::string("after ") + stage_name(stage);
-  step.key = stage_name(stage);
-  std::replace_if(
-      step.key.begin(), step.key.end(), [](char c) { return c == ' ' || c == '-'; }, '_');
-  return step;
-}
-
 struct Truth {
   io::Image<float> depth;
   io::Image<Vec3f> normals;           // may be empty
@@ -193,118 +77,10 @@ struct Truth {
   MeshTruth mesh;                     // may be empty
 };
 
-inline Status evaluate_meshes(const SceneView& scene, const Truth& truth, const UncertaintyParams& uncertainty_params,
-                              const ReconstructParams& params, const RefinedDepth& refined, ThreadPool& pool,
-                              Console& console, std::vector<MeshErrors>& out) {
-  MeshJudges judges;
-  judges.true_depth = truth.depth.view();
-  judges.true_normals = truth.normals.view();
-  judges.background_depth = truth.background_depth.view();
-  judges.mesh = &truth.mesh;
-  TrueDepthAsRefined ideal;
-  NPSIM_RETURN_IF_ERROR(ideal.take(scene, refined, truth.depth.view(), uncertainty_params, pool));
-  out.resize(2);
-  out[0].key = "refined";
-  NPSIM_RETURN_IF_ERROR(evaluate_mesh(params, scene, refined, judges, pool, console, out[0]));
-  out[1].key = "true_depth";
-  return evaluate_mesh(params, scene, ideal.refined, judges, pool, console, out[1]);
-}
-
 // Runs the depth steps on the scene and judges what each of them leaves.
-inline Status evaluate(const SceneView& scene, const Truth& truth, const RefineDepthParams& params,
-                       const ReconstructParams& mesh_params, ThreadPool& pool, Console& console, Evaluation& out) {
-  const Shape shape = scene.shape();
-  DepthRecorder recorder(console);
-  std::vector<unsigned char> memory(refine_depth_workspace_bytes(params, shape));
-  Workspace workspace(memory.data(), memory.size());
-  RefinedDepth refined;
-  NPSIM_RETURN_IF_ERROR(refine_depth(params, scene, workspace, pool, recorder, refined));
-
-  std::vector<ImageView<const float>> depths = {scene.depth};
-  out.steps = {{"as given", "given", {}, {}, {}, {}}};
-  for (const auto& [stage, depth] : recorder.kept()) {
-    depths.push_back(depth.view());
-    out.steps.push_back(step_after(stage));
-  }
-  const ImageView<const float> true_depth = truth.depth.view();
-  const ImageView<const Vec3f> true_normals = truth.normals.view();
-  const auto on_surface = [&](int x, int y) {
-    return is_valid_depth(true_depth(x, y)) &&
-           !(!scene.labels.empty() && kNoSurfaceLabels.contains(scene.labels(x, y)));
-  };
-  const io::Image<std::uint8_t> common_mask = mask_where(shape, [&](int x, int y) {
-    return on_surface(x, y) &&
-           std::all_of(depths.begin(), depths.end(), [&](const auto& z) { return is_valid_depth(z(x, y)); });
-  });
-  out.surface_pixels = marked(mask_where(shape, on_surface));
-  out.pixels = marked(common_mask);
-  const Judge::Mask common = common_mask.view();
-
-  // Pixels are those of images 960 wide; the width over which edges are smeared grows with the image.
-  out.edge_params.reach_px = std::clamp(shape.width / 240, 2, 64);
-  out.near_edges_px = std::clamp(shape.width / 320, 1, 64);
-  Judge judge(shape, pool);
-  const io::Image<std::uint8_t> true_edges = judge.edges_of(out.edge_params, true_depth, common);
-  const io::Image<std::uint8_t> at_edges = judge.near(true_edges.view(), out.near_edges_px);
-  const io::Image<std::uint8_t> near_edges =
-      mask_where(shape, [&](int x, int y) { return common(x, y) != 0 && at_edges(x, y) != 0; });
-  const io::Image<Vec3f> best_normals = judge.normals_of(true_depth, common, scene.camera);
-  const io::Image<std::uint8_t> with_normals =
-      mask_where(shape, [&](int x, int y) { return best_normals(x, y) != Vec3f{}; });
-  const float smooth_cosine = std::cos(kSmooth_deg * 0.017453293F);
-  const io::Image<std::uint8_t> smooth = mask_where(shape, [&](int x, int y) {
-    return !true_normals.empty() && dot(best_normals(x, y), normalized(true_normals(x, y))) > smooth_cosine;
-  });
-  const auto judged = [&](ImageView<const Vec3f> n) -> NormalRow {
-    return {judge.normals(n, true_normals, with_normals.view()), judge.normals(n, true_normals, smooth.view())};
-  };
-  out.true_depth_normals = judged(best_normals.view());
-  out.given_normals = judged(scene.normals);
-  out.guiding_normals = judged(refined.normals);
-
-  std::vector<io::Image<Vec3f>> normals;
-  for (std::size_t i = 0; i < depths.size(); ++i) {
-    StepErrors& step = out.steps[i];
-    normals.push_back(judge.normals_of(depths[i], common, scene.camera));
-    step.depth = judge.depth(depths[i], true_depth, common);
-    step.near_edges = judge.depth(depths[i], true_depth, near_edges.view());
-    step.edges =
-        judge.edges(out.distance_params, judge.edges_of(out.edge_params, depths[i], common).view(), true_edges.view());
-    step.normals = judged(normals.back().view());
-  }
-
-  const io::Image<std::uint8_t> uncertain =
-      mask_where(shape, [&](int x, int y) { return common(x, y) != 0 && refined.uncertain(x, y) != 0; });
-  const io::Image<std::uint8_t> foreground_edges = mask_where(
-      shape, [&](int x, int y) { return true_edges(x, y) != 0 && kForegroundLabels.contains(refined.labels(x, y)); });
-  const io::Image<std::uint8_t> window =
-      judge.near(true_edges.view(), std::clamp(params.uncertainty.window_px - 1, 0, 64));
-  out.uncertain_on_edges = judge.overlap(true_edges.view(), uncertain.view());
-  out.uncertain_on_foreground_edges = judge.overlap(foreground_edges.view(), uncertain.view());
-  out.uncertain_near_edges = judge.overlap(window.view(), uncertain.view());
-
-  std::array<bool, kLabelCount> present{};
-  for (int y = 0; y < (scene.labels.empty() ? 0 : shape.height); ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      if (common(x, y) != 0 && scene.labels(x, y) < kLabelCount) present[scene.labels(x, y)] = true;
-    }
-  }
-  for (std::size_t l = 0; l < present.size(); ++l) {
-    if (!present[l]) continue;
-    LabelErrors errors;
-    errors.label = static_cast<Label>(l);
-    const io::Image<std::uint8_t> mask =
-        mask_where(shape, [&](int x, int y) { return common(x, y) != 0 && scene.labels(x, y) == errors.label; });
-    const io::Image<std::uint8_t> mask_with_normals =
-        mask_where(shape, [&](int x, int y) { return mask(x, y) != 0 && with_normals(x, y) != 0; });
-    for (std::size_t i = 0; i < depths.size(); ++i) {
-      errors.depth.push_back(judge.depth(depths[i], true_depth, mask.view()));
-      errors.normals.push_back(judge.normals(normals[i].view(), true_normals, mask_with_normals.view()));
-    }
-    out.labels.push_back(std::move(errors));
-  }
-  return evaluate_meshes(scene, truth, params.uncertainty, mesh_params, refined, pool, console, out.meshes);
-}
+[[nodiscard]] Status evaluate(const SceneView& scene, const Truth& truth, const RefineDepthParams& params,
+                              const ReconstructParams& mesh_params, ThreadPool& pool, Console& console,
+                              Evaluation& out);
 
 }  // namespace npsim::tool
 

@@ -31,10 +31,12 @@ constexpr const char* kAbout =
     "  npsim inspect my_street         what is in it, what is missing, ranges\n"
     "  npsim night my_street -o night  its nights, mesh and refined depth; open night/overview.png first\n"
     "  npsim view my_street -o view.png --turn 45   its mesh from the side\n"
-    "  npsim evaluate my_street        errors of depth and normals, as given and after each step, where the truth is known";
+    "  npsim evaluate my_street        errors of depth and normals, as given and after each step, where the truth is "
+    "known";
 
 constexpr const char* kStatuses =
-    "Exit status: 0 done; 1 the run failed; 2 the input, an option or a place to write to is wrong (one line says which);\n"
+    "Exit status: 0 done; 1 the run failed; 2 the input, an option or a place to write to is wrong (one line says "
+    "which);\n"
     "130 interrupted. Files appear under their final names only when complete.";
 
 }  // namespace
@@ -52,7 +54,8 @@ int main(int argc, char** argv) {
         std::uint64_t value = 0;
         const char* end = text.data() + text.size();
         const auto [last, error] = std::from_chars(text.data(), end, value);
-        return error == std::errc() && last == end ? std::string() : "expected a whole number from 0 to 2^64 - 1, got " + text;
+        return error == std::errc() && last == end ? std::string()
+                                                   : "expected a whole number from 0 to 2^64 - 1, got " + text;
       },
       "UINT64");
 
@@ -76,33 +79,43 @@ int main(int argc, char** argv) {
   night_app->add_option("scene", night.scene, "Folder with a scene.json, or the scene.json itself")->required();
   night_app->add_option("-o,--output", night.output, "Folder for the results; made if missing")->required();
   night_app->add_option("--variants", night.variants, "Number of nights, each with other lamps lit")
-      ->check(CLI::Range(1, 10000))->capture_default_str();
+      ->check(CLI::Range(1, 10000))
+      ->capture_default_str();
   night_app->add_option("--seed", night.seed, "Same seed, same bytes, on any number of threads")
-      ->check(whole_number)->capture_default_str();
-  night_app->add_option("--preset", night.preset,
-                        "default: what measured better; thesis: the thesis' settings as literally as they can be read")
-      ->check(CLI::IsMember({"default", "thesis"}))->capture_default_str();
-  night_app->add_option("--threads", night.threads, "0 = one per processor")->check(CLI::Range(0, 1024))
+      ->check(whole_number)
+      ->capture_default_str();
+  night_app
+      ->add_option("--preset", night.preset,
+                   "default: what measured better; thesis: the thesis' settings as literally as they can be read")
+      ->check(CLI::IsMember({"default", "thesis"}))
+      ->capture_default_str();
+  night_app->add_option("--threads", night.threads, "0 = one per processor")
+      ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   night_app->add_option("--size", night.size, "Work at WIDTHxHEIGHT, for instance 960x540; default: the image's size");
-  night_app->add_option("--lights", night.light_set,
-                        "JSON list of measured light sources [{class, strength, xy | rg_bg}] that replaces the built-in "
-                        "strengths and colours of the classes it names");
-  night_app->add_option("--mesh-error", night.mesh_error,
-                        "Relative error of depth that the exported mesh is simplified to; 0: faces between "
-                        "all pixels; default: 0.005, of the thesis 0")
+  night_app->add_option(
+      "--lights", night.light_set,
+      "JSON list of measured light sources [{class, strength, xy | rg_bg}] that replaces the built-in "
+      "strengths and colours of the classes it names");
+  night_app
+      ->add_option("--mesh-error", night.mesh_error,
+                   "Relative error of depth that the exported mesh is simplified to; 0: faces between "
+                   "all pixels; default: 0.005, of the thesis 0")
       ->check(within(0.0, 1.0));
   night_app->add_option("--texture", night.texture, "What the exported mesh wears: the photograph, or its albedo")
-      ->check(CLI::IsMember({"photograph", "albedo"}))->capture_default_str();
+      ->check(CLI::IsMember({"photograph", "albedo"}))
+      ->capture_default_str();
   night_app->add_flag("--quiet", night.quiet, "No progress");
 
   StreetOptions street;
   CLI::App* street_app = app.add_subcommand("street", "Generate a street scene with full ground truth");
   street_app->add_option("output", street.output, "Folder for the scene; made if missing")->required();
   street_app->add_option("--seed", street.seed, "Another seed, another street")
-      ->check(whole_number)->capture_default_str();
+      ->check(whole_number)
+      ->capture_default_str();
   street_app->add_option("--size", street.size, "WIDTHxHEIGHT")->capture_default_str();
-  street_app->add_option("--threads", street.threads, "0 = one per processor")->check(CLI::Range(0, 1024))
+  street_app->add_option("--threads", street.threads, "0 = one per processor")
+      ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   street_app->add_flag("--quiet", street.quiet, "No progress");
 
@@ -114,44 +127,58 @@ int main(int argc, char** argv) {
   CLI::App* view_app = app.add_subcommand("view", "Draw the mesh of a scene, or of an OBJ file, from any side");
   view_app->add_option("scene", view.scene, "Folder with a scene.json, the scene.json itself, or an .obj")->required();
   view_app->add_option("-o,--output", view.output, "PNG file")->required();
-  view_app->add_option("--mesh", view.mesh, "raw: one sheet; pruned: without spurious faces; complete; background; objects")
-      ->check(CLI::IsMember({"raw", "pruned", "complete", "background", "objects"}))->capture_default_str();
+  view_app
+      ->add_option("--mesh", view.mesh, "raw: one sheet; pruned: without spurious faces; complete; background; objects")
+      ->check(CLI::IsMember({"raw", "pruned", "complete", "background", "objects"}))
+      ->capture_default_str();
   view_app->add_option("--closer", view.from.closer_m, "Metres towards what is looked at")
-      ->check(within(-1000.0, 1000.0))->capture_default_str();
+      ->check(within(-1000.0, 1000.0))
+      ->capture_default_str();
   view_app->add_option("--turn", view.from.turn_deg, "Degrees clockwise round the pivot, seen from above")
-      ->check(within(-360.0, 360.0))->capture_default_str();
+      ->check(within(-360.0, 360.0))
+      ->capture_default_str();
   view_app->add_option("--climb", view.from.climb_deg, "Degrees above the pivot, looking down on it")
-      ->check(within(-90.0, 90.0))->capture_default_str();
-  view_app->add_option("--pivot", view.from.pivot_m,
-                       "Metres ahead of the photograph's camera; 0: so that the view shows most of the scene")
-      ->check(within(0.0, 1000.0))->capture_default_str();
+      ->check(within(-90.0, 90.0))
+      ->capture_default_str();
+  view_app
+      ->add_option("--pivot", view.from.pivot_m,
+                   "Metres ahead of the photograph's camera; 0: so that the view shows most of the scene")
+      ->check(within(0.0, 1000.0))
+      ->capture_default_str();
   view_app->add_option("--wire", view.wire_px, "Width in pixels at which edges are drawn; 0: not")
-      ->check(within(0.0, 100.0))->capture_default_str();
+      ->check(within(0.0, 100.0))
+      ->capture_default_str();
   view_app->add_option("--shading", view.shading, "How much a face darkens by its direction, 0 to 1")
-      ->check(within(0.0, 1.0))->capture_default_str();
+      ->check(within(0.0, 1.0))
+      ->capture_default_str();
   view_app->add_flag("--y-down", view.y_down, "An OBJ has y down and z ahead, as truth/street.obj; else y is up");
   view_app->add_flag("--plain", view.plain, "Without the photograph");
   view_app->add_option("--picture", view.picture, "Size of the picture, WIDTHxHEIGHT; default: the scene's");
   view_app->add_option("--size", view.size, "Work at WIDTHxHEIGHT; default: the image's size");
   view_app->add_option("--preset", view.preset, "default or thesis, as for night")
-      ->check(CLI::IsMember({"default", "thesis"}))->capture_default_str();
-  view_app->add_option("--threads", view.threads, "0 = one per processor")->check(CLI::Range(0, 1024))
+      ->check(CLI::IsMember({"default", "thesis"}))
+      ->capture_default_str();
+  view_app->add_option("--threads", view.threads, "0 = one per processor")
+      ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   view_app->add_flag("--quiet", view.quiet, "No progress");
 
   EvaluateOptions evaluate;
-  CLI::App* evaluate_app =
-      app.add_subcommand("evaluate", "Judge the depth, as given and after each step, and the mesh by the scene's ground truth");
+  CLI::App* evaluate_app = app.add_subcommand(
+      "evaluate", "Judge the depth, as given and after each step, and the mesh by the scene's ground truth");
   evaluate_app->add_option("scene", evaluate.scene, "Folder with a scene.json that names the truth, or the scene.json")
       ->required();
   evaluate_app->add_option("-o,--output", evaluate.output, "JSON file for all figures, also by label");
   evaluate_app->add_option("--preset", evaluate.preset, "default or thesis, as for night")
-      ->check(CLI::IsMember({"default", "thesis"}))->capture_default_str();
-  evaluate_app->add_option("--threads", evaluate.threads, "0 = one per processor")->check(CLI::Range(0, 1024))
+      ->check(CLI::IsMember({"default", "thesis"}))
+      ->capture_default_str();
+  evaluate_app->add_option("--threads", evaluate.threads, "0 = one per processor")
+      ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   evaluate_app->add_option("--size", evaluate.size, "Work at WIDTHxHEIGHT; default: the image's size");
-  evaluate_app->add_flag("--night", evaluate.night,
-                         "Render one night with all faces of the mesh and one with the simplified ones, and compare them");
+  evaluate_app->add_flag(
+      "--night", evaluate.night,
+      "Render one night with all faces of the mesh and one with the simplified ones, and compare them");
   evaluate_app->add_flag("--quiet", evaluate.quiet, "No progress and no notes");
 
   try {

@@ -8,9 +8,7 @@
 #ifndef NPSIM_SAMPLES_TOOL_MESH_EVALUATION_HPP
 #define NPSIM_SAMPLES_TOOL_MESH_EVALUATION_HPP
 
-#include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -24,10 +22,7 @@
 #include "npsim/io/image.hpp"
 #include "npsim/light/placement.hpp"
 #include "npsim/mesh/check.hpp"
-#include "npsim/mesh/index.hpp"
-#include "npsim/pipeline/detail/lamp_faces.hpp"
-#include "npsim/pipeline/reconstruct.hpp"
-#include "npsim/pipeline/refine_depth.hpp"
+#include "npsim/pipeline/night.hpp"
 #include "shadow_errors.hpp"
 
 namespace npsim::tool {
@@ -56,103 +51,6 @@ struct MeshErrors {
   std::vector<ShadowErrors> shadows;  // one per stage, or none without a true mesh
 };
 
-namespace mesh_evaluation_detail {
-
-// A mesh with its memory, indexed from one layer.
-struct LayerMesh {
-  std::vector<Vec3f> vertices;
-  std::vector<Face> faces;
-  std::vector<std::uint32_t> pixels;
-
-  [[nodiscard]] TriangleMeshView view() const {
-    return {{vertices.data(), vertices.size()}, {faces.data(), faces.size()}};
-  }
-  [[nodiscard]] Status take(const SheetLayer& layer, ThreadPool& pool) {
-    MeshSize size = mesh_size(layer);
-    vertices.resize(size.vertices);
-    faces.resize(size.faces);
-    pixels.resize(size.vertices);
-    std::vector<unsigned char> memory(index_layer_workspace_bytes(layer.vertices.shape()));
-    Workspace workspace(memory.data(), memory.size());
-    MeshBuffers buffers;
-    buffers.vertices = {vertices.data(), vertices.size()};
-    buffers.faces = {faces.data(), faces.size()};
-    buffers.pixels = {pixels.data(), pixels.size()};
-    return index_layer(layer, 0, buffers, size, workspace, pool);
-  }
-};
-
-[[nodiscard]] inline Status checked(const TriangleMeshView& mesh, MeshReport& report) {
-  std::vector<unsigned char> memory(check_mesh_workspace_bytes(mesh.vertices.size(), mesh.faces.size()));
-  Workspace workspace(memory.data(), memory.size());
-  return check_mesh(mesh, workspace, report);
-}
-
-[[nodiscard]] inline BackgroundErrors background_errors(ImageView<const Vec3f> vertices, ImageView<const Label> labels,
-                                                        LabelSet foreground, ImageView<const float> truth) {
-  BackgroundErrors errors;
-  for (int y = 0; y < truth.height(); ++y) {
-    for (int x = 0; x < truth.width(); ++x) {
-      if (!foreground.contains(labels(x, y)) || !is_valid_depth(truth(x, y))) continue;
-      ++errors.pixels;
-      const float z = vertices(x, y).z;
-      if (!(z > 0.0F)) {
-        ++errors.missing;
-        continue;
-      }
-      const double off = std::fabs(static_cast<double>(z) / static_cast<double>(truth(x, y)) - 1.0);
-      errors.abs_rel += off;
-      errors.within_3_percent += off <= 0.03 ? 1U : 0U;
-    }
-  }
-  if (errors.pixels > errors.missing) errors.abs_rel /= static_cast<double>(errors.pixels - errors.missing);
-  return errors;
-}
-
-// The depth plane of a stage: where it has the point that a pixel shows.
-[[nodiscard]] inline io::Image<float> shown_depth(const SceneMesh& mesh, Shape shape) {
-  io::Image<float> depth(shape);
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      const std::uint32_t v = mesh.visible_vertex(x, y);
-      const bool own = v != kNoVertex && mesh.vertex_pixel[v] == static_cast<std::uint32_t>(y * shape.width + x);
-      depth(x, y) = own ? mesh.mesh.vertices[v].z : 0.0F;
-    }
-  }
-  return depth;
-}
-
-// The lamps as the renderer places them.
-[[nodiscard]] inline Status placed_lamps(const PlacementParams& placement, const SceneView& scene,
-                                         const RefinedDepth& refined, std::vector<Emitter>& out) {
-  out.clear();
-  if (scene.light_index.empty() || scene.lights.empty()) return {};
-  std::vector<unsigned char> memory(placement_workspace_bytes(placement, scene.shape()));
-  out.resize(scene.lights.size());
-  std::size_t count = 0;
-  Workspace workspace(memory.data(), memory.size());
-  NPSIM_RETURN_IF_ERROR(place_lights(placement, scene.lights, scene.light_index, refined.depth, refined.labels,
-                                     refined.uncertain, refined.normals, scene.camera, refined.ground, workspace,
-                                     Span<Emitter>(out.data(), out.size()), count));
-  out.resize(count);
-  return {};
-}
-
-// Ids of the lamps that faces are part of, by the renderer's rule. `mesh` has the stage's faces.
-[[nodiscard]] inline Status lamps_of_faces(const SceneView& scene, const SceneMesh& mesh,
-                                           const std::vector<Emitter>& lamps, std::vector<std::uint32_t>& out) {
-  std::vector<std::uint16_t> mark(mesh.mesh.faces.size());
-  std::vector<unsigned char> memory(mark_faces_workspace_bytes(scene.shape(), scene.lights.size(), lamps.size()));
-  Workspace workspace(memory.data(), memory.size());
-  NPSIM_RETURN_IF_ERROR(mark_faces(scene, mesh, Span<const Emitter>(lamps.data(), lamps.size()),
-                                   Span<std::uint16_t>(mark.data(), mark.size()), workspace));
-  out.resize(mark.size());
-  for (std::size_t f = 0; f < mark.size(); ++f) out[f] = mark[f] == 0 ? 0 : scene.lights[mark[f] - 1U].id;
-  return {};
-}
-
-}  // namespace mesh_evaluation_detail
-
 // What the mesh is judged by; planes may be empty, and then so is what they are needed for.
 struct MeshJudges {
   PlacementParams placement;  // of lamps, as the renderer has them
@@ -164,71 +62,8 @@ struct MeshJudges {
 };
 
 // `refined` needs its depth, labels, normals, surface and uncertain planes only.
-inline Status evaluate_mesh(const ReconstructParams& params, const SceneView& scene, const RefinedDepth& refined,
-                            const MeshJudges& judges, ThreadPool& pool, Console& console, MeshErrors& out) {
-  using namespace mesh_evaluation_detail;
-  const Shape shape = scene.shape();
-  io::Image<Vec3f> vertices(shape);
-  io::Image<std::uint8_t> quads(quad_shape(shape));
-  const SheetLayer sheet{vertices.view(), quads.view()};
-  std::array<LayerMesh, 2> sheets;
-  NPSIM_RETURN_IF_ERROR(build_sheet(params.sheet, ImageView<const float>(refined.depth),
-                                    ImageView<const std::uint8_t>(refined.surface), scene.camera, sheet, pool));
-  NPSIM_RETURN_IF_ERROR(sheets[0].take(sheet, pool));
-  NPSIM_RETURN_IF_ERROR(
-      prune(params.prune, ImageView<const std::uint8_t>(refined.uncertain), refined.labels, sheet, pool));
-  NPSIM_RETURN_IF_ERROR(sheets[1].take(sheet, pool));
-
-  std::array<std::vector<unsigned char>, 2> memory;
-  std::array<SceneMesh, 2> meshes;  // with all faces, simplified
-  for (std::size_t i = 0; i < meshes.size(); ++i) {
-    ReconstructParams own = params;
-    own.simplify_faces = i == 1;
-    memory[i].resize(reconstruct_workspace_bytes(own, shape));
-    Workspace workspace(memory[i].data(), memory[i].size());
-    NPSIM_RETURN_IF_ERROR(reconstruct(own, scene, refined, workspace, pool, console, meshes[i]));
-  }
-  const SceneMesh& mesh = meshes[0];
-  const std::array<TriangleMeshView, kMeshStages> stages = {
-      sheets[0].view(), sheets[1].view(),
-      TriangleMeshView{mesh.mesh.vertices.sub(0, mesh.sheet_vertices), mesh.mesh.faces.sub(0, mesh.sheet_faces)},
-      mesh.mesh, meshes[1].mesh};
-  for (std::size_t i = 0; i < stages.size(); ++i) {
-    NPSIM_RETURN_IF_ERROR(checked(stages[i], out.report[i]));
-  }
-  const SceneMesh& thin = meshes[1];
-  NPSIM_RETURN_IF_ERROR(
-      checked({thin.mesh.vertices.sub(0, thin.background_vertices), thin.mesh.faces.sub(0, thin.background_faces)},
-              out.simplified_background));
-  NPSIM_RETURN_IF_ERROR(checked(
-      {thin.mesh.vertices, thin.mesh.faces.sub(thin.background_faces, thin.mesh.faces.size() - thin.background_faces)},
-      out.simplified_objects));
-  NPSIM_RETURN_IF_ERROR(measure_mesh_steps(params, scene, refined, pool, out.steps));
-  if (!judges.background_depth.empty() && !refined.labels.empty()) {
-    out.background = background_errors(mesh.background.vertices, refined.labels, params.foreground.foreground,
-                                       judges.background_depth);
-  }
-  if (judges.mesh == nullptr || !judges.mesh->known() || judges.true_normals.empty()) return {};
-  const std::array<io::Image<float>, 2> shown = {shown_depth(meshes[0], shape), shown_depth(meshes[1], shape)};
-  std::vector<Emitter> lamps;
-  NPSIM_RETURN_IF_ERROR(placed_lamps(judges.placement, scene, refined, lamps));
-  std::vector<ShadowCaster> casters(kMeshStages);
-  for (std::size_t i = 0; i < stages.size(); ++i) {
-    SceneMesh stage = meshes[i + 1 < kMeshStages ? 0 : 1];
-    stage.mesh = stages[i];
-    if (i < 2) {  // one sheet, all background
-      stage.vertex_pixel = Span<const std::uint32_t>(sheets[i].pixels.data(), sheets[i].pixels.size());
-      stage.background_faces = stage.sheet_faces = stage.mesh.faces.size();
-    }
-    NPSIM_RETURN_IF_ERROR(casters[i].traced.build(stage.mesh));
-    NPSIM_RETURN_IF_ERROR(lamps_of_faces(scene, stage, lamps, casters[i].lamp_of_face));
-    casters[i].depth = i < 2 ? ImageView<const float>(refined.depth)
-                             : ImageView<const float>(shown[i + 1 < kMeshStages ? 0 : 1].view());
-  }
-  out.shadows =
-      shadow_errors(judges.shadows, *judges.mesh, judges.true_depth, judges.true_normals, scene.camera, casters, pool);
-  return {};
-}
+[[nodiscard]] Status evaluate_mesh(const ReconstructParams& params, const SceneView& scene, const RefinedDepth& refined,
+                                   const MeshJudges& judges, ThreadPool& pool, Console& console, MeshErrors& out);
 
 // What the depth steps would leave if they made no error at all.
 struct TrueDepthAsRefined {
@@ -238,32 +73,7 @@ struct TrueDepthAsRefined {
   RefinedDepth refined;
 
   [[nodiscard]] Status take(const SceneView& scene, const RefinedDepth& like, ImageView<const float> truth,
-                            const UncertaintyParams& params, ThreadPool& pool) {
-    const Shape shape = scene.shape();
-    depth = io::Image<float>(shape);
-    surface = io::Image<std::uint8_t>(shape);
-    uncertain = io::Image<std::uint8_t>(shape);
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        const bool good = is_valid_depth(truth(x, y)) && !kNoSurfaceLabels.contains(like.labels(x, y));
-        surface(x, y) = good ? 1 : 0;
-        depth(x, y) = good ? truth(x, y) : 0.0F;
-      }
-    }
-    std::vector<unsigned char> memory(
-        std::max(uncertainty_workspace_bytes(params, shape), ground_workspace_bytes(GroundParams{}, shape)));
-    Workspace workspace(memory.data(), memory.size());
-    UncertaintyOutput out;
-    out.mask = uncertain.view();
-    NPSIM_RETURN_IF_ERROR(uncertainty(params, ImageView<const float>(depth.view()), like.labels, out, workspace, pool));
-    refined = like;
-    NPSIM_RETURN_IF_ERROR(estimate_ground(GroundParams{}, ImageView<const float>(depth.view()), like.labels,
-                                          scene.camera, workspace, refined.ground));
-    refined.depth = depth.view();
-    refined.surface = surface.view();
-    refined.uncertain = uncertain.view();
-    return {};
-  }
+                            const UncertaintyParams& params, ThreadPool& pool);
 };
 
 }  // namespace npsim::tool

@@ -5,22 +5,21 @@
 #define NPSIM_SAMPLES_TOOL_MESH_EXPORT_HPP
 
 #include <cstddef>
-#include <cstdint>
-#include <iterator>
 #include <string>
-#include <utility>
-#include <vector>
 
 #include "mesh_parts.hpp"
 #include "mesh_textures.hpp"
-#include "npsim/io/glb.hpp"
-#include "npsim/io/detail/obj_writer.hpp"
-#include "npsim/io/ply.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/io/error.hpp"
 #include "npsim/io/scene.hpp"
-#include "npsim/pipeline/reconstruct.hpp"
-#include "npsim/pipeline/relight.hpp"
+#include "npsim/pipeline/night.hpp"
 
 namespace npsim::tool {
+
+// Everything that export_mesh() may write, with either texture.
+inline constexpr const char* kMeshFiles[] = {
+    "mesh.glb",       "mesh.obj",       "mesh.mtl",       "mesh.ply", "background.glb", "background.obj",
+    "background.mtl", "background.ply", "background.png", "day.png",  "albedo.png",     "albedo_background.png"};
 
 struct MeshExportOptions {
   bool albedo = false;  // as texture, in place of the photograph
@@ -30,124 +29,12 @@ struct MeshExportOptions {
 inline constexpr std::size_t kBackgroundTexture = 0;
 inline constexpr std::size_t kObjectsTexture = 1;
 
-[[nodiscard]] inline const MeshTexture& texture_of(const MeshTextures& textures, std::size_t number) {
-  return number == kBackgroundTexture ? textures.background : textures.objects;
-}
-
-// Several parts as one mesh.
-struct JoinedParts {
-  std::vector<Vec3f> vertices;
-  std::vector<Vec3f> normals;
-  std::vector<Face> faces;
-  std::vector<Vec2f> uv;      // (0, 0) without a texture
-  std::vector<Rgb8> colours;  // of the texture at the vertex, or of what the part emits
-
-  [[nodiscard]] TriangleMeshView view() const {
-    return {{vertices.data(), vertices.size()}, {faces.data(), faces.size()}};
-  }
-};
-
-[[nodiscard]] inline JoinedParts join(Span<const MeshPart> parts, const MeshTextures& textures) {
-  JoinedParts all;
-  for (const MeshPart& part : parts) {
-    const auto offset = static_cast<std::uint32_t>(all.vertices.size());
-    all.vertices.insert(all.vertices.end(), part.vertices.begin(), part.vertices.end());
-    all.normals.insert(all.normals.end(), part.normals.begin(), part.normals.end());
-    for (const Face& f : part.faces) all.faces.push_back({f.a + offset, f.b + offset, f.c + offset});
-    if (part.texture == kNoTexture) {
-      all.uv.resize(all.vertices.size());
-      all.colours.resize(all.vertices.size(), encoded(part.emissive));
-      continue;
-    }
-    const io::Image<Rgb8>& image = texture_of(textures, part.texture).image;
-    const std::vector<Vec2f> uv = io::photograph_uv({part.pixels.data(), part.pixels.size()}, image.shape());
-    all.uv.insert(all.uv.end(), uv.begin(), uv.end());
-    const auto width = static_cast<std::uint32_t>(image.width());
-    for (const std::uint32_t p : part.pixels) {
-      all.colours.push_back(image(static_cast<int>(p % width), static_cast<int>(p / width)));
-    }
-  }
-  return all;
-}
-
-[[nodiscard]] inline io::Outcome write_parts_glb(const std::string& path, Span<const MeshPart> parts,
-                                                 const MeshTextures& textures) {
-  std::vector<io::GlbTexture> files;
-  for (const MeshTexture* t : {&textures.background, &textures.objects}) {
-    files.push_back({t->name, {t->png.data(), t->png.size()}});
-  }
-  std::vector<std::vector<Vec2f>> uv;
-  std::vector<io::GlbPrimitive> primitives;
-  uv.reserve(parts.size());
-  for (const MeshPart& part : parts) {
-    uv.emplace_back();
-    io::GlbPrimitive p;
-    p.name = part.name;
-    p.material = part.material;
-    p.mesh = {{part.vertices.data(), part.vertices.size()}, {part.faces.data(), part.faces.size()}};
-    p.normals = {part.normals.data(), part.normals.size()};
-    p.base_colour = part.colour;
-    p.emissive = part.emissive;
-    if (part.texture != kNoTexture) {
-      const Shape shape = texture_of(textures, part.texture).image.shape();
-      uv.back() = io::photograph_uv({part.pixels.data(), part.pixels.size()}, shape);
-      p.uv = {uv.back().data(), uv.back().size()};
-      p.texture = part.texture;
-    }
-    primitives.push_back(p);
-  }
-  return io::write_glb(path, {primitives.data(), primitives.size()}, {files.data(), files.size()});
-}
-
-[[nodiscard]] inline io::Outcome write_parts_obj(const std::string& path, Span<const MeshPart> parts,
-                                                 const JoinedParts& all, const MeshTextures& textures) {
-  io::ObjOptions options;
-  options.uv = {all.uv.data(), all.uv.size()};
-  options.frame = io::MeshFrame::y_up;
-  std::size_t first_face = 0;
-  for (const MeshPart& part : parts) {
-    if (options.materials.empty() || options.materials.back().name != part.material) {
-      const bool textured = part.texture != kNoTexture;
-      options.materials.push_back({part.material, part.colour, part.emissive,
-                                   textured ? texture_of(textures, part.texture).file : std::string()});
-    }
-    options.groups.push_back({part.name, first_face, options.materials.size() - 1});
-    first_face += part.faces.size();
-  }
-  return io::write_obj(path, all.view(), options);
-}
-
 // mesh or background, in every format.
-[[nodiscard]] inline io::Outcome write_parts(const std::string& stem, Span<const MeshPart> parts,
-                                             const MeshTextures& textures) {
-  if (io::Outcome o = write_parts_glb(stem + ".glb", parts, textures); !o) return o;
-  const JoinedParts all = join(parts, textures);
-  if (io::Outcome o = write_parts_obj(stem + ".obj", parts, all, textures); !o) return o;
-  io::PlyOptions options;
-  options.normals = {all.normals.data(), all.normals.size()};
-  options.colours = {all.colours.data(), all.colours.size()};
-  options.frame = io::MeshFrame::y_up;
-  return io::write_ply(stem + ".ply", all.view(), options);
-}
+[[nodiscard]] io::Outcome write_parts(const std::string& stem, Span<const MeshPart> parts,
+                                      const MeshTextures& textures);
 
-[[nodiscard]] inline io::Outcome export_mesh(const std::string& folder, const io::Scene& scene, const SceneMesh& mesh,
-                                             const Relighting& light, const MeshExportOptions& options = {}) {
-  MeshTextures textures = options.albedo ? albedo_textures(mesh, light.points) : photograph_textures(scene, mesh);
-  if (io::Outcome o = write_textures(folder, textures); !o) return o;
-  if (mesh.mesh.faces.empty()) return io::Done{};  // a single row or column of pixels
-
-  const LayeredMesh layers{mesh.mesh.vertices, light.points.normal, mesh.vertex_pixel, mesh.mesh.faces,
-                           mesh.background_faces};
-  std::vector<MeshPart> parts;
-  const bool background = mesh.background_faces > 0;  // a picture of nothing but objects has none
-  if (background) parts.push_back(background_part(layers, kBackgroundTexture));
-  for (std::vector<MeshPart> more : {object_parts(layers, scene.labels.view(), mesh.object, kObjectsTexture),
-                                     emitter_parts(light.emitters, {scene.lights.data(), scene.lights.size()})}) {
-    parts.insert(parts.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
-  }
-  if (io::Outcome o = write_parts(folder + "/mesh", {parts.data(), parts.size()}, textures); !o) return o;
-  return background ? write_parts(folder + "/background", {parts.data(), 1}, textures) : io::Outcome(io::Done{});
-}
+[[nodiscard]] io::Outcome export_mesh(const std::string& folder, const io::Scene& scene, const SceneMesh& mesh,
+                                      const Relighting& light, const MeshExportOptions& options = {});
 
 }  // namespace npsim::tool
 

@@ -6,10 +6,8 @@
 #include <array>
 #include <cstddef>
 
-#include "arena.hpp"
-#include "console.hpp"
-#include "kept_night.hpp"
-#include "npsim/exec/thread_pool.hpp"
+#include "any.hpp"
+#include "npsim/core/scene_view.hpp"
 #include "npsim/pipeline/night.hpp"
 
 namespace npsim::tool {
@@ -20,23 +18,8 @@ struct NightChange {
   double rms_codes = 0;                // root mean square over the picture as shown, in codes of 255
 };
 
-inline Status night_change(NightParams params, const SceneView& scene, ThreadPool& pool, Console& console,
-                           NightChange& out) {
-  params.variants = 1;
-  params.mesh.traced = TracedFaces::mesh;
-  std::array<KeptNight, 2> nights;
-  for (std::size_t i = 0; i < nights.size(); ++i) {
-    params.mesh.simplify_faces = i == 1;
-    const Arena arena(night_workspace_bytes(params, scene.shape(), scene.lights.size()));
-    if (arena.bytes() == 0) return {StatusCode::workspace_exhausted, "not enough memory for a night at this size"};
-    Workspace workspace(arena.data(), arena.bytes());
-    NPSIM_RETURN_IF_ERROR(make_nights(params, scene, workspace, pool, console, nights[i]));
-    out.faces[i] = nights[i].faces;
-  }
-  out.mean_colour = mean_colour_change(nights[0], nights[1]);
-  out.rms_codes = rms_change_codes(nights[0], nights[1]);
-  return {};
-}
+[[nodiscard]] Status night_change(NightParams params, const SceneView& scene, AnyExecutor executor,
+                                  AnyObserver observer, NightChange& out);
 
 }  // namespace npsim::tool
 

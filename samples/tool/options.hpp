@@ -27,7 +27,8 @@ inline constexpr int kExitInterrupted = 130;
   Shape shape;
   const char* end = text.data() + text.size();
   const auto [after_width, width_error] = std::from_chars(text.data(), end, shape.width);
-  const bool separated = width_error == std::errc() && after_width != end && (*after_width == 'x' || *after_width == 'X');
+  const bool separated =
+      width_error == std::errc() && after_width != end && (*after_width == 'x' || *after_width == 'X');
   if (separated) {
     const auto [after_height, height_error] = std::from_chars(after_width + 1, end, shape.height);
     const bool in_range = shape.width >= 1 && shape.height >= 1 && shape.width <= 16384 && shape.height <= 16384;

@@ -27,11 +27,11 @@ namespace npsim::tool {
 // Near is warm and bright, far is dark and blue; t in [0, 1]. Brightness falls monotonically, so it also reads in grey.
 [[nodiscard]] inline Rgb8 depth_colour(float t) {
   static constexpr std::array<std::array<float, 3>, 6> kStops = {{{0.99F, 0.95F, 0.65F},
-                                                                 {0.98F, 0.68F, 0.25F},
-                                                                 {0.86F, 0.36F, 0.30F},
-                                                                 {0.58F, 0.20F, 0.46F},
-                                                                 {0.29F, 0.13F, 0.45F},
-                                                                 {0.06F, 0.05F, 0.18F}}};
+                                                                  {0.98F, 0.68F, 0.25F},
+                                                                  {0.86F, 0.36F, 0.30F},
+                                                                  {0.58F, 0.20F, 0.46F},
+                                                                  {0.29F, 0.13F, 0.45F},
+                                                                  {0.06F, 0.05F, 0.18F}}};
   const float s = std::clamp(t, 0.0F, 1.0F) * static_cast<float>(kStops.size() - 1);
   const std::size_t i = std::min(static_cast<std::size_t>(s), kStops.size() - 2);
   const float f = s - static_cast<float>(i);

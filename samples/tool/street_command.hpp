@@ -3,17 +3,8 @@
 #ifndef NPSIM_SAMPLES_TOOL_STREET_COMMAND_HPP
 #define NPSIM_SAMPLES_TOOL_STREET_COMMAND_HPP
 
-#include <atomic>
-#include <cstddef>
 #include <cstdint>
-#include <cstdio>
 #include <string>
-
-#include "console.hpp"
-#include "npsim/exec/thread_pool.hpp"
-#include "options.hpp"
-#include "street/street.hpp"
-#include "street/write.hpp"
 
 namespace npsim::tool {
 
@@ -25,38 +16,7 @@ struct StreetOptions {
   bool quiet = false;
 };
 
-// The pool, except that nothing is begun any more once the user has interrupted.
-struct InterruptibleExecutor {
-  ThreadPool& pool;
-
-  template <class F>
-  void for_chunks(std::size_t count, std::size_t chunk, F&& f) {
-    pool.for_chunks(count, chunk, [&](std::size_t begin, std::size_t end) {
-      if (!interrupted.load(std::memory_order_relaxed)) f(begin, end);
-    });
-  }
-};
-
-inline int run_street(const StreetOptions& options) {
-  const io::Expected<Shape> size = parse_size(options.size);
-  if (!size) return fail(size.error());
-  if (const io::Outcome folder = make_folder(options.output); !folder) return fail(folder.error());
-  Console console(options.quiet);
-  street::StreetParams params;
-  params.seed = options.seed;
-  params.shape = size.value();
-  ThreadPool pool(thread_count(options.threads));
-  InterruptibleExecutor executor{pool};
-  street::Street street;
-  const Status made =
-      console.timed("build and photograph", [&] { return street::make_street(params, executor, street); });
-  if (console.cancelled()) return fail(options.output, Status(StatusCode::cancelled, ""));
-  if (!made.ok()) return fail(options.output, made);
-  const io::Outcome written = console.timed("write scene", [&] { return street::write_street(street, options.output); });
-  if (!written) return fail(written.error());
-  std::printf("%s\n", (options.output + "/scene.json").c_str());
-  return kExitDone;
-}
+[[nodiscard]] int run_street(const StreetOptions& options);  // an exit status
 
 }  // namespace npsim::tool
 

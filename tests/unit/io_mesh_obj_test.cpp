@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "fixture.hpp"
 #include "io_fixture.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/workspace.hpp"
@@ -338,10 +339,9 @@ TEST_CASE("published meshes are read whole: triangles, quads with indices counte
     CHECK(mesh.value().vertices.size() == p.vertices);
     CHECK(mesh.value().faces.size() == p.faces);
     CHECK(mesh.value().colours.empty());
-    std::vector<unsigned char> memory(check_mesh_workspace_bytes(p.vertices, p.faces));
-    Workspace workspace(memory.data(), memory.size());
+    npsim_test::Scratch scratch(check_mesh_workspace_bytes(p.vertices, p.faces));
     MeshReport report;
-    REQUIRE(check_mesh(mesh.value().view(), workspace, report).ok());
+    REQUIRE(check_mesh(mesh.value().view(), scratch.workspace(), report).ok());
     CHECK(report.out_of_range_faces == 0);
     CHECK(report.repeated_index_faces == 0);
     CHECK(report.not_finite_vertices == 0);

@@ -160,6 +160,68 @@ TEST_CASE("scene: everything there is, and the convention of the normals found f
   CHECK(any_note(scene, "absent.obj"));
 }
 
+TEST_CASE("scene: its view has all planes, its files are all that scene.json names, and who made it") {
+  const TemporaryFolder folder;
+  put_files(folder);
+  const auto read = read_text(folder, replaced(kWhole, "\"name\"", "\"generator\": \"a camera\", \"name\""));
+  require_ok(read);
+  const io::Scene& scene = read.value();
+  CHECK(scene.generator == "a camera");
+  std::vector<std::string> files;
+  for (const io::SceneFile& file : scene.files) files.push_back(file.field + " " + file.path);
+  const std::vector<std::string> expected = {" " + (folder / "scene.json"),
+                                             "image " + (folder / "image.png"),
+                                             "depth.file " + (folder / "depth.pfm"),
+                                             "labels.file " + (folder / "objects.png"),
+                                             "labels.file " + (folder / "objects.png"),  // read as instances too
+                                             "normals.file " + (folder / "normals.pfm"),
+                                             "albedo.file " + (folder / "albedo.pfm"),
+                                             "roughness.file " + (folder / "roughness.pfm"),
+                                             "lights.json " + (folder / "lights.json"),
+                                             "lights.bitmap " + (folder / "lights.png"),
+                                             "truth.depth " + (folder / "depth.pfm"),
+                                             "truth.normals " + (folder / "true_normals.pfm"),
+                                             "truth.mesh " + (folder / "absent.obj")};
+  CHECK(files == expected);
+  const SceneView view = scene.view();
+  CHECK(validate(view).ok());
+  CHECK(view.camera.cx == scene.intrinsics.cx);
+  CHECK(view.image.data() == scene.image.data());
+  CHECK(view.depth.data() == scene.depth.data());
+  CHECK(view.labels.data() == scene.labels.data());
+  CHECK(view.instances.data() == scene.instances.data());
+  CHECK(view.normals.data() == scene.normals.data());
+  CHECK(view.albedo.data() == scene.albedo.data());
+  CHECK(view.roughness.data() == scene.roughness.data());
+  CHECK(view.light_index.data() == scene.light_index.data());
+  CHECK(view.lights.size() == scene.lights.size());
+}
+
+TEST_CASE("scene: true emitters are read in the camera's frame, those that the picture hides as nothing but that") {
+  const TemporaryFolder folder;
+  put_files(folder);
+  const auto emitters = [&](const std::string& list) {
+    put(folder / "emitters.json", "{\"emitters\": [" + list + "]}");
+    const auto scene =
+        read_text(folder, replaced(kWhole, "\"mesh\": \"absent.obj\"", "\"emitters\": \"emitters.json\""));
+    require_ok(scene);
+    return io::read_truth_emitters(scene.value());
+  };
+  const auto read =
+      emitters(R"({"mark": 0}, {"mark": 7, "centre": [1, 2, 3], "normal": [0, 0, -2], "half_extents": [0.5, 0.25]})");
+  require_ok(read);
+  REQUIRE(read.value().size() == 2);
+  CHECK(read.value()[0].mark == 0);
+  CHECK(read.value()[1].mark == 7);
+  CHECK(read.value()[1].centre_m == Vec3f{1, 2, 3});
+  CHECK(read.value()[1].normal == Vec3f{0, 0, -1});
+  CHECK(read.value()[1].half_extents_m.y == 0.25F);
+  check_error(emitters(R"({"mark": 7, "centre": [1, 2], "normal": [0, 0, -2], "half_extents": [1, 1]})"),
+              "emitters.json", "emitters[0].centre");
+  check_error(emitters(R"({"mark": 7, "centre": [1, 2, "x"], "normal": [0, 0, -2], "half_extents": [1, 1]})"),
+              "emitters.json", "emitters[0].centre");
+}
+
 TEST_CASE("scene: a named convention is taken as it is") {
   const TemporaryFolder folder;
   put_files(folder);

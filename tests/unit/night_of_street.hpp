@@ -13,6 +13,7 @@
 #include "npsim/pipeline/night.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
+#include "tool/engine.hpp"
 
 namespace npsim::testing {
 
@@ -25,7 +26,7 @@ Sink night_of(const street::Street& street, const NightParams& params) {
   NullObserver observer;
   ThreadPool pool(2);
   Sink sink;
-  REQUIRE(make_nights(params, view, workspace, pool, observer, sink).ok());
+  REQUIRE(engine::make_nights(params, view, workspace, pool, observer, sink).ok());
   return sink;
 }
 

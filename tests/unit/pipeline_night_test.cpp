@@ -19,6 +19,7 @@
 #include "fixture.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
+#include "tool/engine.hpp"
 
 namespace {
 
@@ -79,13 +80,12 @@ struct Keeper {
   }
 };
 
-template <class Executor>
-Status run(const NightParams& params, const SceneView& view, Executor& executor, Keeper& keeper) {
+Status run(const NightParams& params, const SceneView& view, AnyExecutor executor, Keeper& keeper) {
   const std::size_t bytes = night_workspace_bytes(params, view.shape(), view.lights.size());
   const std::unique_ptr<unsigned char[]> memory(new unsigned char[bytes]);
   Workspace workspace(memory.get(), bytes);
   NullObserver observer;
-  return make_nights(params, view, workspace, executor, observer, keeper);
+  return engine::make_nights(params, view, workspace, executor, observer, keeper);
 }
 
 const street::Street& small_street() {
@@ -239,7 +239,7 @@ TEST_CASE("refine_depth brings depth and normals of the street nearer to the tru
         Workspace workspace(memory.data(), memory.size());
         NullObserver observer;
         RefinedDepth refined;
-        REQUIRE(refine_depth(refine, view, workspace, pool, observer, refined).ok());
+        REQUIRE(engine::refine_depth(refine, view, workspace, pool, observer, refined).ok());
         const StreetErrors after = errors_of(street, refined.depth);
         CHECK(after.depth < (height_known ? 0.85 : 0.95) * before.depth);
         CHECK(after.normals_rad < (shape.width < 200 ? 0.8 : 0.5) * before.normals_rad);
@@ -261,7 +261,7 @@ TEST_CASE("refine_depth runs in the memory it asks for, with either preset, with
       std::vector<unsigned char> memory(refine_depth_workspace_bytes(params, view.shape()));
       Workspace workspace(memory.data(), memory.size());
       RefinedDepth refined;
-      const Status status = refine_depth(params, view, workspace, serial, observer, refined);
+      const Status status = engine::refine_depth(params, view, workspace, serial, observer, refined);
       CHECK_MESSAGE(status.ok(), status.message());
     }
   }
@@ -326,7 +326,7 @@ TEST_CASE("night: parameters that are not finite or out of range are refused bef
     spoil(params);
     Counting observer;
     npsim_test::Scratch scratch(night_workspace_bytes(params, scene.view.shape(), 0));
-    const Status status = make_nights(params, scene.view, scratch.workspace(), serial, observer, sink);
+    const Status status = engine::make_nights(params, scene.view, scratch.workspace(), serial, observer, sink);
     CHECK(observer.begun == 0);
     return status.code();
   };
@@ -428,7 +428,7 @@ TEST_CASE("night: what the workspace is asked for is at most 1.3 times what is u
     Workspace workspace = memory.workspace();
     NullObserver observer;
     NullSink sink;
-    REQUIRE(make_nights(params, view, workspace, pool, observer, sink).ok());
+    REQUIRE(engine::make_nights(params, view, workspace, pool, observer, sink).ok());
     CHECK(workspace.used() == 0);
     CHECK(memory.usable() <= bound);
     CHECK(static_cast<double>(memory.usable()) <= 1.3 * static_cast<double>(workspace.peak()));
@@ -444,7 +444,7 @@ TEST_CASE("night: a workspace one page short is a status, not a crash") {
   std::vector<unsigned char> memory(night_workspace_bytes(params, scene.view.shape(), scene.view.lights.size()));
   for (const std::size_t bytes : {std::size_t{0}, std::size_t{100}, memory.size() / 100, memory.size() / 10}) {
     Workspace workspace(memory.data(), bytes);
-    CHECK(make_nights(params, scene.view, workspace, serial, observer, keeper).code() ==
+    CHECK(engine::make_nights(params, scene.view, workspace, serial, observer, keeper).code() ==
           StatusCode::workspace_exhausted);
   }
 }
@@ -460,5 +460,5 @@ TEST_CASE("night: an observer that cancels stops the run with that status") {
   Cancelling observer;
   SerialExecutor serial;
   Keeper keeper;
-  CHECK(make_nights(params, scene.view, workspace, serial, observer, keeper).code() == StatusCode::cancelled);
+  CHECK(engine::make_nights(params, scene.view, workspace, serial, observer, keeper).code() == StatusCode::cancelled);
 }

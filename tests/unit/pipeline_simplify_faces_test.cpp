@@ -16,6 +16,7 @@
 #include "npsim/pipeline/detail/point_of_hit.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
+#include "tool/engine.hpp"
 #include "fixture.hpp"
 
 namespace {
@@ -138,7 +139,7 @@ TEST_CASE("simplified faces: a quarter of a pixel and half a percent leave a ten
     const WorkspaceScope scope(workspace);
     params.simplify_faces = simplify;
     SceneMesh mesh;
-    REQUIRE(reconstruct(params, scene, refined, workspace, pool, observer, mesh).ok());
+    REQUIRE(engine::reconstruct(params, scene, refined, workspace, pool, observer, mesh).ok());
     faces[simplify ? 1 : 0] = mesh.mesh.faces.size();
   }
   CHECK(faces[0] > 1000000);

@@ -18,6 +18,7 @@
 #include "npsim/pipeline/night.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
+#include "tool/engine.hpp"
 
 namespace {
 
@@ -42,8 +43,8 @@ void check_whole(const NightParams& params, const SceneView& scene) {
   NullObserver observer;
   RefinedDepth refined;
   SceneMesh mesh;
-  REQUIRE(refine_depth(params.depth, scene, workspace, pool, observer, refined).ok());
-  REQUIRE(reconstruct(params.mesh, scene, refined, workspace, pool, observer, mesh).ok());
+  REQUIRE(engine::refine_depth(params.depth, scene, workspace, pool, observer, refined).ok());
+  REQUIRE(engine::reconstruct(params.mesh, scene, refined, workspace, pool, observer, mesh).ok());
 
   LayerReport layer;
   REQUIRE(check_background(mesh.background, mesh.background_state, layer).ok());
@@ -70,18 +71,6 @@ void check_whole(const SceneView& scene) {
   NightParams thesis = default_night_params();  // by another depth: the thesis' own takes long
   thesis.mesh = thesis_night_params().mesh;
   check_whole(thesis, scene);
-}
-
-SceneView view_of(const io::Scene& s) {
-  SceneView view;
-  view.camera = s.intrinsics;
-  view.image = s.image.view();
-  view.depth = s.depth.view();
-  view.labels = s.labels.view();
-  view.instances = s.instances.view();
-  view.light_index = s.light_index.view();
-  view.lights = Span<const LightMark>(s.lights.data(), s.lights.size());
-  return view;
 }
 
 }  // namespace
@@ -141,6 +130,6 @@ TEST_CASE("real scenes, where the environment names them: whole as well") {
     require_ok(scene);
     const Shape full = scene.value().shape();
     require_ok(io::resize_scene(scene.value(), {full.width / 4, full.height / 4}));
-    check_whole(view_of(scene.value()));
+    check_whole(scene.value().view());
   }
 }

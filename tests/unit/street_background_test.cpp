@@ -6,8 +6,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <vector>
 
+#include "fixture.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/mesh/complete_background.hpp"
@@ -34,9 +34,9 @@ Count behind_objects(const street::Street& s, const BackgroundParams& params, Th
   for (std::size_t i = 0; i < shape.pixels(); ++i) {
     surface.data()[i] = kNoSurfaceLabels.contains(s.labels.data()[i]) ? 0 : 1;
   }
-  std::vector<unsigned char> memory(uncertainty_workspace_bytes({}, shape) +
-                                    complete_background_workspace_bytes(params, shape));
-  Workspace workspace(memory.data(), memory.size());
+  npsim_test::Scratch scratch(uncertainty_workspace_bytes({}, shape) +
+                              complete_background_workspace_bytes(params, shape));
+  Workspace& workspace = scratch.workspace();
   UncertaintyOutput out;
   out.mask = uncertain.view();
   REQUIRE(uncertainty({}, s.depth.view(), s.labels.view(), out, workspace, pool).ok());

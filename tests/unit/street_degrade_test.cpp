@@ -9,7 +9,8 @@
 #include <limits>
 #include <memory>
 
-#include "../../samples/street/street.hpp"
+#include "street/degrade.hpp"
+#include "street/street.hpp"
 #include "npsim/core/executor.hpp"
 
 namespace {

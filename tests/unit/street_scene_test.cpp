@@ -11,7 +11,10 @@
 #include <memory>
 #include <vector>
 
-#include "../../samples/street/street.hpp"
+#include "street/layout.hpp"
+#include "street/plan.hpp"
+#include "street/scene.hpp"
+#include "street/street.hpp"
 #include "npsim/core/executor.hpp"
 
 namespace {

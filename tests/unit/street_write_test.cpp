@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "../../samples/street/street.hpp"
-#include "../../samples/street/write.hpp"
+#include "street/street.hpp"
+#include "street/write.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/io/obj.hpp"
 #include "npsim/io/pfm.hpp"

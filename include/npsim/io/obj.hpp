@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Wavefront OBJ: reads triangles and polygons; obj_writer.hpp writes.
+// Wavefront OBJ: triangles and polygons in; meshes in named groups out, with materials in a file of their own beside
+// it.
 //
 // Coordinates are read as they are, materials and textures are left alone. tinyobjloader reads; its version 2.0rc10 is
 // too lenient to be handed a file as it is: it turns a NaN or a missing coordinate into 0, wraps an index of 2^32 + 1
@@ -13,6 +14,10 @@
 //
 // Cost: linear in the file, cubic in a polygon's corners at worst. Memory while reading: 5 times the file, up to 50
 // times if it holds little more than faces.
+//
+// Written are metres, in the camera frame or with y up, as the first line says. Texture coordinates are taken in the
+// image's convention (origin upper left) and written in OBJ's (lower left). Numbers have the fewest digits that name
+// the float. Cost: linear. Memory: the file's bytes, reserved somewhat too large.
 #ifndef NPSIM_IO_OBJ_HPP
 #define NPSIM_IO_OBJ_HPP
 
@@ -21,6 +26,9 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <limits>
 #include <string>
 #include <string_view>
@@ -29,11 +37,12 @@
 
 #include <tiny_obj_loader.h>
 
+#include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
+#include "npsim/io/atomic_file.hpp"
 #include "npsim/io/detail/file_bytes.hpp"
 #include "npsim/io/detail/limits.hpp"
-#include "npsim/io/detail/obj_writer.hpp"
 #include "npsim/io/error.hpp"
 #include "npsim/io/mesh.hpp"
 
@@ -193,6 +202,183 @@ inline Expected<Mesh> read_obj(const std::string& path, const ReadLimits& limits
     const Outcome sound = detail::expect_mesh(path, mesh.view());
     if (!sound) return sound.error();
     return mesh;
+  });
+}
+
+namespace detail {
+
+// The files that lines with one of the keywords name, next to `path`. A line may name one file with spaces, several
+// files, or options and a file: every reading of it is in the list.
+template <class Keyword>
+std::vector<std::string> files_named_in(const std::string& path, Keyword&& is_keyword) {
+  std::vector<std::string> files;
+  std::error_code code;
+  if (!std::filesystem::is_regular_file(path, code)) return files;
+  std::ifstream file(path, std::ios::binary);
+  for (std::string text; std::getline(file, text);) {
+    while (!text.empty() && (text.back() == '\r' || text.back() == ' ' || text.back() == '\t')) text.pop_back();
+    std::string_view line = text;
+    if (!is_keyword(next_word(line)) || line.empty()) continue;
+    const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+    while (!line.empty()) {
+      line.remove_prefix(line.find_first_not_of(" \t"));
+      files.push_back((folder / std::string(line)).string());
+      files.push_back((folder / std::string(next_word(line))).string());
+    }
+  }
+  return files;
+}
+
+}  // namespace detail
+
+// The material files that an OBJ names and the textures that these name, whether or not they exist; other names among
+// them do no harm. For programs that must not write over what they read.
+inline std::vector<std::string> files_beside_obj(const std::string& path) {
+  std::vector<std::string> files =
+      detail::files_named_in(path, [](std::string_view keyword) { return keyword == "mtllib"; });
+  constexpr std::string_view kTextures[] = {"bump", "decal", "disp", "norm", "refl"};
+  for (std::size_t i = 0, libraries = files.size(); i < libraries; ++i) {
+    const std::vector<std::string> textures = detail::files_named_in(files[i], [&](std::string_view keyword) {
+      return keyword.substr(0, 4) == "map_" ||
+             std::find(std::begin(kTextures), std::end(kTextures), keyword) != std::end(kTextures);
+    });
+    files.insert(files.end(), textures.begin(), textures.end());
+  }
+  return files;
+}
+
+struct ObjMaterial {
+  std::string name;
+  Vec3f colour{1, 1, 1};  // 0..1; multiplies the texture
+  Vec3f emissive;         // 0..1
+  std::string texture;    // file name as the material file shall give it, or none; needs uv
+};
+
+struct ObjGroup {
+  std::string name;
+  std::size_t first_face = 0;
+  std::size_t material = 0;  // number of an ObjMaterial, where there are any
+};
+
+struct ObjOptions {
+  Span<const Vec2f> uv;                // one per vertex or none; (0, 0) is the image's upper left corner
+  Span<const Vec3f> colours;           // one per vertex or none, 0..1
+  std::vector<ObjMaterial> materials;  // without groups the first is that of all faces
+  std::vector<ObjGroup> groups;        // by rising first_face; each lasts to the next
+  MeshFrame frame = MeshFrame::camera;
+};
+
+namespace detail {
+
+inline void append_float(std::string& text, float value) {
+  char digits[32];
+  const std::to_chars_result end = std::to_chars(digits, digits + sizeof digits, value);
+  text += ' ';
+  text.append(digits, end.ptr);
+}
+inline void append_index(std::string& text, std::uint32_t zero_based, bool with_uv) {
+  char digits[16];
+  const std::to_chars_result end = std::to_chars(digits, digits + sizeof digits, std::uint64_t{zero_based} + 1);
+  text += ' ';
+  text.append(digits, end.ptr);
+  if (!with_uv) return;
+  text += '/';
+  text.append(digits, end.ptr);
+}
+
+inline Outcome expect_materials(const std::string& path, const ObjOptions& options) {
+  std::string names;
+  for (const ObjMaterial& m : options.materials) {
+    if (!m.texture.empty() && options.uv.empty()) return Error{path, "texture", "expected texture coordinates with it"};
+    if (m.name.empty() || m.name.find_first_of(" \t") != std::string::npos) {
+      return Error{path, "names", "expected a name without spaces for each material"};
+    }
+    names += m.name + m.texture;
+  }
+  for (const ObjGroup& group : options.groups) {
+    names += group.name;
+    if (group.material >= std::max<std::size_t>(1, options.materials.size())) {
+      return Error{path, group.name, "expected a material that exists"};
+    }
+  }
+  if (names.find_first_of("\n\r") != std::string::npos) {
+    return Error{path, "names", "expected texture, material and group names without line breaks"};
+  }
+  return Done{};
+}
+
+inline std::string material_text(const std::vector<ObjMaterial>& materials) {
+  std::string text;
+  const auto append = [&text](const char* key, const Vec3f& c) {
+    text += key;
+    for (const float value : {c.x, c.y, c.z}) append_float(text, value);
+    text += '\n';
+  };
+  for (const ObjMaterial& m : materials) {
+    text += "newmtl " + m.name + "\n";
+    append("Kd", m.colour);
+    if (m.emissive != Vec3f{}) append("Ke", m.emissive);
+    text += "illum 1\n";
+    if (!m.texture.empty()) text += "map_Kd " + m.texture + "\n";
+  }
+  return text;
+}
+
+}  // namespace detail
+
+// Writes path and, with materials, the material file beside it: the same name with extension mtl.
+inline Outcome write_obj(const std::string& path, const TriangleMeshView& mesh, const ObjOptions& options = {}) {
+  return guarded(path, [&]() -> Outcome {
+    const std::size_t vertices = mesh.vertices.size();
+    for (const Outcome& outcome :
+         {detail::expect_mesh(path, mesh), detail::expect_per_vertex(path, "uv", options.uv.size(), vertices),
+          detail::expect_per_vertex(path, "colours", options.colours.size(), vertices),
+          detail::expect_materials(path, options)}) {
+      if (!outcome) return outcome;
+    }
+    const bool with_uv = !options.uv.empty();
+    const std::filesystem::path material = std::filesystem::path(path).replace_extension(".mtl");
+    std::string text = std::string("# NPSim. ") + detail::frame_name(options.frame) + "\n";
+    text.reserve(vertices * 48 + mesh.faces.size() * (with_uv ? 50 : 28) + 256);
+    if (!options.materials.empty()) text += "mtllib " + material.filename().string() + "\n";
+    for (std::size_t i = 0; i < vertices; ++i) {
+      const Vec3f v = detail::in_frame(mesh.vertices[i], options.frame);
+      text += 'v';
+      for (const float c : {v.x, v.y, v.z}) detail::append_float(text, c);
+      if (!options.colours.empty()) {
+        for (const float c : {options.colours[i].x, options.colours[i].y, options.colours[i].z}) {
+          detail::append_float(text, c);
+        }
+      }
+      text += '\n';
+    }
+    for (const Vec2f& uv : options.uv) {
+      text += "vt";
+      detail::append_float(text, uv.x);
+      detail::append_float(text, 1.0F - uv.y);
+      text += '\n';
+    }
+    const auto use = [&](std::size_t number) {
+      if (!options.materials.empty()) text += "usemtl " + options.materials[number].name + "\n";
+    };
+    if (options.groups.empty() || options.groups[0].first_face > 0) use(0);
+    std::size_t group = 0;
+    for (std::size_t i = 0; i < mesh.faces.size(); ++i) {
+      for (; group < options.groups.size() && options.groups[group].first_face <= i; ++group) {
+        text += "o " + options.groups[group].name + "\n";
+        use(options.groups[group].material);
+      }
+      text += 'f';
+      for (const std::uint32_t v : {mesh.faces[i].a, mesh.faces[i].b, mesh.faces[i].c}) {
+        detail::append_index(text, v, with_uv);
+      }
+      text += '\n';
+    }
+    if (!options.materials.empty()) {
+      const Outcome written = write_file(material.string(), detail::material_text(options.materials));
+      if (!written) return written;
+    }
+    return write_file(path, text);
   });
 }
 

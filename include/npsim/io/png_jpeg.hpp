@@ -191,13 +191,18 @@ inline Expected<Image<Rgb16>> read_rgb16(const std::string& path, const ReadLimi
   });
 }
 
-inline Outcome write_png(const std::string& path, ImageView<const Rgb8> image) {
-  return guarded(path, [&]() -> Outcome {
-    const auto png = detail::encode_png(path, image.shape(), 8, 2, 3, [&](int y, unsigned char* row) {
+// What write_png() writes. An error names `path`.
+inline Expected<Bytes> encode_png(const std::string& path, ImageView<const Rgb8> image) {
+  return guarded(path, [&]() -> Expected<Bytes> {
+    return detail::encode_png(path, image.shape(), 8, 2, 3, [&](int y, unsigned char* row) {
       std::memcpy(row, image.row(y), static_cast<std::size_t>(image.width()) * 3);
     });
-    return png ? write_file(path, png.value().data(), png.value().size()) : Outcome(png.error());
   });
+}
+
+inline Outcome write_png(const std::string& path, ImageView<const Rgb8> image) {
+  const Expected<Bytes> png = encode_png(path, image);
+  return png ? write_file(path, png.value().data(), png.value().size()) : Outcome(png.error());
 }
 
 inline Outcome write_png(const std::string& path, ImageView<const std::uint8_t> image) {

@@ -24,9 +24,9 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/io/detail/file_bytes.hpp"
 #include "npsim/io/detail/limits.hpp"
-#include "npsim/io/detail/scene_data.hpp"
 #include "npsim/io/error.hpp"
 #include "npsim/io/image.hpp"
+#include "npsim/io/scene.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

@@ -1,0 +1,493 @@
+// SPDX-License-Identifier: Apache-2.0
+// How scene.json is read: the planes, each from its entry into a Scene that already has image and camera, then the
+// whole. What io/scene.hpp declares is defined here.
+#ifndef NPSIM_IO_DETAIL_READ_SCENE_HPP
+#define NPSIM_IO_DETAIL_READ_SCENE_HPP
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "npsim/core/span.hpp"
+#include "npsim/depth/normal_convention.hpp"
+#include "npsim/io/detail/camera.hpp"
+#include "npsim/io/detail/depth.hpp"
+#include "npsim/io/detail/json_fields.hpp"
+#include "npsim/io/detail/labels.hpp"
+#include "npsim/io/detail/limits.hpp"
+#include "npsim/io/detail/normals.hpp"
+#include "npsim/io/error.hpp"
+#include "npsim/io/light_annotation.hpp"
+#include "npsim/io/png_jpeg.hpp"
+#include "npsim/io/scene.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+namespace io {
+namespace detail {
+
+[[nodiscard]] inline std::string number_text(const char* format, double value) {
+  char text[64];
+  std::snprintf(text, sizeof(text), format, value);
+  return text;
+}
+
+// The path of the file that an entry names, kept among the scene's files.
+inline Expected<std::string> named_file(const JsonObject& entry, const char* key, Scene& scene) {
+  const Expected<std::string> name = entry.text(key);
+  if (!name) return name;
+  scene.files.push_back({entry.field(key), resolved_path(entry.file(), name.value())});
+  return scene.files.back().path;
+}
+
+inline Outcome read_scene_depth(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
+  const Outcome known = entry.allow_only({"file", "encoding", "scale"});
+  if (!known) return known;
+  const Expected<std::string> path = named_file(entry, "file", scene);
+  if (!path) return path.error();
+  const Expected<std::string> encoding = entry.text("encoding");
+  if (!encoding) return encoding.error();
+  DepthFormat format;
+  format.baseline_m = scene.baseline_m;
+  format.fx_px = static_cast<double>(scene.intrinsics.fx);
+  if (encoding.value() == "uint16") {
+    format.encoding = DepthEncoding::uint16;
+    const Expected<double> scale = entry.number("scale");
+    if (!scale) return scale.error();
+    if (!(scale.value() > 0))
+      return Error{entry.file(), entry.field("scale"), "is not positive, expected metres per unit"};
+    format.scale = scale.value();
+  } else if (encoding.value() == "cityscapes_disparity") {
+    format.encoding = DepthEncoding::cityscapes_disparity;
+    if (!(format.baseline_m > 0)) {
+      return Error{entry.file(), "camera.baseline", "is missing, expected the stereo baseline in metres for disparity"};
+    }
+  } else if (encoding.value() != "metres") {
+    return Error{entry.file(), entry.field("encoding"),
+                 "is '" + encoding.value() + "', expected metres, uint16 or cityscapes_disparity"};
+  }
+  if (format.encoding != DepthEncoding::uint16 && entry.has("scale")) {
+    return Error{entry.file(), entry.field("scale"),
+                 "stands beside encoding " + encoding.value() + ", expected it with uint16 only"};
+  }
+  DepthCounts counts;
+  Expected<Image<float>> depth = read_depth(path.value(), format, limits, &counts);
+  if (!depth) return depth.error();
+  const Outcome same = expect_shape(path.value(), depth.value().shape(), scene.shape(), "the image");
+  if (!same) return same;
+  scene.depth = std::move(depth.value());
+  float nearest = INFINITY;
+  float farthest = 0;
+  for (const float z : scene.depth.view().pixels()) {
+    if (z <= 0) continue;
+    nearest = std::min(nearest, z);
+    farthest = std::max(farthest, z);
+  }
+  const double percent = 100.0 / static_cast<double>(scene.shape().pixels());
+  scene.notes.push_back("depth: " + encoding.value() + ", " +
+                        number_text("%.1f", static_cast<double>(counts.valid) * percent) + " % valid, " +
+                        number_text("%.2f", static_cast<double>(nearest)) + " to " +
+                        number_text("%.2f", static_cast<double>(farthest)) + " m");
+  if (counts.refused > 0) {
+    scene.notes.push_back("depth: " + std::to_string(counts.refused) +
+                          " more values taken as missing (NaN, negative or infinitely far)");
+  }
+  return Done{};
+}
+
+inline Outcome read_scene_labels(const JsonObject& entry, const ReadLimits& limits, Scene& scene,
+                                 LabelEncoding& encoding) {
+  const Outcome known = entry.allow_only({"file", "encoding"});
+  if (!known) return known;
+  const Expected<std::string> path = named_file(entry, "file", scene);
+  if (!path) return path.error();
+  const Expected<std::string> name = entry.text("encoding");
+  if (!name) return name.error();
+  const Expected<LabelEncoding> parsed = label_encoding(entry.file(), entry.field("encoding"), name.value());
+  if (!parsed) return parsed.error();
+  encoding = parsed.value();
+  std::size_t unknown = 0;
+  Expected<Image<Label>> labels = read_labels(path.value(), encoding, limits, &unknown);
+  if (!labels) return labels.error();
+  const Outcome same = expect_shape(path.value(), labels.value().shape(), scene.shape(), "the image");
+  if (!same) return same;
+  if (unknown > 0) {
+    return Error{path.value(), entry.field("encoding"),
+                 std::to_string(unknown) + " pixels hold ids without an entry in " + name.value() +
+                     ", expected ids of the Cityscapes definition, or 255 for none"};
+  }
+  scene.labels = std::move(labels.value());
+  scene.notes.push_back("labels: " + name.value());
+  return Done{};
+}
+
+inline Outcome read_scene_instances(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
+  const Outcome known = entry.allow_only({"file", "encoding"});
+  if (!known) return known;
+  const Expected<std::string> path = named_file(entry, "file", scene);
+  if (!path) return path.error();
+  const Expected<std::string> name = entry.text("encoding");
+  if (!name) return name.error();
+  const Expected<LabelEncoding> encoding = label_encoding(entry.file(), entry.field("encoding"), name.value());
+  if (!encoding) return encoding.error();
+  Expected<Image<std::uint16_t>> instances = read_instances(path.value(), encoding.value(), limits);
+  if (!instances) return instances.error();
+  const Outcome same = expect_shape(path.value(), instances.value().shape(), scene.shape(), "the image");
+  if (!same) return same;
+  scene.instances = std::move(instances.value());
+  scene.notes.push_back("instances: " + name.value());
+  return Done{};
+}
+
+[[nodiscard]] inline std::string convention_text(const NormalConvention& c) {
+  std::string text;
+  const char* const names = "xyz";
+  for (int i = 0; i < 3; ++i) {
+    text += std::string(i > 0 ? ", " : "") + names[i] + " = " + (c.sign[i] < 0 ? "-" : "+") + names[c.axis[i]];
+  }
+  return text + " of the file";
+}
+
+// Unit length, or zero where the vector is too short to have a direction. Returns how many are zero.
+inline std::size_t normalize_all(Image<Vec3f>& normals) {
+  constexpr float kShortest = 0.1F;  // as in detect_normal_convention
+  std::size_t none = 0;
+  for (Vec3f& n : normals.view().pixels()) {
+    const float l = length(n);
+    if (std::isfinite(l) && l > kShortest) {
+      n = n / l;
+    } else {
+      n = Vec3f{};
+      ++none;
+    }
+  }
+  return none;
+}
+
+inline Outcome read_scene_normals(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
+  const Outcome known = entry.allow_only({"file", "convention"});
+  if (!known) return known;
+  const Expected<std::string> path = named_file(entry, "file", scene);
+  if (!path) return path.error();
+  std::string convention = "auto";
+  if (entry.has("convention")) {
+    const Expected<std::string> given = entry.text("convention");
+    if (!given) return given.error();
+    convention = given.value();
+  }
+  if (convention != "auto" && convention != "canonical" && convention != "opengl") {
+    return Error{entry.file(), entry.field("convention"),
+                 "is '" + convention +
+                     "', expected auto, canonical (x right, y down, z forward) or opengl (x right, y up, z back)"};
+  }
+  Expected<Image<Vec3f>> raw = read_raw_normals(path.value(), limits);
+  if (!raw) return raw.error();
+  const Outcome same = expect_shape(path.value(), raw.value().shape(), scene.shape(), "the image");
+  if (!same) return same;
+  scene.normals = std::move(raw.value());
+  float agreement = 0;
+  const NormalConvention detected = detect_normal_convention(
+      std::as_const(scene.normals).view(), std::as_const(scene.depth).view(), scene.intrinsics, agreement);
+  NormalConvention taken = detected;
+  if (convention == "canonical") taken = NormalConvention{};
+  if (convention == "opengl") taken = NormalConvention{{0, 1, 2}, {1, -1, -1}};
+  apply_normal_convention(taken, scene.normals.view());
+  const std::size_t none = normalize_all(scene.normals);
+  if (none == scene.shape().pixels()) {
+    return Error{path.value(), "normals", "none of them has a length, expected unit vectors"};
+  }
+  std::string note = "normals: " + convention_text(taken);
+  note += convention == "auto" ? ", found from depth, agreement " + number_text("%.2f", static_cast<double>(agreement))
+                               : ", as the scene says";
+  if (convention == "auto" && agreement < 0.5F) note += " (low: doubt the file, or name the convention)";
+  if (convention != "auto" && taken != detected) note += " (depth suggests " + convention_text(detected) + ")";
+  scene.notes.push_back(note);
+  if (none > 0) scene.notes.push_back("normals: " + std::to_string(none) + " pixels without one");
+  return Done{};
+}
+
+// Values of a material plane: finite, clamped to 0..1. Returns the number that were clamped.
+inline Outcome check_unit_range(const std::string& path, float* values, std::size_t count, const char* what,
+                                Scene& scene) {
+  std::size_t clamped = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!std::isfinite(values[i]))
+      return Error{path, what, "value " + std::to_string(i) + " is not finite, expected 0 to 1"};
+    const float held = std::min(1.0F, std::max(0.0F, values[i]));
+    clamped += held != values[i] ? 1U : 0U;
+    values[i] = held;
+  }
+  scene.notes.push_back(std::string(what) + ": given" +
+                        (clamped > 0 ? ", " + std::to_string(clamped) + " values clamped to 0..1" : ""));
+  return Done{};
+}
+
+inline Outcome read_scene_albedo(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
+  const Outcome known = entry.allow_only({"file"});
+  if (!known) return known;
+  const Expected<std::string> path = named_file(entry, "file", scene);
+  if (!path) return path.error();
+  Expected<Image<Vec3f>> plane = read_vec3_plane(path.value(), limits);
+  if (!plane) return plane.error();
+  const Outcome same = expect_shape(path.value(), plane.value().shape(), scene.shape(), "the image");
+  if (!same) return same;
+  scene.albedo = std::move(plane.value());
+  return check_unit_range(path.value(), &scene.albedo.data()->x, scene.shape().pixels() * 3, "albedo", scene);
+}
+
+inline Outcome read_scene_roughness(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
+  const Outcome known = entry.allow_only({"file"});
+  if (!known) return known;
+  const Expected<std::string> path = named_file(entry, "file", scene);
+  if (!path) return path.error();
+  Expected<Image<float>> plane = read_float_plane(path.value(), limits);
+  if (!plane) return plane.error();
+  const Outcome same = expect_shape(path.value(), plane.value().shape(), scene.shape(), "the image");
+  if (!same) return same;
+  scene.roughness = std::move(plane.value());
+  return check_unit_range(path.value(), scene.roughness.data(), scene.shape().pixels(), "roughness", scene);
+}
+
+inline Outcome read_scene_lights(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
+  const Outcome known = entry.allow_only({"format", "json", "bitmap"});
+  if (!known) return known;
+  const Expected<std::string> format = entry.text("format");
+  if (!format) return format.error();
+  if (format.value() != "segments_ai" && format.value() != "coco_panoptic") {
+    return Error{entry.file(), entry.field("format"),
+                 "is '" + format.value() + "', expected segments_ai or coco_panoptic"};
+  }
+  const Expected<std::string> json = named_file(entry, "json", scene);
+  if (!json) return json.error();
+  const Expected<std::string> bitmap = named_file(entry, "bitmap", scene);
+  if (!bitmap) return bitmap.error();
+  Expected<LightAnnotation> lights = read_light_annotation(
+      format.value() == "segments_ai" ? LightAnnotationFormat::segments_ai : LightAnnotationFormat::coco_panoptic,
+      json.value(), bitmap.value(), scene.shape(), limits);
+  if (!lights) return lights.error();
+  scene.lights = std::move(lights.value().marks);
+  scene.light_index = std::move(lights.value().index);
+  for (std::string& note : lights.value().notes) scene.notes.push_back(std::move(note));
+  return Done{};
+}
+
+// Runs read(entry) where the scene has the key.
+template <class Read>
+Outcome with_entry(const JsonObject& root, const char* key, Read&& read) {
+  if (!root.has(key)) return Done{};
+  const Expected<JsonObject> entry = root.object(key);
+  if (!entry) return entry.error();
+  return read(entry.value());
+}
+
+inline Outcome read_truth_names(const JsonObject& entry, Scene& scene) {
+  const Outcome known = entry.allow_only({"depth", "background_depth", "normals", "mesh", "emitters"});
+  if (!known) return known;
+  const std::pair<const char*, std::string*> names[] = {{"depth", &scene.truth.depth},
+                                                        {"background_depth", &scene.truth.background_depth},
+                                                        {"normals", &scene.truth.normals},
+                                                        {"mesh", &scene.truth.mesh},
+                                                        {"emitters", &scene.truth.emitters}};
+  for (const auto& [key, path] : names) {
+    if (!entry.has(key)) continue;
+    const Expected<std::string> file = named_file(entry, key, scene);
+    if (!file) return file.error();
+    *path = file.value();
+    std::error_code code;
+    if (!std::filesystem::exists(*path, code)) scene.notes.push_back("truth: " + *path + " does not exist");
+  }
+  return Done{};
+}
+
+inline Expected<Scene> scene_from_json(const JsonObject& root, const ReadLimits& limits) {
+  Outcome known = root.allow_only({"npsim_scene", "name", "generator", "image", "depth", "camera", "labels",
+                                   "instances", "normals", "albedo", "roughness", "lights", "truth"});
+  if (!known) return known.error();
+  Scene scene;
+  scene.file = root.file();
+  scene.files.push_back({"", root.file()});
+  if (root.has("npsim_scene")) {
+    const Expected<std::int64_t> version = root.whole("npsim_scene");
+    if (!version) return version.error();
+    if (version.value() != 1)
+      return Error{root.file(), "npsim_scene", "is " + std::to_string(version.value()) + ", expected 1"};
+  }
+  if (root.has("name")) {
+    const Expected<std::string> name = root.text("name");
+    if (!name) return name.error();
+    scene.name = name.value();
+  } else {
+    std::error_code code;
+    scene.name = std::filesystem::absolute(root.file(), code).parent_path().filename().string();
+  }
+  if (root.has("generator")) {
+    const Expected<std::string> generator = root.text("generator");
+    if (!generator) return generator.error();
+    scene.generator = generator.value();
+  }
+
+  // All required keys first: a missing one is reported before a large image is decoded.
+  const Expected<std::string> image_file = named_file(root, "image", scene);
+  if (!image_file) return image_file.error();
+  const Expected<JsonObject> depth_entry = root.object("depth");
+  if (!depth_entry) return depth_entry.error();
+  const Expected<JsonObject> camera_entry = root.object("camera");
+  if (!camera_entry) return camera_entry.error();
+
+  Expected<Image<Rgb8>> image = read_rgb8(image_file.value(), limits);
+  if (!image) return image.error();
+  scene.image = std::move(image.value());
+  scene.notes.push_back("image: " + size_text(scene.shape()));
+  if (camera_entry.value().has("cityscapes")) {
+    const Expected<std::string> camera_file = named_file(camera_entry.value(), "cityscapes", scene);
+    if (!camera_file) return camera_file.error();
+  }
+  const Expected<Camera> camera = camera_from_json(camera_entry.value(), scene.shape(), limits);
+  if (!camera) return camera.error();
+  scene.intrinsics = camera.value().intrinsics;
+  scene.baseline_m = camera.value().baseline_m;
+  scene.camera_height_m = camera.value().height_m;
+  if (!camera.value().note.empty()) scene.notes.push_back(camera.value().note);
+  const Outcome depth = read_scene_depth(depth_entry.value(), limits, scene);
+  if (!depth) return depth.error();
+  // Stereo is to scale, and better than a height that changes with load and tyres.
+  if (const Expected<std::string> how = depth_entry.value().text("encoding"); how.value() == "cityscapes_disparity") {
+    scene.camera_height_m = 0;
+  } else if (scene.camera_height_m > 0) {
+    scene.notes.push_back("camera: " + number_text("%.2f m", scene.camera_height_m) +
+                          " above the road, by which the depth is put to scale where it agrees with the ground");
+  }
+
+  LabelEncoding encoding = LabelEncoding::cityscapes_label_ids;
+  Outcome read =
+      with_entry(root, "labels", [&](const JsonObject& e) { return read_scene_labels(e, limits, scene, encoding); });
+  if (!read) return read.error();
+  read = with_entry(root, "instances", [&](const JsonObject& e) { return read_scene_instances(e, limits, scene); });
+  if (!read) return read.error();
+  if (!root.has("instances") && encoding == LabelEncoding::cityscapes_instance_ids) {
+    read = with_entry(root, "labels", [&](const JsonObject& e) { return read_scene_instances(e, limits, scene); });
+    if (!read) return read.error();
+  }
+  read = with_entry(root, "normals", [&](const JsonObject& e) { return read_scene_normals(e, limits, scene); });
+  if (!read) return read.error();
+  read = with_entry(root, "albedo", [&](const JsonObject& e) { return read_scene_albedo(e, limits, scene); });
+  if (!read) return read.error();
+  read = with_entry(root, "roughness", [&](const JsonObject& e) { return read_scene_roughness(e, limits, scene); });
+  if (!read) return read.error();
+  read = with_entry(root, "lights", [&](const JsonObject& e) { return read_scene_lights(e, limits, scene); });
+  if (!read) return read.error();
+  read = with_entry(root, "truth", [&](const JsonObject& e) { return read_truth_names(e, scene); });
+  if (!read) return read.error();
+
+  if (!root.has("labels")) scene.notes.push_back("labels: none, all is one class");
+  if (!root.has("normals")) scene.notes.push_back("normals: none, to be computed from depth");
+  if (!root.has("lights")) scene.notes.push_back("lights: none are marked");
+  return scene;
+}
+
+// `out` holds as many numbers as the list has to have.
+inline Outcome read_floats(const JsonObject& object, const char* key, Span<float> out) {
+  const Expected<const Json*> list = object.list(key);
+  if (!list) return list.error();
+  const Json& values = *list.value();
+  if (values.size() != out.size()) {
+    return Error{
+        object.file(), object.field(key),
+        "has " + std::to_string(values.size()) + " entries, expected " + std::to_string(out.size()) + " numbers"};
+  }
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    if (!values[i].is_number()) {
+      return Error{object.file(), object.field(key), "holds something else than numbers, expected numbers"};
+    }
+    out[i] = values[i].get<float>();
+  }
+  return Done{};
+}
+
+inline Expected<TrueEmitter> true_emitter(const JsonObject& entry) {
+  const Expected<std::int64_t> mark = entry.whole("mark");
+  if (!mark) return mark.error();
+  TrueEmitter emitter;
+  emitter.mark = static_cast<std::uint32_t>(mark.value());
+  if (emitter.mark == 0) return emitter;
+  float normal[3];
+  float centre[3];
+  float half[2];
+  for (const auto& [key, out] : {std::pair<const char*, Span<float>>{"centre", {centre, 3}},
+                                 {"normal", {normal, 3}},
+                                 {"half_extents", {half, 2}}}) {
+    if (const Outcome read = read_floats(entry, key, out); !read) return read.error();
+  }
+  emitter.centre_m = {centre[0], centre[1], centre[2]};
+  emitter.normal = normalized(Vec3f{normal[0], normal[1], normal[2]});
+  emitter.half_extents_m = {half[0], half[1]};
+  return emitter;
+}
+
+}  // namespace detail
+
+inline Expected<Scene> read_scene(const std::string& dir_or_json, const ReadLimits& limits) {
+  return guarded(dir_or_json, [&]() -> Expected<Scene> {
+    std::error_code code;
+    const bool folder = std::filesystem::is_directory(dir_or_json, code);
+    const std::string path = folder ? (std::filesystem::path(dir_or_json) / "scene.json").string() : dir_or_json;
+    const Expected<Json> json = read_json(path, limits);
+    if (!json) return json.error();
+    const Expected<JsonObject> root = JsonObject::of(path, "", json.value());
+    if (!root) return root.error();
+    return detail::scene_from_json(root.value(), limits);
+  });
+}
+
+inline Expected<Image<float>> read_truth_depth(const Scene& scene, const ReadLimits& limits) {
+  if (scene.truth.depth.empty()) return Error{scene.file, "truth.depth", "is missing, expected the name of a file"};
+  return read_depth(scene.truth.depth, DepthFormat{}, limits);
+}
+
+inline Expected<Image<float>> read_truth_background_depth(const Scene& scene, const ReadLimits& limits) {
+  if (scene.truth.background_depth.empty()) {
+    return Error{scene.file, "truth.background_depth", "is missing, expected the name of a file"};
+  }
+  return read_depth(scene.truth.background_depth, DepthFormat{}, limits);
+}
+
+inline Expected<Image<Vec3f>> read_truth_normals(const Scene& scene, const ReadLimits& limits) {
+  if (scene.truth.normals.empty()) return Error{scene.file, "truth.normals", "is missing, expected the name of a file"};
+  return read_raw_normals(scene.truth.normals, limits);
+}
+
+inline Expected<std::vector<TrueEmitter>> read_truth_emitters(const Scene& scene, const ReadLimits& limits) {
+  const std::string& path = scene.truth.emitters;
+  if (path.empty()) return Error{scene.file, "truth.emitters", "is missing, expected the name of a file"};
+  return guarded(path, [&]() -> Expected<std::vector<TrueEmitter>> {
+    const Expected<Json> json = read_json(path, limits);
+    if (!json) return json.error();
+    const Expected<JsonObject> root = JsonObject::of(path, "", json.value());
+    if (!root) return root.error();
+    const Expected<const Json*> list = root.value().list("emitters");
+    if (!list) return list.error();
+    std::vector<TrueEmitter> emitters;
+    for (std::size_t i = 0; i < list.value()->size(); ++i) {
+      const Expected<JsonObject> entry =
+          JsonObject::of(path, "emitters[" + std::to_string(i) + "]", (*list.value())[i]);
+      if (!entry) return entry.error();
+      const Expected<TrueEmitter> emitter = detail::true_emitter(entry.value());
+      if (!emitter) return emitter.error();
+      emitters.push_back(emitter.value());
+    }
+    return emitters;
+  });
+}
+
+}  // namespace io
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_IO_DETAIL_READ_SCENE_HPP

@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "npsim/pipeline/night.hpp"
+
+#include "tool/engine.hpp"
+
+namespace npsim::engine {
+
+Status make_nights(const NightParams& params, const SceneView& scene, Workspace& workspace, AnyExecutor executor,
+                   AnyObserver observer, AnySink sink) {
+  return npsim::make_nights(params, scene, workspace, executor, observer, sink);
+}
+
+}  // namespace npsim::engine

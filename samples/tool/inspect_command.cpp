@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inspect_command.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "loading.hpp"
+#include "npsim/core/camera.hpp"
+#include "npsim/labels/cityscapes.hpp"
+#include "npsim/labels/light_classes.hpp"
+#include "options.hpp"
+
+namespace npsim::tool {
+namespace {
+
+void print_depth(const io::Image<float>& depth) {
+  std::vector<float> valid;
+  for (int y = 0; y < depth.height(); ++y) {
+    for (int x = 0; x < depth.width(); ++x) {
+      if (is_valid_depth(depth(x, y))) valid.push_back(depth(x, y));
+    }
+  }
+  const std::size_t total = depth.shape().pixels();
+  const double invalid = 100.0 * static_cast<double>(total - valid.size()) / static_cast<double>(total);
+  if (valid.empty()) {
+    std::printf("depth         no valid sample\n");
+    return;
+  }
+  std::sort(valid.begin(), valid.end());
+  const auto at = [&](double q) {
+    return static_cast<double>(valid[static_cast<std::size_t>(q * static_cast<double>(valid.size() - 1))]);
+  };
+  std::printf("depth         %.2f m to %.2f m, median %.2f m; %.1f %% missing (will be filled)\n", at(0), at(1),
+              at(0.5), invalid);
+}
+
+void print_labels(const io::Image<Label>& labels) {
+  if (labels.empty()) {
+    std::printf("labels        none: all is one class, no object is told from the background\n");
+    return;
+  }
+  std::array<std::size_t, kLabelCount> count{};
+  for (int y = 0; y < labels.height(); ++y) {
+    for (int x = 0; x < labels.width(); ++x) {
+      if (labels(x, y) < kLabelCount) ++count[labels(x, y)];
+    }
+  }
+  std::printf("labels       ");
+  for (std::size_t i = 0; i < count.size(); ++i) {
+    const double share = 100.0 * static_cast<double>(count[i]) / static_cast<double>(labels.shape().pixels());
+    if (share >= 0.05) std::printf(" %s %.1f %%;", kLabels[i].name, share);
+  }
+  std::printf("\n");
+}
+
+void print_lights(const io::Scene& scene) {
+  if (scene.lights.empty()) {
+    std::printf("lights        none marked: only the own headlamps and the sky will give light\n");
+    return;
+  }
+  std::array<int, kLightClassCount> count{};
+  for (const LightMark& mark : scene.lights) ++count[static_cast<std::size_t>(mark.cls)];
+  std::printf("lights       ");
+  for (std::size_t i = 1; i < count.size(); ++i) {
+    if (count[i] > 0) std::printf(" %d %s;", count[i], kLightClasses[i].name);
+  }
+  std::printf("\n");
+}
+
+}  // namespace
+
+int run_inspect(const InspectOptions& options) {
+  const io::Expected<io::Scene> loaded = load_scene(options.scene, "");
+  if (!loaded) return fail(loaded.error());
+  const io::Scene& scene = loaded.value();
+  const auto present = [](bool there, const char* without) { return there ? "present" : without; };
+  std::printf("scene         %s\n", scene.name.c_str());
+  std::printf("image         %d x %d\n", scene.image.width(), scene.image.height());
+  const Intrinsics& k = scene.intrinsics;
+  std::printf("camera        fx %.2f fy %.2f cx %.2f cy %.2f px (pixel centres at +0.5)\n", static_cast<double>(k.fx),
+              static_cast<double>(k.fy), static_cast<double>(k.cx), static_cast<double>(k.cy));
+  print_depth(scene.depth);
+  print_labels(scene.labels);
+  std::printf("instances     %s\n", present(!scene.instances.empty(), "none: connected components stand for objects"));
+  std::printf("normals       %s\n", present(!scene.normals.empty(), "none: computed from depth"));
+  std::printf("albedo        %s\n", present(!scene.albedo.empty(), "none: estimated from the photograph"));
+  std::printf("roughness     %s\n", present(!scene.roughness.empty(), "none: by class"));
+  print_lights(scene);
+  for (const std::string& note : scene.notes) std::printf("note          %s\n", note.c_str());
+  return kExitDone;
+}
+
+}  // namespace npsim::tool

@@ -1,0 +1,277 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "night_command.hpp"
+
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "arena.hpp"
+#include "console.hpp"
+#include "engine.hpp"
+#include "loading.hpp"
+#include "mesh_export.hpp"
+#include "mesh_views.hpp"
+#include "npsim/exec/thread_pool.hpp"
+#include "npsim/io/light_set.hpp"
+#include "npsim/io/pfm.hpp"
+#include "npsim/io/png_jpeg.hpp"
+#include "npsim/pipeline/night.hpp"
+#include "options.hpp"
+#include "outputs.hpp"
+#include "pictures.hpp"
+
+namespace npsim::tool {
+namespace {
+
+// Vertices that some face has; the others are only points of light.
+[[nodiscard]] std::size_t vertices_of_faces(const TriangleMeshView& mesh) {
+  std::vector<bool> used(mesh.vertices.size());
+  for (const Face& f : mesh.faces) used[f.a] = used[f.b] = used[f.c] = true;
+  return static_cast<std::size_t>(std::count(used.begin(), used.end(), true));
+}
+
+// The files of one night.
+[[nodiscard]] std::array<std::string, 3> night_files(const std::string& folder, int variant) {
+  std::array<char, 32> stem{};
+  std::snprintf(stem.data(), stem.size(), "/night_%03d", variant);
+  const std::string base = folder + stem.data();
+  return {base + ".png", base + ".pfm", base + ".json"};
+}
+
+// Everything that a run may write.
+[[nodiscard]] std::vector<std::string> night_outputs(const NightOptions& options) {
+  std::vector<std::string> files;
+  for (const char* name : {"depth.png", "depth.pfm", "uncertain.png", "normals.png", "overview.png", "report.json"}) {
+    files.push_back(options.output + "/" + name);
+  }
+  for (const char* name : kMeshFiles) files.push_back(options.output + "/" + name);
+  for (int v = 0; v < options.variants; ++v) {
+    for (const std::string& file : night_files(options.output, v)) files.push_back(file);
+  }
+  return files;
+}
+
+// Receives what the pipeline makes and writes it; remembers the first file that could not be written.
+class NightWriter {
+ public:
+  NightWriter(const NightOptions& options, const io::Scene& scene, Console& console, ThreadPool& pool)
+      : options_(options), scene_(scene), console_(console), pool_(pool) {}
+
+  Status reconstructed(const RefinedDepth& refined, const SceneMesh& mesh, const Relighting& light) {
+    return written(console_.timed("write depth and mesh", [&]() -> io::Outcome {
+      panels_.push_back({"day", scene_.image});
+      panels_.push_back({"depth, as given", depth_picture(scene_.depth.view())});
+      panels_.push_back({"depth, refined", depth_picture(refined.depth)});
+      panels_.push_back({"uncertain", mask_picture(scene_.image.view(), refined.uncertain)});
+      panels_.push_back({"normals", normal_picture(refined.normals)});
+      const Status drawn = mesh_panels(scene_.image, mesh, refined.depth, scene_.intrinsics, pool_, panels_);
+      if (!drawn.ok()) return io::Error{options_.scene, "views of the mesh", drawn.message()};
+      counts_ = {vertices_of_faces(mesh.mesh), mesh.mesh.vertices.size(), mesh.mesh.faces.size(), mesh.background_faces,
+                 light.emitters.size()};
+      ground_ = refined.ground;
+      if (auto o = io::write_png(path("depth.png"), panels_[2].picture.view()); !o) return o;
+      if (auto o = io::write_pfm(path("depth.pfm"), refined.depth); !o) return o;
+      if (auto o = io::write_png(path("uncertain.png"), refined.uncertain); !o) return o;
+      if (auto o = io::write_png(path("normals.png"), panels_[4].picture.view()); !o) return o;
+      return export_mesh(options_.output, scene_, mesh, light, {options_.texture == "albedo"});
+    }));
+  }
+
+  Status night(const Night& night) {
+    return written(console_.timed("write night", [&]() -> io::Outcome {
+      const auto [png, pfm, json] = night_files(options_.output, night.variant);
+      io::Image<Rgb8> picture(night.picture.shape());
+      for (int y = 0; y < picture.height(); ++y) {
+        std::copy_n(night.picture.row(y), picture.width(), picture.view().row(y));
+      }
+      if (auto o = io::write_png(png, night.picture); !o) return o;
+      if (auto o = io::write_pfm(pfm, night.luminance); !o) return o;
+      // The contact sheet shows at most six nights; the files hold all.
+      if (night.variant < 6) panels_.push_back({"night " + std::to_string(night.variant), std::move(picture)});
+      return io::write_file(json, describe(night).dump(2) + "\n");
+    }));
+  }
+
+  [[nodiscard]] io::Outcome finish(const NightParams& params, const Workspace& workspace, unsigned threads) {
+    if (auto o = console_.timed("contact sheet",
+                                [&] { return io::write_png(path("overview.png"), contact_sheet(panels_).view()); });
+        !o) {
+      return o;
+    }
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    nlohmann::ordered_json stages = nlohmann::ordered_json::array();
+    double total = 0;
+    for (const StageTime& t : console_.times()) {
+      stages.push_back({{"stage", t.name}, {"seconds", t.seconds}, {"calls", t.calls}});
+      total += t.seconds;
+    }
+    const nlohmann::ordered_json report = {
+        {"npsim", NPSIM_VERSION_STRING},
+        {"scene", scene_.name},
+        {"settings",
+         {{"scene", options_.scene},
+          {"lights", options_.light_set},
+          {"preset", options_.preset},
+          {"seed", options_.seed},
+          {"variants", options_.variants},
+          {"threads", threads},
+          {"width", scene_.image.width()},
+          {"height", scene_.image.height()},
+          {"gather_rays", params.relight.gather.rays},
+          {"bounces", params.relight.bounces}}},
+        {"seconds", total},
+        {"stages", std::move(stages)},
+        {"peak_memory_bytes", static_cast<std::uint64_t>(usage.ru_maxrss) * 1024},
+        {"workspace_peak_bytes", workspace.peak()},
+        {"mesh",
+         {{"vertices", counts_.vertices},
+          {"points_of_light", counts_.points},
+          {"triangles", counts_.faces},
+          {"background_triangles", counts_.background_faces},
+          {"foreground_triangles", counts_.faces - counts_.background_faces}}},
+        {"ground", {{"camera_height_m", ground_.camera_height_m}, {"up", {ground_.up.x, ground_.up.y, ground_.up.z}}}},
+        {"emitters", counts_.emitters},
+        {"notes", scene_.notes}};
+    return io::write_file(path("report.json"), report.dump(2) + "\n");
+  }
+
+  [[nodiscard]] const io::Error* error() const { return error_.problem.empty() ? nullptr : &error_; }
+
+ private:
+  struct Counts {
+    std::size_t vertices = 0, points = 0, faces = 0, background_faces = 0, emitters = 0;
+  };
+
+  [[nodiscard]] std::string path(const std::string& name) const { return options_.output + "/" + name; }
+
+  Status written(const io::Outcome& outcome) {
+    if (outcome.ok()) return {};
+    error_ = outcome.error();
+    return Status(StatusCode::cancelled, "an output could not be written");
+  }
+
+  [[nodiscard]] nlohmann::ordered_json describe(const Night& night) const {
+    nlohmann::ordered_json sources = nlohmann::ordered_json::array();
+    for (std::size_t e = 0; e < night.emitters.size(); ++e) {
+      const Emitter& emitter = night.emitters[e];
+      const Activation& a = night.activations[e];
+      nlohmann::ordered_json entry;
+      if (emitter.mark == 0) {
+        entry["source"] = "own headlamp";
+      } else {
+        const LightMark& mark = scene_.lights[emitter.mark - 1U];
+        entry["id"] = mark.id;
+        entry["class"] = info(mark.cls).name;
+        if (mark.group != 0) entry["group"] = scene_.lights[mark.group - 1U].id;
+      }
+      entry["lit"] = a.lit;
+      entry["probability"] = a.probability;
+      if (a.lit) {
+        entry["strength"] = a.strength;
+        entry["xy"] = {a.xy.x, a.xy.y};
+        entry["peak_intensity_cd"] = luminance(a.intensity_cd);
+        entry["luminance_cd_m2"] = luminance(a.luminance_cd_m2);
+        entry["position_m"] = {emitter.centre_m.x, emitter.centre_m.y, emitter.centre_m.z};
+      }
+      sources.push_back(std::move(entry));
+    }
+    return {{"seed", options_.seed},
+            {"variant", night.variant},
+            {"exposure",
+             {{"iso", night.exposure.iso}, {"f_number", night.exposure.f_number}, {"time_s", night.exposure.time_s}}},
+            {"sources", std::move(sources)}};
+  }
+
+  const NightOptions& options_;
+  const io::Scene& scene_;
+  Console& console_;
+  ThreadPool& pool_;
+  std::vector<Panel> panels_;
+  Counts counts_;
+  GroundPlane ground_;
+  io::Error error_;
+};
+
+// Nights that an earlier run with more variants left behind: they do not belong to the report beside them.
+void remove_older_nights(const std::string& folder, int variants, const InputFiles& inputs) {
+  for (int v = variants;; ++v) {
+    bool any = false;
+    for (const std::string& file : night_files(folder, v)) {
+      std::error_code ignored;
+      if (!std::filesystem::exists(file, ignored)) continue;
+      any = true;
+      if (inputs.read_as(file).empty()) std::filesystem::remove(file, ignored);
+    }
+    if (!any) return;
+  }
+}
+
+}  // namespace
+
+int run_night(const NightOptions& options) {
+  Console console(options.quiet);
+  io::Expected<io::Scene> loaded = console.timed("read scene", [&] { return load_scene(options.scene, options.size); });
+  if (!loaded) return fail(loaded.error());
+  const io::Scene& scene = loaded.value();
+  for (const std::string& note : scene.notes) {
+    if (!options.quiet) std::fprintf(stderr, "  note: %s\n", note.c_str());
+  }
+  NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
+  params.seed = options.seed;
+  params.photograph = photograph_key(scene.image.view());
+  params.variants = options.variants;
+  if (options.mesh_error >= 0.0F) {
+    params.mesh.simplify_faces = options.mesh_error > 0.0F;
+    params.mesh.simplify.max_relative_depth_error = options.mesh_error;
+  }
+  std::vector<LightSetEntry> light_set;
+  if (!options.light_set.empty()) {
+    io::Expected<std::vector<LightSetEntry>> read = io::read_light_set(options.light_set);
+    if (!read) return fail(read.error());
+    light_set = std::move(read.value());
+    params.relight.activation.light_set = Span<const LightSetEntry>(light_set.data(), light_set.size());
+  }
+  InputFiles inputs(scene);
+  if (!options.light_set.empty()) inputs.add(options.light_set, "--lights");
+  if (const io::Outcome apart = inputs.expect_none_of(night_outputs(options)); !apart) return fail(apart.error());
+  if (const io::Outcome made = make_folder(options.output); !made) return fail(made.error());
+
+  const SceneView view = scene.view();
+  const Arena arena(night_workspace_bytes(params, view.shape(), view.lights.size()));
+  if (arena.bytes() == 0) {
+    std::fprintf(stderr,
+                 "npsim: %s: %.1f GB of address space are needed at this size and could not be reserved; try --size\n",
+                 options.scene.c_str(),
+                 static_cast<double>(night_workspace_bytes(params, view.shape(), view.lights.size())) / 1e9);
+    return kExitFailed;
+  }
+  Workspace workspace(arena.data(), arena.bytes());
+  const unsigned threads = thread_count(options.threads);
+  ThreadPool pool(threads);
+  NightWriter writer(options, scene, console, pool);
+  const Status status = engine::make_nights(params, view, workspace, pool, console, writer);
+  if (writer.error() != nullptr) return fail(*writer.error());
+  if (status.code() == StatusCode::no_valid_input) {
+    return fail(io::Error{scene.file, "depth",
+                          "has no usable sample on any surface: expected depth of 1e-3 m to 1e5 m "
+                          "on pixels that are not labelled as sky"});
+  }
+  if (!status.ok()) return fail(options.scene, status);
+  if (const io::Outcome finished = writer.finish(params, workspace, threads); !finished) return fail(finished.error());
+  remove_older_nights(options.output, options.variants, inputs);
+  std::printf("%s\n", (options.output + "/overview.png").c_str());
+  return kExitDone;
+}
+
+}  // namespace npsim::tool

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the tests of the npsim program share: running it, a small street, and the look of a refusal.
+#ifndef NPSIM_TESTS_UNIT_TOOL_FIXTURE_HPP
+#define NPSIM_TESTS_UNIT_TOOL_FIXTURE_HPP
+
+#include <doctest/doctest.h>
+
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstddef>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+#include <nlohmann/json.hpp>
+
+namespace tool_test {
+
+namespace fs = std::filesystem;
+
+struct Run {
+  int status = -1;
+  std::string output;  // both streams
+};
+
+inline Run run_tool(const std::string& arguments) {
+  Run run;
+  const std::string command = std::string("'") + NPSIM_TOOL + "' " + arguments + " 2>&1";
+  std::FILE* pipe = popen(command.c_str(), "r");
+  REQUIRE(pipe != nullptr);
+  std::array<char, 4096> buffer{};
+  for (std::size_t n = 0; (n = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0;) run.output.append(buffer.data(), n);
+  const int status = pclose(pipe);
+  run.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  return run;
+}
+
+inline std::string bytes_of(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+inline nlohmann::json json_of(const fs::path& path) { return nlohmann::json::parse(bytes_of(path)); }
+
+// A small street that all cases share, and a folder for what they write; both go at the end.
+struct Fixture {
+  fs::path root = fs::temp_directory_path() / ("npsim_tool_test_" + std::to_string(getpid()));
+  std::string street = (root / "street").string();
+
+  Fixture() {
+    const Run made = run_tool("street '" + street + "' --seed 1 --size 320x180 --quiet");
+    REQUIRE_MESSAGE(made.status == 0, made.output);
+  }
+  ~Fixture() { fs::remove_all(root); }
+  [[nodiscard]] std::string out(const std::string& name) const { return (root / name).string(); }
+  // A copy of the street's folder in which one file is then spoilt.
+  [[nodiscard]] std::string copy(const std::string& name) const {
+    fs::copy(street, root / name, fs::copy_options::recursive);
+    return out(name);
+  }
+};
+
+inline Fixture& fixture() {
+  static Fixture shared;
+  return shared;
+}
+
+inline std::size_t line_count(const std::string& text) {
+  std::size_t lines = 0;
+  for (const char c : text) lines += c == '\n' ? 1U : 0U;
+  return lines;
+}
+
+inline bool has_files(const fs::path& folder) {
+  if (!fs::exists(folder)) return false;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    if (entry.is_regular_file()) return true;
+  }
+  return false;
+}
+
+// Refused as input: status 2, one line that names what it is about, and no file written.
+inline void check_refused(const Run& run, const std::string& mentions, const std::string& output = "") {
+  CHECK_MESSAGE(run.status == 2, run.output);
+  CHECK_MESSAGE(line_count(run.output) == 1, run.output);
+  CHECK_MESSAGE(run.output.find(mentions) != std::string::npos, run.output);
+  if (!output.empty()) CHECK(!has_files(output));
+}
+
+}  // namespace tool_test
+
+#endif  // NPSIM_TESTS_UNIT_TOOL_FIXTURE_HPP
