@@ -6,10 +6,10 @@
 #include <cmath>
 #include <cstdint>
 
-#include "arena.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
+#include "npsim/io/memory.hpp"
 #include "npsim/mesh/check.hpp"
 #include "npsim/mesh/complete_background.hpp"
 #include "npsim/mesh/complete_foreground.hpp"
@@ -73,14 +73,14 @@ Status measure_mesh_steps(const ReconstructParams& params, const SceneView& scen
   const SheetLayer background{vertices.view(), quads.view()};  // the sheet at first: it is completed in place
   const SheetLayer foreground{front_vertices.view(), front_quads.view()};
   const std::size_t layer_bytes = shape.pixels() * sizeof(Vec3f) + quad_shape(shape).pixels();
-  const Arena arena(
+  const std::size_t bytes =
       std::max({complete_background_workspace_bytes(params.background, shape),
                 complete_foreground_workspace_bytes(params.foreground, shape), index_layer_workspace_bytes(shape),
-                simplify_layer_workspace_bytes(params.simplify, shape), check_foreground_workspace_bytes(shape)}));
-  if (arena.bytes() == 0) return {StatusCode::workspace_exhausted, "not enough memory to measure the mesh"};
+                simplify_layer_workspace_bytes(params.simplify, shape), check_foreground_workspace_bytes(shape)});
+  io::HostMemory memory(bytes);
   const auto timed = [&](const char* name, std::size_t output_bytes, const auto& step) -> Status {
     using Clock = std::chrono::steady_clock;
-    Workspace workspace(arena.data(), arena.bytes());
+    Workspace workspace = memory.workspace(bytes);
     const Clock::time_point begin = Clock::now();
     NPSIM_RETURN_IF_ERROR(step(workspace));
     const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
@@ -107,7 +107,7 @@ Status measure_mesh_steps(const ReconstructParams& params, const SceneView& scen
                                    foreground, object.view(), workspace, pool);
       }));
   {
-    Workspace workspace(arena.data(), arena.bytes());
+    Workspace workspace = memory.workspace(bytes);
     NPSIM_RETURN_IF_ERROR(check_background(background, state.view(), out.background));
     NPSIM_RETURN_IF_ERROR(check_foreground(foreground, object.view(), workspace, out.foreground));
   }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "night_change.hpp"
 
-#include "arena.hpp"
+#include "npsim/io/memory.hpp"
 #include "engine.hpp"
 #include "kept_night.hpp"
 
@@ -14,9 +14,8 @@ Status night_change(NightParams params, const SceneView& scene, AnyExecutor exec
   std::array<KeptNight, 2> nights;
   for (std::size_t i = 0; i < nights.size(); ++i) {
     params.mesh.simplify_faces = i == 1;
-    const Arena arena(night_workspace_bytes(params, scene.shape(), scene.lights.size()));
-    if (arena.bytes() == 0) return {StatusCode::workspace_exhausted, "not enough memory for a night at this size"};
-    Workspace workspace(arena.data(), arena.bytes());
+    io::HostMemory memory(night_workspace_bytes(params, scene.shape(), scene.lights.size()));
+    Workspace workspace = memory.workspace();
     NPSIM_RETURN_IF_ERROR(engine::make_nights(params, scene, workspace, executor, observer, nights[i]));
     out.faces[i] = nights[i].faces;
   }

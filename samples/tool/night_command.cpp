@@ -15,7 +15,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "arena.hpp"
 #include "console.hpp"
 #include "engine.hpp"
 #include "loading.hpp"
@@ -23,6 +22,7 @@
 #include "mesh_views.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/light_set.hpp"
+#include "npsim/io/memory.hpp"
 #include "npsim/io/pfm.hpp"
 #include "npsim/io/png_jpeg.hpp"
 #include "npsim/pipeline/night.hpp"
@@ -102,7 +102,8 @@ class NightWriter {
     }));
   }
 
-  [[nodiscard]] io::Outcome finish(const NightParams& params, const Workspace& workspace, unsigned threads) {
+  [[nodiscard]] io::Outcome finish(const NightParams& params, const io::HostMemory& memory, const Workspace& workspace,
+                                   unsigned threads) {
     if (auto o = console_.timed("contact sheet",
                                 [&] { return io::write_png(path("overview.png"), contact_sheet(panels_).view()); });
         !o) {
@@ -133,6 +134,7 @@ class NightWriter {
         {"seconds", total},
         {"stages", std::move(stages)},
         {"peak_memory_bytes", static_cast<std::uint64_t>(usage.ru_maxrss) * 1024},
+        {"workspace_bytes", memory.usable()},
         {"workspace_peak_bytes", workspace.peak()},
         {"mesh",
          {{"vertices", counts_.vertices},
@@ -248,15 +250,8 @@ int run_night(const NightOptions& options) {
   if (const io::Outcome made = make_folder(options.output); !made) return fail(made.error());
 
   const SceneView view = scene.view();
-  const Arena arena(night_workspace_bytes(params, view.shape(), view.lights.size()));
-  if (arena.bytes() == 0) {
-    std::fprintf(stderr,
-                 "npsim: %s: %.1f GB of address space are needed at this size and could not be reserved; try --size\n",
-                 options.scene.c_str(),
-                 static_cast<double>(night_workspace_bytes(params, view.shape(), view.lights.size())) / 1e9);
-    return kExitFailed;
-  }
-  Workspace workspace(arena.data(), arena.bytes());
+  io::HostMemory memory(night_workspace_bytes(params, view.shape(), view.lights.size()));
+  Workspace workspace = memory.workspace();
   const unsigned threads = thread_count(options.threads);
   ThreadPool pool(threads);
   NightWriter writer(options, scene, console, pool);
@@ -267,8 +262,15 @@ int run_night(const NightOptions& options) {
                           "has no usable sample on any surface: expected depth of 1e-3 m to 1e5 m "
                           "on pixels that are not labelled as sky"});
   }
+  if (status.code() == StatusCode::workspace_exhausted) {
+    std::fprintf(stderr, "npsim: %s: more memory is needed at this size than the system gives; try --size\n",
+                 options.scene.c_str());
+    return kExitFailed;
+  }
   if (!status.ok()) return fail(options.scene, status);
-  if (const io::Outcome finished = writer.finish(params, workspace, threads); !finished) return fail(finished.error());
+  if (const io::Outcome finished = writer.finish(params, memory, workspace, threads); !finished) {
+    return fail(finished.error());
+  }
   remove_older_nights(options.output, options.variants, inputs);
   std::printf("%s\n", (options.output + "/overview.png").c_str());
   return kExitDone;

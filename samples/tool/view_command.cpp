@@ -9,12 +9,12 @@
 #include <string>
 #include <vector>
 
-#include "arena.hpp"
 #include "console.hpp"
 #include "engine.hpp"
 #include "loading.hpp"
 #include "mesh_views.hpp"
 #include "npsim/exec/thread_pool.hpp"
+#include "npsim/io/memory.hpp"
 #include "npsim/io/obj.hpp"
 #include "npsim/io/png_jpeg.hpp"
 #include "npsim/mesh/check.hpp"
@@ -27,8 +27,9 @@ namespace {
 
 // One line of figures. Of the boundary loops of open sheets one each is the outline; the others are holes.
 void print_mesh(const char* name, const TriangleMeshView& mesh) {
-  const Arena arena(check_mesh_workspace_bytes(mesh.vertices.size(), mesh.faces.size()));
-  Workspace workspace(arena.data(), arena.bytes());
+  const std::size_t bytes = check_mesh_workspace_bytes(mesh.vertices.size(), mesh.faces.size());
+  io::HostMemory memory(bytes);
+  Workspace workspace = memory.workspace(bytes);
   MeshReport report;
   const Status checked = check_mesh(mesh, workspace, report);
   if (!checked.ok()) {
@@ -108,6 +109,7 @@ int view_file(const ViewOptions& options) {
 [[nodiscard]] Status open_sheet(const ReconstructParams& params, const SceneView& scene, const RefinedDepth& refined,
                                 bool pruned, Workspace& workspace, AnyExecutor executor, TriangleMeshView& mesh,
                                 Span<const std::uint32_t>& pixels) {
+  NPSIM_RETURN_IF_ERROR(workspace.ensure(reconstruct_workspace_bytes(params, scene.shape())));
   SheetLayer sheet;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), sheet.vertices));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(quad_shape(scene.shape()), sheet.quads));
@@ -146,13 +148,9 @@ int run_view(const ViewOptions& options) {
   const NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
   const SceneView scene = loaded.value().view();
   if (const Status valid = validate(scene); !valid.ok()) return fail(options.scene, valid);
-  const Arena arena(refine_depth_workspace_bytes(params.depth, scene.shape()) +
-                    reconstruct_workspace_bytes(params.mesh, scene.shape()));
-  if (arena.bytes() == 0) {
-    std::fprintf(stderr, "npsim: %s: not enough memory at this size; try --size\n", options.scene.c_str());
-    return kExitFailed;
-  }
-  Workspace workspace(arena.data(), arena.bytes());
+  io::HostMemory memory(refine_depth_workspace_bytes(params.depth, scene.shape()) +
+                        reconstruct_workspace_bytes(params.mesh, scene.shape()));
+  Workspace workspace = memory.workspace();
   ThreadPool pool(thread_count(options.threads));
 
   RefinedDepth refined;

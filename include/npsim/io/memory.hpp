@@ -44,8 +44,11 @@ class HostMemory {
 
   [[nodiscard]] bool ok() const noexcept { return start_ != nullptr; }
   [[nodiscard]] std::size_t usable() const noexcept { return usable_; }
-  // One at a time; it may not outlive the memory.
-  [[nodiscard]] Workspace workspace() noexcept { return Workspace(start_, usable_, {this, &HostMemory::grow}); }
+  // One at a time; it may not outlive the memory. at_once: for kernels that do not ask, of the most.
+  [[nodiscard]] Workspace workspace(std::size_t at_once = 0) noexcept {
+    if (at_once > usable_) grow(this, at_once);
+    return Workspace(start_, usable_, {this, &HostMemory::grow});
+  }
 
  private:
   static std::size_t grow(void* owner, std::size_t bytes) noexcept {

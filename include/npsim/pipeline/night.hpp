@@ -120,10 +120,8 @@ Status make_nights(const NightParams& params, const SceneView& scene, Workspace&
   const WorkspaceScope scope(workspace);
   const Shape shape = scene.shape();
   const std::uint64_t key = random_key(params);
-  NPSIM_RETURN_IF_ERROR(workspace.ensure(refine_depth_workspace_bytes(params.depth, shape)));
   RefinedDepth refined;
   NPSIM_RETURN_IF_ERROR(refine_depth(params.depth, scene, workspace, executor, observer, refined));
-  NPSIM_RETURN_IF_ERROR(workspace.ensure(layers_workspace_bytes(params.mesh, shape)));
   SceneLayers layers;
   NPSIM_RETURN_IF_ERROR(build_layers(params.mesh, scene, refined, workspace, executor, observer, layers));
   SceneMesh mesh;

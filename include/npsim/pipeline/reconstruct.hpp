@@ -237,6 +237,7 @@ template <class Executor, class Observer>
 Status build_layers(const ReconstructParams& params, const SceneView& scene, const RefinedDepth& refined,
                     Workspace& workspace, Executor& executor, Observer& observer, SceneLayers& out) {
   const Shape shape = scene.shape();
+  NPSIM_RETURN_IF_ERROR(workspace.ensure(layers_workspace_bytes(params, shape)));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.object));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.background_state));
   for (SheetLayer* layer : {&out.background, &out.foreground}) {

@@ -349,6 +349,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
     if (shows_depth) observer.depth(stage, out.depth);
     return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while refining depth") : Status();
   };
+  NPSIM_RETURN_IF_ERROR(workspace.ensure(refine_depth_workspace_bytes(params, scene.shape())));
   NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(scene, workspace, out));
   const bool labelled = !scene.labels.empty();
   const ObjectMap objects{scene.labels, labelled ? scene.instances : ImageView<const std::uint16_t>()};
