@@ -70,7 +70,7 @@ int main(int argc, char** argv) {
     NightParams params = default_night_params();
     params.mesh.traced = bound < 0.0F ? TracedFaces::layers : TracedFaces::mesh;
     params.mesh.simplify_faces = bound > 0.0F;
-    params.mesh.simplify.max_relative_depth_error = bound;
+    params.mesh.simplify.max_relative_depth_error = std::max(bound, 0.0F);
     if (bound > 0.02F) params.mesh.simplify.max_texture_shift = 0.0F;
     Clock clock;
     KeptNight night;
