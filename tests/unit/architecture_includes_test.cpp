@@ -142,7 +142,7 @@ std::map<std::string, std::set<std::string>> allowed_includes() {
       {"exec", {"core"}},
       // A reader fills the light-source set, and the whole in one call needs the pipeline and threads.
       {"io", {"core", "labels", "geometry", "depth", "light", "pipeline", "exec"}},
-      {"interop", {"core", "geometry", "render"}},
+      {"interop", {"core", "render"}},
       {"pipeline", kCoreAreas},
       {"", kCoreAreas},  // npsim.hpp
   };

@@ -26,7 +26,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/render/view_pose.hpp"
+#include "npsim/render/preview.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
