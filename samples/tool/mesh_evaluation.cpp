@@ -7,7 +7,6 @@
 #include "engine.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/mesh/index.hpp"
-#include "npsim/pipeline/detail/lamp_faces.hpp"
 
 namespace npsim::tool {
 namespace {

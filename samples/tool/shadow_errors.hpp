@@ -4,7 +4,7 @@
 // Pairs of a visible point (on a regular grid of pixels) and a lamp that faces each other in the true scene. The ray
 // starts at the pixel's point of the mesh in question, pulled out along the true normal as the renderer does, and ends
 // `lamp_clearance_m` and the lamp's own extent before the lamp: whether lamps are placed right is another question.
-// Faces that are part of the lamp (pipeline/detail/lamp_faces.hpp) do not block it.
+// Faces that are part of the lamp (pipeline/relight.hpp) do not block it.
 // A leak is a pair that is dark in the true scene because of a surface which the camera sees, and lit by the mesh:
 // light came through an edge, or a surface, that is closed.
 #ifndef NPSIM_SAMPLES_TOOL_SHADOW_ERRORS_HPP

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // How scene.json is read: the planes, each from its entry into a Scene that already has image and camera, then the
 // whole. What io/scene.hpp declares is defined here.
+// Included by scene.hpp, whose Scene it fills, and by nobody else.
 #ifndef NPSIM_IO_DETAIL_READ_SCENE_HPP
 #define NPSIM_IO_DETAIL_READ_SCENE_HPP
 
@@ -26,7 +27,6 @@
 #include "npsim/io/error.hpp"
 #include "npsim/io/light_annotation.hpp"
 #include "npsim/io/png_jpeg.hpp"
-#include "npsim/io/scene.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
