@@ -49,7 +49,7 @@ namespace native {
 using DoubleBatch = xsimd::batch<double, Arch>;
 
 #if defined(NPSIM_SIMD_AVX512)
-// With a mask of all lanes for the reason given in native_ops.hpp.
+// With a mask of all lanes for the reason given in detail/native.hpp.
 inline DoubleBatch fused(const DoubleBatch& a, const DoubleBatch& b, const DoubleBatch& c) noexcept {
   return _mm512_fmadd_pd(a, b, c);
 }

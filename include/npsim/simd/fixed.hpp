@@ -197,7 +197,7 @@ struct Fixed<8> {
 
 #if defined(NPSIM_SIMD_AVX512)
 
-// The masked forms for the reason in native_ops.hpp.
+// The masked forms for the reason in detail/native.hpp.
 template <>
 struct Fixed<16> {
   using Half = Fixed<8>;
