@@ -26,6 +26,7 @@
 #include <cstdint>
 
 #include "npsim/core/bits.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/trace/detail/sheet/layout.hpp"
 #include "npsim/trace/detail/sheet/ray.hpp"

@@ -33,10 +33,8 @@
 #include <cstdint>
 #include <limits>
 
-#include "npsim/core/bits.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/simd/batch.hpp"
-#include "npsim/simd/math.hpp"
 #include "npsim/trace/detail/sheet/layout.hpp"
 #include "npsim/trace/detail/triangle.hpp"
 #include "npsim/trace/ray.hpp"
