@@ -11,9 +11,16 @@
 #include <memory>
 #include <vector>
 
+#include "npsim/core/camera.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/geometry/sheet_layer.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
+#include "npsim/simd/batch.hpp"
 #include "npsim/trace/detail/triangle.hpp"
+#include "npsim/trace/ray.hpp"
 #include "npsim/trace/sheet.hpp"
 #include "unit/fixture.hpp"
 

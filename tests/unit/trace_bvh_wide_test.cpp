@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <ctime>
 #include <limits>
-#include <vector>
 
 #include "npsim/trace/bvh.hpp"
 #include "reference/triangle_scan.hpp"

@@ -2,7 +2,6 @@
 // The sheet's structure where its size, its layers or its vertices come to their limits.
 #include <doctest/doctest.h>
 
-#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <vector>

@@ -393,8 +393,8 @@ TEST_CASE("trace packet: a beam keeps every node and tile that one of its rays n
     SheetRays lanes;
     npsim::sheet_detail::make_sheet_rays<Native>(bounds, rays, kPacketRays, lanes);
     if (lanes.projected == 0) continue;
-    npsim::sheet_detail::Beam beam;
-    npsim::sheet_detail::Beam beam_of_one;
+    npsim::sheet_detail::Beam beam{};
+    npsim::sheet_detail::Beam beam_of_one{};
     const std::uint32_t alike = npsim::sheet_detail::make_beam<Native>(lanes, lanes.projected, bounds, beam);
     differ += npsim::sheet_detail::make_beam<Scalar>(lanes, lanes.projected, bounds, beam_of_one) == alike ? 0 : 1;
     if (alike == 0) continue;

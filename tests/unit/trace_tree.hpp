@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "fixture.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/trace/bvh.hpp"
 #include "reference/triangle_scan.hpp"
 

@@ -14,9 +14,11 @@
 // Invariants: the same mesh gives the same tree on every machine, and an answer is that of testing every usable face in
 // turn, bit for bit (detail/triangle.hpp has the test and its error). Of several faces at the same t the lowest is
 // reported, so the answer depends neither on the order of traversal nor on the shape of the tree.
+//
 // Never hit: faces with a vertex that is not finite or beyond 2^60 m, and faces without area (the cross product of two
 // edges, in double, is exactly zero).
-// Cost: building .2 us a face at a million faces; rays see docs/rays.md. Memory: about 55 bytes a face, 7.7 KB of stack
+//
+// Cost: building .2 us a face at a million faces; rays: docs/rays.md. Memory: about 55 bytes a face, 7.7 KB of stack
 // a ray.
 #ifndef NPSIM_TRACE_BVH_HPP
 #define NPSIM_TRACE_BVH_HPP
@@ -45,7 +47,7 @@ inline namespace NPSIM_ABI {
 }
 
 // `out` points into the workspace and stays good as long as those bytes do; the mesh is not needed any more. A mesh
-// without a usable face gives a tree that nothing hits. 2^29 faces, a workspace that is too small, or a face that names
+// without a usable face gives a tree that nothing hits. 2^29 faces or more, a workspace that is too small, or a face that names
 // a vertex that is not there give a Status.
 template <unsigned W, unsigned P>
 [[nodiscard]] Status build_bvh(TriangleMeshView mesh, Workspace& workspace, WideBvh<W, P>& out) noexcept {

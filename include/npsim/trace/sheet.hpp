@@ -17,13 +17,18 @@
 // Invariants: a hit is decided by the watertight test of detail/triangle.hpp on the vertices as they are, whose edges
 // neighbours share: no ray slips between two faces, and a hit has the bits that the general tree (bvh.hpp) gives for
 // the same face where both have the same bounds. Of equal t the lowest face is reported. Answers do not depend on the
-// order or the number of rays in a call, on threads or on the number of lanes. Errors: those of the triangle test.
-// Everything before it only leaves faces out, with the rounding of every step allowed for (detail/sheet/ray.hpp). One
-// exception: where a vertex lies thousands of times as far as others, a face with a corner 300 times as far as the hit
-// may be missed. Never hit: faces with a vertex that is missing (depth 0), not finite, beyond 2^60 m or nearer than
-// 2^-40 m. Vertices may lie off their pixels' rays; the farthest of them makes every test that much more generous,
-// which costs speed and nothing else. Cost: building 2 to 4 ns a pixel in one pass; a ray .1 to 1 us (docs/rays.md).
-// Memory: 2.02 bytes a triangle of a full layer; 10 to 22 KiB of stack.
+// order or the number of rays in a call, on threads or on the number of lanes.
+//
+// Errors: those of the triangle test. Everything before it only leaves faces out, with the rounding of every step
+// allowed for (detail/sheet/ray.hpp). One exception: where a vertex lies thousands of times as far as others, a face
+// with a corner 300 times as far as the hit may be missed.
+//
+// Never hit: faces with a vertex that is missing (depth 0), not finite, beyond 2^60 m or nearer than 2^-40 m. Vertices
+// may lie off their pixels' rays; the farthest of them makes every test that much more generous, which costs speed and
+// nothing else.
+//
+// Cost: building 2 to 4 ns a pixel in one pass; a ray .1 to 1 us (docs/rays.md). Memory: 2.02 bytes a triangle of a
+// full layer; 10 to 22 KiB of stack.
 #ifndef NPSIM_TRACE_SHEET_HPP
 #define NPSIM_TRACE_SHEET_HPP
 
@@ -33,6 +38,7 @@
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"

@@ -46,7 +46,6 @@
 
 #include "npsim/core/bits.hpp"
 #include "npsim/core/config.hpp"
-#include "npsim/core/vec.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/fixed.hpp"
 #include "npsim/trace/ray.hpp"

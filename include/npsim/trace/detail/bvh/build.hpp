@@ -14,10 +14,11 @@
 // packs. Packs are at least half full on average: sets carry a budget of packs, 2 ceil(n / P) for all, and divide it in
 // proportion. Boxes are eight floats, low x, y, z, -, -high x, y, z, -, so that one min grows both ends; centroids c
 // are kept as low + high, twice the middle, in boxes of (c, -c). No operation rounds differently between instruction
-// sets, so the same mesh gives the same tree on every machine. Cost: O(n log n), about .2 us per face at a million; a
-// set takes two passes, one that bins all three axes and one that moves the left side to the front in place. Memory: at
-// most wide_bvh_workspace_bytes(); on ordinary meshes about 55 bytes a face and, while building, 32 of scratch and what
-// was set aside for a poor filling.
+// sets, so the same mesh gives the same tree on every machine.
+//
+// Cost: O(n log n), about .2 us per face at a million; a set takes two passes, one that bins all three axes and one
+// that moves the left side to the front in place. Memory: at most wide_bvh_workspace_bytes(); on ordinary meshes about
+// 55 bytes a face and, while building, 32 of scratch and what was set aside for a poor filling.
 #ifndef NPSIM_TRACE_DETAIL_BVH_BUILD_HPP
 #define NPSIM_TRACE_DETAIL_BVH_BUILD_HPP
 

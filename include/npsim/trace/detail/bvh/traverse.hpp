@@ -12,7 +12,6 @@
 #define NPSIM_TRACE_DETAIL_BVH_TRAVERSE_HPP
 
 #include <cmath>
-#include <cstddef>
 #include <cstdint>
 #include <cstring>
 

@@ -26,6 +26,7 @@
 #include <cstdint>
 
 #include "npsim/core/bits.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/trace/detail/sheet/layout.hpp"
 #include "npsim/trace/detail/sheet/ray.hpp"
@@ -72,135 +73,181 @@ template <class F>
   return -least_of(-x);
 }
 
-// The beam of the first of these rays and of those that run alike, which are returned; 0: it runs alike with none.
+// The fields of rays along the beam: on the axis m that it follows, and on the other one, n.
+struct BeamAxes {
+  bool along_v;
+  const float *m, *dm, *im;
+  const float *n, *dn;
+  NPSIM_ALWAYS_INLINE BeamAxes(const SheetRays& rays, int leader) noexcept
+      : along_v(std::fabs(rays.dv[leader]) >= std::fabs(rays.du[leader])),
+        m(along_v ? rays.v : rays.u),
+        dm(along_v ? rays.dv : rays.du),
+        im(along_v ? rays.iv : rays.iu),
+        n(along_v ? rays.u : rays.v),
+        dn(along_v ? rays.du : rays.dv) {}
+};
+
+// The rays of `rest` whose ends lie near the leader's: from where to where they reach on m, and their greatest pads.
+struct RaysAlike {
+  std::uint32_t rays;
+  float least_m, most_m;
+  float pad_px, pad_w;
+};
 template <class F>
-[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t make_beam(const SheetRays& rays, std::uint32_t rest,
-                                                          const SheetBounds& bounds, Beam& beam) noexcept {
-  const int leader = lowest_set_bit(rest);
-  const bool along_v = std::fabs(rays.dv[leader]) >= std::fabs(rays.du[leader]);
-  const float* m = along_v ? rays.v : rays.u;
-  const float* dm = along_v ? rays.dv : rays.du;
-  const float* im = along_v ? rays.iv : rays.iu;
-  const float* n = along_v ? rays.u : rays.v;
-  const float* dn = along_v ? rays.du : rays.dv;
+[[nodiscard]] NPSIM_ALWAYS_INLINE RaysAlike rays_alike(const SheetRays& rays, const BeamAxes& a, int leader,
+                                                       std::uint32_t rest) noexcept {
   const F width(kBeamWidth);
   const F never(kNever);
   std::uint32_t alike = 0;
   F least = never;
   F most = -never;
-  F pad(0.0F);
-  F pad_1(0.0F);
+  F pad_px(0.0F);
+  F pad_w(0.0F);
   for (int k = 0; k < kPacketRays; k += F::lanes) {
-    const F from_m = F::load(m + k);
-    const F from_n = F::load(n + k);
-    const F to_m = from_m + F::load(dm + k);
-    const F to_n = from_n + F::load(dn + k);
-    const auto near = F::MaskType::from_bits(rest >> static_cast<unsigned>(k)) & (abs(from_m - F(m[leader])) <= width) &
-                      (abs(from_n - F(n[leader])) <= width) & (abs(to_m - F(m[leader] + dm[leader])) <= width) &
-                      (abs(to_n - F(n[leader] + dn[leader])) <= width);
+    const F from_m = F::load(a.m + k);
+    const F from_n = F::load(a.n + k);
+    const F to_m = from_m + F::load(a.dm + k);
+    const F to_n = from_n + F::load(a.dn + k);
+    const auto near = F::MaskType::from_bits(rest >> static_cast<unsigned>(k)) &
+                      (abs(from_m - F(a.m[leader])) <= width) & (abs(from_n - F(a.n[leader])) <= width) &
+                      (abs(to_m - F(a.m[leader] + a.dm[leader])) <= width) &
+                      (abs(to_n - F(a.n[leader] + a.dn[leader])) <= width);
     alike |= bits(near) << static_cast<unsigned>(k);
     least = min(select(near, min(from_m, to_m), never), least);
     most = max(select(near, max(from_m, to_m), -never), most);
-    pad = max(select(near, F::load(rays.pad_px + k), F(0.0F)), pad);
-    pad_1 = max(select(near, F::load(rays.pad_w + k), F(0.0F)), pad_1);
+    pad_px = max(select(near, F::load(rays.pad_px + k), F(0.0F)), pad_px);
+    pad_w = max(select(near, F::load(rays.pad_w + k), F(0.0F)), pad_w);
   }
-  const auto side = static_cast<float>(std::max(bounds.image.width, bounds.image.height));
-  const float pad_px = greatest_of(pad) + kBeamPad * side;
-  const float pad_w = greatest_of(pad_1) + kBeamPad * bounds.max_inverse_depth;
-  float least_m = least_of(least);
-  float most_m = greatest_of(most);
-  const float ease = pad_px + 0x1p-14F * (most_m - least_m);
-  least_m -= ease;
-  most_m += ease;
+  return {alike, least_of(least), greatest_of(most), greatest_of(pad_px), greatest_of(pad_w)};
+}
+
+// Where the rays are when they are extended to both ends of the beam.
+struct BeamEnds {
+  alignas(64) float n[2][kPacketRays];
+  alignas(64) float w[2][kPacketRays];
+  float low_n[2], high_n[2];
+  float low_w[2], high_w[2];
+};
+
+// Those of the rays that may be extended, which are returned; without the leader `out` is left unfinished.
+template <class F>
+[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t extend_rays(const SheetRays& rays, const BeamAxes& a, int leader,
+                                                            const RaysAlike& alike, BeamEnds& out) noexcept {
+  const F never(kNever);
   F low_n[2] = {never, never};
   F high_n[2] = {-never, -never};
   F low_w[2] = {never, never};
   F high_w[2] = {-never, -never};
   std::uint32_t kept = 0;
-  alignas(64) float at_n[2][kPacketRays];
-  alignas(64) float at_w[2][kPacketRays];
   for (int k = 0; k < kPacketRays; k += F::lanes) {
-    const F from_m = F::load(m + k);
-    const F from_n = F::load(n + k);
-    const F to_n = F::load(dn + k);
-    const F inverse = F::load(im + k);
-    const F first = (F(least_m) - from_m) * inverse;
-    const F last = (F(most_m) - from_m) * inverse;
-    const auto good = F::MaskType::from_bits(alike >> static_cast<unsigned>(k)) &
-                      (abs(to_n) <= F(4.0F) * abs(F::load(dm + k))) & (min(first, last) >= F(-1.0F)) &
+    const F from_m = F::load(a.m + k);
+    const F from_n = F::load(a.n + k);
+    const F to_n = F::load(a.dn + k);
+    const F inverse = F::load(a.im + k);
+    const F first = (F(alike.least_m) - from_m) * inverse;
+    const F last = (F(alike.most_m) - from_m) * inverse;
+    const auto good = F::MaskType::from_bits(alike.rays >> static_cast<unsigned>(k)) &
+                      (abs(to_n) <= F(4.0F) * abs(F::load(a.dm + k))) & (min(first, last) >= F(-1.0F)) &
                       (max(first, last) <= F(2.0F));
     kept |= bits(good) << static_cast<unsigned>(k);
     for (int e = 0; e < 2; ++e) {
       const F s = e == 0 ? first : last;
       const F at = fma(s, to_n, from_n);
       const F w = fma(s, F::load(rays.dw + k), F::load(rays.w + k));
-      at.store(at_n[e] + k);
-      w.store(at_w[e] + k);
+      at.store(out.n[e] + k);
+      w.store(out.w[e] + k);
       low_n[e] = min(select(good, at, never), low_n[e]);
       high_n[e] = max(select(good, at, -never), high_n[e]);
       low_w[e] = min(select(good, w, never), low_w[e]);
       high_w[e] = max(select(good, w, -never), high_w[e]);
     }
   }
-  if ((kept >> static_cast<unsigned>(leader) & 1U) == 0) return 0;
-  const float length = most_m - least_m;  // > 0
-  beam.along_v = along_v;
-  beam.near_i = 1.0F / length;
-  beam.near_m = -(least_m + pad_px) * beam.near_i;
-  beam.far_m = -(least_m - pad_px) * beam.near_i;
-  const float raise = 0x1p-22F * side;
-  const auto line = [&](int which, float from, float to) {
-    const float slope = to - from;
-    const float raised = std::fabs(slope) >= raise ? slope : std::copysign(raise, slope);
-    beam.i[which] = 1.0F / raised;
-    beam.c[which] = -from * beam.i[which];
-    // The lower line is below the far side before it crosses upwards, or after it crosses downwards.
-    const bool is_leave = (which == 0) == (raised > 0);
-    beam.enter[which] = is_leave ? -kNever : kNever;
-    beam.leave[which] = is_leave ? -kNever : kNever;
-  };
-  const float n_low[2] = {least_of(low_n[0]) - 2.0F * pad_px, least_of(low_n[1]) - 2.0F * pad_px};
-  const float n_high[2] = {greatest_of(high_n[0]) + 2.0F * pad_px, greatest_of(high_n[1]) + 2.0F * pad_px};
-  line(0, n_low[0], n_low[1]);
-  line(1, n_high[0], n_high[1]);
-  const float w_low[2] = {least_of(low_w[0]), least_of(low_w[1])};
-  const float w_high[2] = {greatest_of(high_w[0]), greatest_of(high_w[1])};
-  beam.low_w = w_low[0] - pad_w;
-  beam.low_dw = w_low[1] - w_low[0];
-  beam.high_w = w_high[0] + pad_w;
-  beam.high_dw = w_high[1] - w_high[0];
-  beam.end_m[0] = least_m;
-  beam.end_m[1] = most_m;
-  beam.pad_px = pad_px;
-  beam.pad_w = pad_w;
-  const int last_ray = highest_set_bit(kept);
+  if ((kept >> static_cast<unsigned>(leader) & 1U) == 0) return kept;
   for (int e = 0; e < 2; ++e) {
-    // The slope of w over n, from the first ray to the last one, unless it is steeper than all w together.
-    const float from_n = at_n[e][leader];
-    const float slope = (at_w[e][last_ray] - at_w[e][leader]) / (at_n[e][last_ray] - from_n);
-    const bool fits = std::fabs(slope) * (n_high[e] - n_low[e]) <= 2.0F * bounds.max_inverse_depth;
-    const F fitted(fits ? slope : 0.0F);
-    F low = never;
-    F high = -never;
-    for (int k = 0; k < kPacketRays; k += F::lanes) {
-      const auto good = F::MaskType::from_bits(kept >> static_cast<unsigned>(k));
-      const F rest_w = F::load(at_w[e] + k) - fitted * (F::load(at_n[e] + k) - F(from_n));
-      low = min(select(good, rest_w, never), low);
-      high = max(select(good, rest_w, -never), high);
-    }
-    const float lowest = least_of(low);
-    beam.end_low_n[e] = n_low[e];
-    beam.end_high_n[e] = n_high[e];
-    beam.low_w_at_low_n[e] = lowest + (fits ? slope * (n_low[e] - from_n) : 0.0F);
-    beam.low_w_at_high_n[e] = lowest + (fits ? slope * (n_high[e] - from_n) : 0.0F);
-    beam.thickness[e] = greatest_of(high) - lowest;
+    out.low_n[e] = least_of(low_n[e]) - 2.0F * alike.pad_px;
+    out.high_n[e] = greatest_of(high_n[e]) + 2.0F * alike.pad_px;
+    out.low_w[e] = least_of(low_w[e]);
+    out.high_w[e] = greatest_of(high_w[e]);
   }
-  const float least_n = std::min(n_low[0], n_low[1]);
-  const float most_n = std::max(n_high[0], n_high[1]);
-  beam.least_u = along_v ? least_n : least_m;
-  beam.most_u = along_v ? most_n : most_m;
-  beam.least_v = along_v ? least_m : least_n;
-  beam.most_v = along_v ? most_m : most_n;
+  return kept;
+}
+
+// The lower (0) or upper (1) line of n, from its place at one end to that at the other. `raise`: the least slope.
+NPSIM_ALWAYS_INLINE void set_line(int which, const float (&ends)[2], float raise, Beam& beam) noexcept {
+  const float slope = ends[1] - ends[0];
+  const float raised = std::fabs(slope) >= raise ? slope : std::copysign(raise, slope);
+  beam.i[which] = 1.0F / raised;
+  beam.c[which] = -ends[0] * beam.i[which];
+  // The lower line is below the far side before it crosses upwards, or after it crosses downwards.
+  const bool is_leave = (which == 0) == (raised > 0);
+  beam.enter[which] = is_leave ? -kNever : kNever;
+  beam.leave[which] = is_leave ? -kNever : kNever;
+}
+
+// The parallelogram of n and w at end e, slanted as w changes from the first ray to the last one, unless that is
+// steeper than all w together.
+template <class F>
+NPSIM_ALWAYS_INLINE void set_section(const BeamEnds& ends, int e, std::uint32_t kept, int leader,
+                                     float max_inverse_depth, Beam& beam) noexcept {
+  const int last_ray = highest_set_bit(kept);
+  const float from_n = ends.n[e][leader];
+  const float slope = (ends.w[e][last_ray] - ends.w[e][leader]) / (ends.n[e][last_ray] - from_n);
+  const bool fits = std::fabs(slope) * (ends.high_n[e] - ends.low_n[e]) <= 2.0F * max_inverse_depth;
+  const F fitted(fits ? slope : 0.0F);
+  const F never(kNever);
+  F low = never;
+  F high = -never;
+  for (int k = 0; k < kPacketRays; k += F::lanes) {
+    const auto good = F::MaskType::from_bits(kept >> static_cast<unsigned>(k));
+    const F rest_w = F::load(ends.w[e] + k) - fitted * (F::load(ends.n[e] + k) - F(from_n));
+    low = min(select(good, rest_w, never), low);
+    high = max(select(good, rest_w, -never), high);
+  }
+  const float lowest = least_of(low);
+  beam.end_low_n[e] = ends.low_n[e];
+  beam.end_high_n[e] = ends.high_n[e];
+  beam.low_w_at_low_n[e] = lowest + (fits ? slope * (ends.low_n[e] - from_n) : 0.0F);
+  beam.low_w_at_high_n[e] = lowest + (fits ? slope * (ends.high_n[e] - from_n) : 0.0F);
+  beam.thickness[e] = greatest_of(high) - lowest;
+}
+
+// The beam of the first of these rays and of those that run alike, which are returned; 0: it runs alike with none.
+template <class F>
+[[nodiscard]] NPSIM_ALWAYS_INLINE std::uint32_t make_beam(const SheetRays& rays, std::uint32_t rest,
+                                                          const SheetBounds& bounds, Beam& beam) noexcept {
+  const int leader = lowest_set_bit(rest);
+  const BeamAxes axes(rays, leader);
+  RaysAlike alike = rays_alike<F>(rays, axes, leader, rest);
+  const auto side = static_cast<float>(std::max(bounds.image.width, bounds.image.height));
+  alike.pad_px += kBeamPad * side;
+  alike.pad_w += kBeamPad * bounds.max_inverse_depth;
+  const float ease = alike.pad_px + 0x1p-14F * (alike.most_m - alike.least_m);
+  alike.least_m -= ease;
+  alike.most_m += ease;
+  BeamEnds ends;
+  const std::uint32_t kept = extend_rays<F>(rays, axes, leader, alike, ends);
+  if ((kept >> static_cast<unsigned>(leader) & 1U) == 0) return 0;
+  beam.along_v = axes.along_v;
+  beam.near_i = 1.0F / (alike.most_m - alike.least_m);  // of more than 0
+  beam.near_m = -(alike.least_m + alike.pad_px) * beam.near_i;
+  beam.far_m = -(alike.least_m - alike.pad_px) * beam.near_i;
+  set_line(0, ends.low_n, 0x1p-22F * side, beam);
+  set_line(1, ends.high_n, 0x1p-22F * side, beam);
+  beam.low_w = ends.low_w[0] - alike.pad_w;
+  beam.low_dw = ends.low_w[1] - ends.low_w[0];
+  beam.high_w = ends.high_w[0] + alike.pad_w;
+  beam.high_dw = ends.high_w[1] - ends.high_w[0];
+  beam.end_m[0] = alike.least_m;
+  beam.end_m[1] = alike.most_m;
+  beam.pad_px = alike.pad_px;
+  beam.pad_w = alike.pad_w;
+  for (int e = 0; e < 2; ++e) set_section<F>(ends, e, kept, leader, bounds.max_inverse_depth, beam);
+  const float least_n = std::min(ends.low_n[0], ends.low_n[1]);
+  const float most_n = std::max(ends.high_n[0], ends.high_n[1]);
+  beam.least_u = axes.along_v ? least_n : alike.least_m;
+  beam.most_u = axes.along_v ? most_n : alike.most_m;
+  beam.least_v = axes.along_v ? alike.least_m : least_n;
+  beam.most_v = axes.along_v ? alike.most_m : most_n;
   return kept;
 }
 

@@ -5,18 +5,23 @@
 // Inverse depths. A vertex that is missing, not finite, beyond kTraceMaxCoordinate or nearer than kSheetMinDepth has
 // inverse depth 0: its faces are left out. Vertices may lie off their pixels' rays: the largest distance is found, and
 // every test of a ray is that much more generous, which costs speed and nothing else.
+//
 // Faces. One is there where its quad says so and its three vertices are there: all 32 of a tile at once, one bit each.
 // Numbers of 16 bits stand for quads, in raster order, numbers of 25 for vertices: bit 5 j + i.
+//
 // Slabs. The slopes of a tile's plane are the mean differences of neighbouring vertices with weights 2 3 3 2 (the
 // least-squares plane where no vertex is missing), its slab is the narrowest about it; roads and facades are planes in
 // inverse depth as well, so their slabs are thin. Vertices that no face has count nowhere.
 //
 // Invariant: the same bytes for any executor, any number of lanes (which are tiles; no fused operation is used) and any
 // order of bytes. No sorting, no index buffer.
+//
 // Error: an inverse depth is 1 / depth rounded once. With e = 2^-20 (w + 4 |gx| + 4 |gy|), w the greatest of the tile,
 // a vertex lies in its slab to within e, and where the relief says to within kSheetReliefError steps and e: q is a
 // quotient of rounded differences, below 255 (1 + 4 x 2^-24), rounded to the nearest; slabs thinner than 2^-100 have
-// the relief 0. Cost: one pass over the layer, 2 to 4 ns a pixel. Memory: 14 KiB of stack beside the workspace.
+// the relief 0.
+//
+// Cost: one pass over the layer, 2 to 4 ns a pixel. Memory: 14 KiB of stack beside the workspace.
 #ifndef NPSIM_TRACE_DETAIL_SHEET_BUILD_HPP
 #define NPSIM_TRACE_DETAIL_SHEET_BUILD_HPP
 
@@ -32,7 +37,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
-#include "npsim/core/workspace.hpp"
+#include "npsim/core/vec.hpp"
 #include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/fixed.hpp"

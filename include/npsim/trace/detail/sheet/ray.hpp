@@ -33,10 +33,8 @@
 #include <cstdint>
 #include <limits>
 
-#include "npsim/core/bits.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/simd/batch.hpp"
-#include "npsim/simd/math.hpp"
 #include "npsim/trace/detail/sheet/layout.hpp"
 #include "npsim/trace/detail/triangle.hpp"
 #include "npsim/trace/ray.hpp"
@@ -108,19 +106,9 @@ struct HitError {
   return {ordinary ? pad : 0.0, ordinary ? 0.0 : 0x1p-13 * size};
 }
 
-// False when the ray cannot hit anything within the bounds.
-[[nodiscard]] inline bool make_sheet_ray(const SheetBounds& bounds, const Ray& ray, SheetRay& out) noexcept {
-  if (!(bounds.max_inverse_depth > 0) || !make_ray_frame(ray, bounds.low, bounds.high, out.frame)) return false;
-  const double o[3] = {static_cast<double>(ray.origin.x), static_cast<double>(ray.origin.y),
-                       static_cast<double>(ray.origin.z)};
-  const double d[3] = {static_cast<double>(ray.direction.x), static_cast<double>(ray.direction.y),
-                       static_cast<double>(ray.direction.z)};
-  const double size = std::max(std::fabs(d[0]), std::max(std::fabs(d[1]), std::fabs(d[2])));
-  const auto pad = static_cast<double>(out.frame.pad);
-  const HitError error = hit_error(bounds, pad, size);
-  out.pad_t = 64.0 * pad / size;
-  double t0 = std::max(static_cast<double>(out.frame.t_min) - out.pad_t, 0.0);
-  double t1 = static_cast<double>(out.frame.t_max) + out.pad_t;
+// The part of a ray within the bounds, t from first to last; false when it is empty.
+[[nodiscard]] NPSIM_ALWAYS_INLINE bool clip_ray(const SheetBounds& bounds, const double (&o)[3], const double (&d)[3],
+                                                const HitError& error, double& first, double& last) noexcept {
   double at[8];
   double slope[8];
   double cut[8];
@@ -132,34 +120,16 @@ struct HitError {
   }
   bool outside = false;
   for (int i = 0; i < 6; ++i) {
-    t0 = slope[i] > 0 && cut[i] > t0 ? cut[i] : t0;
-    t1 = slope[i] < 0 && cut[i] < t1 ? cut[i] : t1;
+    first = slope[i] > 0 && cut[i] > first ? cut[i] : first;
+    last = slope[i] < 0 && cut[i] < last ? cut[i] : last;
     outside = outside || (slope[i] == 0 && at[i] < 0);
   }
-  if (outside) return false;
-  if (!(t0 <= t1)) return false;
-  out.z = o[2];
-  out.dz = d[2];
-  out.t_first = t0;
-  out.t_last = t1;
-  out.s_max = kPastEnd;
-  const double z0 = o[2] + t0 * d[2];
-  const double z1 = o[2] + t1 * d[2];
-  const double w0 = 1.0 / z0;
-  const double w1 = 1.0 / z1;
-  const double rho =
-      std::max((error.constant + error.slope * t0) * w0, (error.constant + error.slope * t1) * w1) * (1 + 0x1p-40);
-  out.everything = !(z0 > 0 && z1 > 0 && rho < 0.125 && t1 < static_cast<double>(kTraceMaxCoordinate) * 0x1p100);
-  if (out.everything) return true;
-  out.s_scale = t1 > t0 ? z1 / (t1 - t0) : 0.0;
-  const double fx = static_cast<double>(bounds.camera.fx);
-  const double fy = static_cast<double>(bounds.camera.fy);
-  const double cx = static_cast<double>(bounds.camera.cx) - 0.5;
-  const double cy = static_cast<double>(bounds.camera.cy) - 0.5;
-  const double u0 = fx * (o[0] + t0 * d[0]) * w0 + cx;
-  const double v0 = fy * (o[1] + t0 * d[1]) * w0 + cy;
-  const double u1 = fx * (o[0] + t1 * d[0]) * w1 + cx;
-  const double v1 = fy * (o[1] + t1 * d[1]) * w1 + cy;
+  return !outside && first <= last;
+}
+
+// What a ray has of its projection, from the ends of its clipped part in the image. rho: see above.
+NPSIM_ALWAYS_INLINE void finish_ray(const SheetBounds& bounds, double u0, double v0, double w0, double u1, double v1,
+                                    double w1, double rho, SheetRay& out) noexcept {
   const float least = 0x1p-22F * static_cast<float>(std::max(bounds.image.width, bounds.image.height));
   const auto raised = [least](double x) {
     const auto f = static_cast<float>(x);
@@ -186,6 +156,42 @@ struct HitError {
   out.near_v = -out.v * out.iv - pad_v;
   out.far_v = -out.v * out.iv + pad_v;
   out.pad_w = 1.25F * (off * static_cast<float>(std::max(w0, w1)) + 0x1p-19F * bounds.max_inverse_depth);
+}
+
+// False when the ray cannot hit anything within the bounds.
+[[nodiscard]] inline bool make_sheet_ray(const SheetBounds& bounds, const Ray& ray, SheetRay& out) noexcept {
+  if (!(bounds.max_inverse_depth > 0) || !make_ray_frame(ray, bounds.low, bounds.high, out.frame)) return false;
+  const double o[3] = {static_cast<double>(ray.origin.x), static_cast<double>(ray.origin.y),
+                       static_cast<double>(ray.origin.z)};
+  const double d[3] = {static_cast<double>(ray.direction.x), static_cast<double>(ray.direction.y),
+                       static_cast<double>(ray.direction.z)};
+  const double size = std::max(std::fabs(d[0]), std::max(std::fabs(d[1]), std::fabs(d[2])));
+  const auto pad = static_cast<double>(out.frame.pad);
+  const HitError error = hit_error(bounds, pad, size);
+  out.pad_t = 64.0 * pad / size;
+  double t0 = std::max(static_cast<double>(out.frame.t_min) - out.pad_t, 0.0);
+  double t1 = static_cast<double>(out.frame.t_max) + out.pad_t;
+  if (!clip_ray(bounds, o, d, error, t0, t1)) return false;
+  out.z = o[2];
+  out.dz = d[2];
+  out.t_first = t0;
+  out.t_last = t1;
+  out.s_max = kPastEnd;
+  const double z0 = o[2] + t0 * d[2];
+  const double z1 = o[2] + t1 * d[2];
+  const double w0 = 1.0 / z0;
+  const double w1 = 1.0 / z1;
+  const double rho =
+      std::max((error.constant + error.slope * t0) * w0, (error.constant + error.slope * t1) * w1) * (1 + 0x1p-40);
+  out.everything = !(z0 > 0 && z1 > 0 && rho < 0.125 && t1 < static_cast<double>(kTraceMaxCoordinate) * 0x1p100);
+  if (out.everything) return true;
+  out.s_scale = t1 > t0 ? z1 / (t1 - t0) : 0.0;
+  const auto fx = static_cast<double>(bounds.camera.fx);
+  const auto fy = static_cast<double>(bounds.camera.fy);
+  const double cx = static_cast<double>(bounds.camera.cx) - 0.5;
+  const double cy = static_cast<double>(bounds.camera.cy) - 0.5;
+  finish_ray(bounds, fx * (o[0] + t0 * d[0]) * w0 + cx, fy * (o[1] + t0 * d[1]) * w0 + cy, w0,
+             fx * (o[0] + t1 * d[0]) * w1 + cx, fy * (o[1] + t1 * d[1]) * w1 + cy, w1, rho, out);
   return true;
 }
 

@@ -21,14 +21,15 @@
 #define NPSIM_TRACE_DETAIL_SHEET_WALK_HPP
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
 #include "npsim/core/bits.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/span.hpp"
+#include "npsim/core/vec.hpp"
 #include "npsim/geometry/sheet_layer.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/fixed.hpp"
 #include "npsim/trace/detail/sheet/layout.hpp"
