@@ -10,11 +10,9 @@
 #ifndef NPSIM_LIGHT_LIGHT_SET_HPP
 #define NPSIM_LIGHT_LIGHT_SET_HPP
 
-#include <cstddef>
 
 #include "npsim/color/chromaticity.hpp"
 #include "npsim/core/config.hpp"
-#include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/labels/light_classes.hpp"
 #include "npsim/light/emitter.hpp"

@@ -44,10 +44,10 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/mesh/detail/components.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
-#include "npsim/mesh/sheet.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

@@ -43,13 +43,13 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/mesh/detail/background/anchors.hpp"
 #include "npsim/mesh/detail/layer.hpp"
 #include "npsim/mesh/detail/street/background.hpp"
 #include "npsim/mesh/detail/street/floor.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
-#include "npsim/mesh/sheet.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

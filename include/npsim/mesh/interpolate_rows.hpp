@@ -17,7 +17,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/mesh/sheet.hpp"
+#include "npsim/mesh/detail/layer.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

@@ -27,17 +27,16 @@
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
-#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/mesh/detail/simplify/bound.hpp"
 #include "npsim/mesh/detail/simplify/thin.hpp"
 #include "npsim/mesh/index.hpp"
-#include "npsim/mesh/sheet.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

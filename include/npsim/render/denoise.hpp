@@ -9,9 +9,7 @@
 #ifndef NPSIM_RENDER_DENOISE_HPP
 #define NPSIM_RENDER_DENOISE_HPP
 
-#include <cmath>
 #include <cstddef>
-#include <cstdint>
 
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"

@@ -9,7 +9,6 @@
 #define NPSIM_MATERIAL_DETAIL_CLASS_PRIORS_HPP
 
 #include <array>
-#include <cstddef>
 
 #include "npsim/core/config.hpp"
 #include "npsim/labels/cityscapes.hpp"

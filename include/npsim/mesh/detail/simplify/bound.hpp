@@ -12,11 +12,10 @@
 #define NPSIM_MESH_DETAIL_SIMPLIFY_BOUND_HPP
 
 #include <cmath>
-#include <cstddef>
 #include <cstdint>
 
 #include "npsim/core/image_view.hpp"
-#include "npsim/mesh/sheet.hpp"
+#include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/simd/batch.hpp"
 
 namespace npsim {

@@ -28,9 +28,9 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
+#include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/mesh/detail/simplify/bound.hpp"
 #include "npsim/mesh/index.hpp"
-#include "npsim/mesh/sheet.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
