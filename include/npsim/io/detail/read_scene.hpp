@@ -229,30 +229,36 @@ inline Outcome check_unit_range(const std::string& path, float* values, std::siz
   return Done{};
 }
 
-inline Outcome read_scene_albedo(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
+inline float* components(float* pixels) { return pixels; }
+inline float* components(Vec3f* pixels) { return &pixels->x; }
+
+// A plane of T, `channels` floats each, that only its file says anything about.
+template <class T, class Read>
+Outcome read_material_plane(const JsonObject& entry, const ReadLimits& limits, Read&& read, std::size_t channels,
+                            const char* what, Image<T>& out, Scene& scene) {
   const Outcome known = entry.allow_only({"file"});
   if (!known) return known;
   const Expected<std::string> path = named_file(entry, "file", scene);
   if (!path) return path.error();
-  Expected<Image<Vec3f>> plane = read_vec3_plane(path.value(), limits);
+  Expected<Image<T>> plane = read(path.value(), limits);
   if (!plane) return plane.error();
   const Outcome same = expect_shape(path.value(), plane.value().shape(), scene.shape(), "the image");
   if (!same) return same;
-  scene.albedo = std::move(plane.value());
-  return check_unit_range(path.value(), &scene.albedo.data()->x, scene.shape().pixels() * 3, "albedo", scene);
+  out = std::move(plane.value());
+  return check_unit_range(path.value(), components(out.data()), scene.shape().pixels() * channels, what,
+                          scene);
+}
+
+inline Outcome read_scene_albedo(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
+  return read_material_plane(
+      entry, limits, [](const std::string& path, const ReadLimits& l) { return read_vec3_plane(path, l); }, 3, "albedo",
+      scene.albedo, scene);
 }
 
 inline Outcome read_scene_roughness(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
-  const Outcome known = entry.allow_only({"file"});
-  if (!known) return known;
-  const Expected<std::string> path = named_file(entry, "file", scene);
-  if (!path) return path.error();
-  Expected<Image<float>> plane = read_float_plane(path.value(), limits);
-  if (!plane) return plane.error();
-  const Outcome same = expect_shape(path.value(), plane.value().shape(), scene.shape(), "the image");
-  if (!same) return same;
-  scene.roughness = std::move(plane.value());
-  return check_unit_range(path.value(), scene.roughness.data(), scene.shape().pixels(), "roughness", scene);
+  return read_material_plane(
+      entry, limits, [](const std::string& path, const ReadLimits& l) { return read_float_plane(path, l); }, 1,
+      "roughness", scene.roughness, scene);
 }
 
 inline Outcome read_scene_lights(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
