@@ -62,7 +62,7 @@ struct NightParams {
   return (std::uint64_t{block[0]} << 32U) | block[1];
 }
 
-// What measured better than the text, see docs/guide.md.
+// What measured better than the text, see docs/evaluation.md.
 [[nodiscard]] inline NightParams default_night_params() noexcept { return {}; }
 
 // The thesis' settings, as literally as a reading allows.
