@@ -155,10 +155,13 @@ TEST_CASE("the latest allocation can be shortened, an earlier one not") {
 }
 
 TEST_CASE("room is there, is made where the owner can make it, or is refused with the workspace as it was") {
+  constexpr std::size_t kShare = kWorkspaceAlignment;  // of every workspace_bytes(), for the first byte
   alignas(kWorkspaceAlignment) unsigned char memory[1024];
   Workspace plain(memory, 512);
-  CHECK(plain.ensure(512).ok());
-  CHECK(plain.ensure(513).code() == StatusCode::workspace_exhausted);
+  CHECK(plain.ensure(512 + kShare).ok());
+  CHECK(plain.ensure(513 + kShare).code() == StatusCode::workspace_exhausted);
+  Workspace askew(memory + 1, 512 + kShare);  // what a vector of bytes gives
+  CHECK(askew.ensure(512 + kShare).ok());
 
   struct Owner {
     std::size_t limit;
@@ -169,19 +172,19 @@ TEST_CASE("room is there, is made where the owner can make it, or is refused wit
       return bytes <= owner.limit ? bytes : owner.limit;
     }
   } owner{1000};
-  for (const std::size_t offset : {std::size_t{0}, std::size_t{1}}) {  // of the owner's bytes, beside the alignment
+  for (const std::size_t offset : {std::size_t{0}, std::size_t{1}}) {
     owner.calls = 0;
-    Workspace growing(memory + offset, 0 + (offset == 0 ? 0U : 64U), {&owner, &Owner::grow});
-    CHECK(growing.ensure(200).ok());
+    Workspace growing(memory + offset, offset == 0 ? 0U : 64U, {&owner, &Owner::grow});
+    CHECK(growing.ensure(200 + kShare).ok());
     CHECK(owner.calls == 1);
     Span<char> taken;
     REQUIRE(growing.allocate(128, taken).ok());
-    CHECK(growing.ensure(72).ok());
+    CHECK(growing.ensure(72 + kShare).ok());
     CHECK(owner.calls == 1);
-    CHECK(growing.ensure(500).ok());
+    CHECK(growing.ensure(500 + kShare).ok());
     CHECK(growing.capacity() >= 628);
     CHECK(offset + growing.capacity() <= 1000);
-    CHECK(growing.ensure(900).code() == StatusCode::workspace_exhausted);
+    CHECK(growing.ensure(900 + kShare).code() == StatusCode::workspace_exhausted);
     CHECK(growing.ensure(~std::size_t{0}).code() == StatusCode::workspace_exhausted);
     CHECK(growing.used() == 128);
   }

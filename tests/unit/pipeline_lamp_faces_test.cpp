@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "npsim/io/image.hpp"
+#include "fixture.hpp"
 
 namespace {
 
@@ -71,8 +72,8 @@ struct Scene {
     v.depth = depth.view();
     v.image = image.view();
     std::vector<std::uint16_t> out(faces.size(), 99);
-    std::vector<unsigned char> memory(mark_faces_workspace_bytes(v.shape(), v.lights.size(), emitters.size()));
-    Workspace workspace(memory.data(), memory.size());
+    npsim_test::Scratch memory(mark_faces_workspace_bytes(v.shape(), v.lights.size(), emitters.size()));
+    Workspace& workspace = memory.workspace();
     REQUIRE(mark_faces(v, mesh(), {emitters.data(), emitters.size()}, {out.data(), out.size()}, workspace).ok());
     CHECK(workspace.used() == 0);
     return out;
@@ -177,8 +178,8 @@ TEST_CASE("lamp faces: of implicit faces and of the same faces indexed alike") {
   view.image = image.view();
   const std::size_t layer = 2 * quad_shape(s.shape).pixels();
   std::vector<std::uint16_t> marks(2 * layer, 99);
-  std::vector<unsigned char> memory(mark_faces_workspace_bytes(view.shape(), view.lights.size(), s.emitters.size()));
-  Workspace workspace(memory.data(), memory.size());
+  npsim_test::Scratch memory(mark_faces_workspace_bytes(view.shape(), view.lights.size(), s.emitters.size()));
+  Workspace& workspace = memory.workspace();
   REQUIRE(mark_layer_faces(view, mesh, {s.emitters.data(), 1}, {marks.data(), marks.size()}, workspace).ok());
   const std::vector<std::uint16_t> indexed = s.marks();
   CHECK(std::vector<std::uint16_t>(marks.begin(), marks.begin() + static_cast<std::ptrdiff_t>(layer)) == indexed);

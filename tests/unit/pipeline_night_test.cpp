@@ -58,9 +58,8 @@ struct Keeper {
       for (int x = 0; x < refined.width(); ++x) refined(x, y) = depth.depth(x, y);
     }
     for (const Emitter& e : light.emitters) classes.push_back(e.cls);
-    std::vector<unsigned char> memory(
-        check_mesh_workspace_bytes(scene.mesh.vertices.size(), scene.mesh.faces.size()));
-    Workspace workspace(memory.data(), memory.size());
+    npsim_test::Scratch scratch(check_mesh_workspace_bytes(scene.mesh.vertices.size(), scene.mesh.faces.size()));
+    Workspace& workspace = scratch.workspace();
     return check_mesh(scene.mesh, workspace, mesh);
   }
   Status night(const Night& night) {
@@ -235,8 +234,8 @@ TEST_CASE("refine_depth brings depth and normals of the street nearer to the tru
       for (const bool height_known : {true, false}) {
         SceneView view = view_of(street);
         if (height_known) view.camera_height_m = street.camera_height_m;
-        std::vector<unsigned char> memory(refine_depth_workspace_bytes(refine, shape));
-        Workspace workspace(memory.data(), memory.size());
+        npsim_test::Scratch scratch(refine_depth_workspace_bytes(refine, shape));
+        Workspace& workspace = scratch.workspace();
         NullObserver observer;
         RefinedDepth refined;
         REQUIRE(engine::refine_depth(refine, view, workspace, pool, observer, refined).ok());
@@ -248,21 +247,36 @@ TEST_CASE("refine_depth brings depth and normals of the street nearer to the tru
   }
 }
 
-TEST_CASE("refine_depth runs in the memory it asks for, with either preset, with and without labels and instances") {
+// The rectangle of a scene's planes.
+SceneView part_of(SceneView view, int x, int y, Shape shape) {
+  view.image = view.image.sub(x, y, shape);
+  view.depth = view.depth.sub(x, y, shape);
+  view.labels = view.labels.sub(x, y, shape);
+  view.instances = view.instances.sub(x, y, shape);
+  view.normals = {};
+  view.albedo = {};
+  view.roughness = {};
+  view.light_index = {};
+  return view;
+}
+
+TEST_CASE("refine_depth runs in the memory it asks for: either preset, what a scene may lack, one row, one column") {
   SerialExecutor serial;
   NullObserver observer;
+  const SceneView street = view_of(small_street());
   for (const bool thesis : {false, true}) {
     for (int known = 0; known < 3; ++known) {
-      SceneView view = view_of(small_street());
-      if (known < 2) view.instances = {};
-      if (known < 1) view.labels = {};
-      RefineDepthParams params = thesis ? RefineDepthParams::thesis() : RefineDepthParams{};
-      params.refine.adam.steps = 1;
-      std::vector<unsigned char> memory(refine_depth_workspace_bytes(params, view.shape()));
-      Workspace workspace(memory.data(), memory.size());
-      RefinedDepth refined;
-      const Status status = engine::refine_depth(params, view, workspace, serial, observer, refined);
-      CHECK_MESSAGE(status.ok(), status.message());
+      for (const SceneView& part : {street, part_of(street, 20, 80, {64, 1}), part_of(street, 80, 20, {1, 64})}) {
+        SceneView view = part;
+        if (known < 2) view.instances = {};
+        if (known < 1) view.labels = {};
+        RefineDepthParams params = thesis ? RefineDepthParams::thesis() : RefineDepthParams{};
+        params.refine.adam.steps = 1;
+        npsim_test::Scratch scratch(refine_depth_workspace_bytes(params, view.shape()));
+        RefinedDepth refined;
+        const Status status = engine::refine_depth(params, view, scratch.workspace(), serial, observer, refined);
+        CHECK_MESSAGE(status.ok(), status.message());
+      }
     }
   }
 }
@@ -455,8 +469,8 @@ TEST_CASE("night: an observer that cancels stops the run with that status") {
   };
   Scene scene({32, 24});
   const NightParams params = default_night_params();
-  std::vector<unsigned char> memory(night_workspace_bytes(params, scene.view.shape(), scene.view.lights.size()));
-  Workspace workspace(memory.data(), memory.size());
+  npsim_test::Scratch scratch(night_workspace_bytes(params, scene.view.shape(), scene.view.lights.size()));
+  Workspace& workspace = scratch.workspace();
   Cancelling observer;
   SerialExecutor serial;
   Keeper keeper;

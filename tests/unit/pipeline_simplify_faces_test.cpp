@@ -47,8 +47,8 @@ struct Sink {
 
   Status reconstructed(const RefinedDepth&, const SceneMesh& scene, const Relighting&) {
     faces = scene.mesh.faces.size();
-    std::vector<unsigned char> memory(check_mesh_workspace_bytes(scene.mesh.vertices.size(), scene.mesh.faces.size()));
-    Workspace workspace(memory.data(), memory.size());
+    npsim_test::Scratch memory(check_mesh_workspace_bytes(scene.mesh.vertices.size(), scene.mesh.faces.size()));
+    Workspace& workspace = memory.workspace();
     if (const Status checked = check_mesh(scene.mesh, workspace, report); !checked.ok()) return checked;
     const TriangleMeshView layer{scene.mesh.vertices, scene.mesh.faces.sub(0, scene.background_faces)};
     const std::size_t bytes = bvh_workspace_bytes(layer.faces.size());
@@ -120,9 +120,9 @@ TEST_CASE("simplified faces: a quarter of a pixel and half a percent leave a ten
     for (int x = 0; x < scene.shape().width; ++x) surface(x, y) = kNoSurfaceLabels.contains(made.labels(x, y)) ? 0 : 1;
   }
   ReconstructParams params;
-  std::vector<unsigned char> memory(uncertainty_workspace_bytes({}, scene.shape()) +
+  npsim_test::Scratch memory(uncertainty_workspace_bytes({}, scene.shape()) +
                                     reconstruct_workspace_bytes(params, scene.shape()));
-  Workspace workspace(memory.data(), memory.size());
+  Workspace& workspace = memory.workspace();
   UncertaintyOutput marked;
   marked.mask = uncertain.view();
   REQUIRE(uncertainty({}, made.depth.view(), made.labels.view(), marked, workspace, pool).ok());
@@ -155,9 +155,9 @@ TEST_CASE("simplified faces: labels of another shape and vertices of another lay
   const SheetLayer layer{vertices.view(), quads.view()};
   SerialExecutor serial;
   REQUIRE(build_sheet(SheetParams{}, ImageView<const float>(depth.view()), {}, camera, layer, serial).ok());
-  std::vector<unsigned char> memory(simplify_faces_workspace_bytes({}, shape, {2 * shape.pixels(), 2 * shape.pixels()}) +
+  npsim_test::Scratch memory(simplify_faces_workspace_bytes({}, shape, {2 * shape.pixels(), 2 * shape.pixels()}) +
                                     index_layer_workspace_bytes(shape));
-  Workspace workspace(memory.data(), memory.size());
+  Workspace& workspace = memory.workspace();
   std::vector<Vec3f> points(shape.pixels());
   std::vector<std::uint32_t> pixels(shape.pixels());
   std::vector<Face> faces(2 * shape.pixels());

@@ -16,6 +16,7 @@
 #include "npsim/io/scene_resize.hpp"
 #include "npsim/mesh/check.hpp"
 #include "npsim/pipeline/night.hpp"
+#include "fixture.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
 #include "tool/engine.hpp"
@@ -26,8 +27,8 @@ using namespace npsim;
 using namespace io_test;
 
 MeshReport report_of(const TriangleMeshView& mesh) {
-  std::vector<unsigned char> bytes(check_mesh_workspace_bytes(mesh.vertices.size(), mesh.faces.size()));
-  Workspace workspace(bytes.data(), bytes.size());
+  npsim_test::Scratch bytes(check_mesh_workspace_bytes(mesh.vertices.size(), mesh.faces.size()));
+  Workspace& workspace = bytes.workspace();
   MeshReport report;
   REQUIRE(check_mesh(mesh, workspace, report).ok());
   return report;
@@ -50,8 +51,8 @@ void check_whole(const NightParams& params, const SceneView& scene) {
   REQUIRE(check_background(mesh.background, mesh.background_state, layer).ok());
   CHECK(layer.whole());
   CHECK(layer.covered_pixels > 0);
-  std::vector<unsigned char> small(check_foreground_workspace_bytes(scene.shape()));
-  Workspace for_objects(small.data(), small.size());
+  npsim_test::Scratch small(check_foreground_workspace_bytes(scene.shape()));
+  Workspace& for_objects = small.workspace();
   REQUIRE(check_foreground(mesh.foreground, mesh.object, for_objects, layer).ok());
   CHECK(layer.whole());
 

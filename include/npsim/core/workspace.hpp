@@ -87,8 +87,10 @@ class Workspace {
     latest = latest.sub(0, count);
   }
 
-  // Room for `bytes` more than is used now.
-  Status ensure(std::size_t bytes) noexcept {
+  // Room for a kernel whose workspace_bytes() function says so. Its share for the alignment of the first byte is not
+  // asked for again.
+  Status ensure(std::size_t workspace_bytes) noexcept {
+    const std::size_t bytes = workspace_bytes > kWorkspaceAlignment ? workspace_bytes - kWorkspaceAlignment : 0;
     if (bytes <= capacity_ - used_) return {};
     if (more_.grow != nullptr && data_ != nullptr && bytes <= ~std::size_t{0} - used_ - skipped_) {
       const std::size_t usable = more_.grow(more_.owner, skipped_ + used_ + bytes);

@@ -136,7 +136,7 @@ Status make_nights(const NightParams& params, const SceneView& scene, Workspace&
   const DenoiseGuides guides{layers.background.vertices, layers.foreground.vertices};
   fill_guides(light, guides);
   NPSIM_RETURN_IF_ERROR(workspace.ensure(
-      allocation_bytes<Rgb8>(shape.pixels()) +
+      kWorkspaceAlignment + allocation_bytes<Rgb8>(shape.pixels()) +
       std::max(variant_workspace_bytes(params.relight, shape, light.points.size(), light.receivers.size()),
                photograph_workspace_bytes(params.camera, shape))));
   ImageView<Rgb8> picture;

@@ -124,6 +124,17 @@ namespace refine_detail {
   return filter;
 }
 
+// With either reference or both: which one a scene has is not known here.
+[[nodiscard]] constexpr std::size_t filter_workspace_bytes(const RefineDepthParams& params, Shape shape) noexcept {
+  const CrossBilateralParams both = scaled_filter(params, shape);
+  CrossBilateralParams labels = both;
+  CrossBilateralParams colour = both;
+  labels.use_colour = false;
+  colour.use_labels = false;
+  return std::max({cross_bilateral_workspace_bytes(both, shape), cross_bilateral_workspace_bytes(labels, shape),
+                   cross_bilateral_workspace_bytes(colour, shape)});
+}
+
 // In a smaller image the same window would hold whole poles and persons. In a larger one it costs more and finds no
 // more.
 [[nodiscard]] constexpr OutlierParams scaled_outliers(const RefineDepthParams& params, Shape shape) noexcept {
