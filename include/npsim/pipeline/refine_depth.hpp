@@ -131,8 +131,8 @@ namespace refine_detail {
   CrossBilateralParams colour = both;
   labels.use_colour = false;
   colour.use_labels = false;
-  return std::max({cross_bilateral_workspace_bytes(both, shape), cross_bilateral_workspace_bytes(labels, shape),
-                   cross_bilateral_workspace_bytes(colour, shape)});
+  return max_of(cross_bilateral_workspace_bytes(both, shape), cross_bilateral_workspace_bytes(labels, shape),
+                cross_bilateral_workspace_bytes(colour, shape));
 }
 
 // In a smaller image the same window would hold whole poles and persons. In a larger one it costs more and finds no
@@ -187,7 +187,7 @@ namespace refine_detail {
       sharpen_edges_workspace_bytes(params.sharpen, shape) + allocation_bytes<float>(pixels),
       anchor_ground_workspace_bytes(shape),
       allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(pixels) + allocation_bytes<std::uint16_t>(pixels) +
-          cross_bilateral_workspace_bytes(refine_detail::scaled_filter(params, shape), shape),
+          refine_detail::filter_workspace_bytes(params, shape),
       uncertainty_workspace_bytes(params.uncertainty, shape), guiding_normals_workspace_bytes(params.normals, shape),
       refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels));
   return allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
