@@ -33,6 +33,8 @@ StaticImage<npsim::Rgb8> image;
 StaticImage<float> depth_m;
 StaticImage<npsim::Label> labels;
 StaticImage<std::uint16_t> light_index;
+StaticImage<npsim::Rgb8> first_picture;
+StaticImage<npsim::Rgb8> picture;
 
 int check_core() {
   constexpr std::size_t kBytes =
@@ -106,6 +108,7 @@ struct Sink {
     return {};
   }
   npsim::Status night(const npsim::Night& night) {
+    if (nights == 0) npsim::copy_pixels(night.picture, first_picture.view());
     ++nights;
     for (int y = 0; y < kShape.height; ++y) {
       for (int x = 0; x < kShape.width; ++x) {
@@ -131,6 +134,17 @@ int check_night() {
   if (!npsim::make_nights(params, scene, workspace, executor, observer, sink).ok()) return 12;
   if (sink.nights != 2 || sink.faces == 0) return 13;
   if (!sink.finite || !(sink.brightest > 0)) return 14;
+
+  // In one call the first of them is made, of the scene's size and no other.
+  npsim::Workspace again(memory, need);
+  if (!npsim::make_night(params, scene, again, executor, picture.view()).ok()) return 16;
+  for (std::size_t i = 0; i < kPixels; ++i) {
+    const npsim::Rgb8 a = first_picture.pixels[i];
+    const npsim::Rgb8 b = picture.pixels[i];
+    if (a.r != b.r || a.g != b.g || a.b != b.b) return 17;
+  }
+  const npsim::ImageView<npsim::Rgb8> smaller = picture.view().sub(0, 0, {kShape.width - 1, kShape.height});
+  if (npsim::make_night(params, scene, again, executor, smaller).code() != npsim::StatusCode::shape_mismatch) return 18;
 
   // With too little memory it stops with a reason, wherever the memory ends.
   for (std::size_t part = 0; part < 8; ++part) {

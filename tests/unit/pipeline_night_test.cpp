@@ -403,23 +403,6 @@ TEST_CASE("night: planes of another size and light indices without a mark are re
   CHECK(run(default_night_params(), scene.view, serial, keeper).code() == StatusCode::invalid_argument);
 }
 
-TEST_CASE("night: one call makes the first of the nights, and a picture of another size is refused") {
-  Keeper keeper;
-  ThreadPool pool(2);
-  const NightParams params = default_night_params();
-  const SceneView view = view_of(small_street());
-  REQUIRE(run(params, view, pool, keeper).ok());
-  npsim_test::Scratch scratch(night_workspace_bytes(params, view.shape(), view.lights.size()));
-  npsim_test::Image<Rgb8> picture(view.shape());
-  REQUIRE(make_night(params, view, scratch.workspace(), pool, picture.view()).ok());
-  for (int y = 0; y < view.shape().height; ++y) {
-    const auto bytes = sizeof(Rgb8) * static_cast<std::size_t>(view.shape().width);
-    REQUIRE(std::memcmp(picture.view().row(y), keeper.pictures[0].view().row(y), bytes) == 0);
-  }
-  npsim_test::Image<Rgb8> smaller({159, 90});
-  CHECK(make_night(params, view, scratch.workspace(), pool, smaller.view()).code() == StatusCode::shape_mismatch);
-}
-
 TEST_CASE("night: what the workspace is asked for is at most 1.3 times what is used, on the street with and without labels") {
   street::StreetParams street_params;
   street_params.shape = {480, 270};
