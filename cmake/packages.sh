@@ -2,9 +2,8 @@
 # shellcheck shell=bash
 # Sourced by samples/run, tests/run and bench/run: what they need, and how it is installed on Debian and Ubuntu.
 
-npsim_tool_packages=(g++ cmake ninja-build libeigen3-dev libxsimd-dev libcli11-dev nlohmann-json3-dev libstb-dev
-                     libtinyobjloader-dev)
-npsim_test_packages=(doctest-dev pkg-config libembree-dev libopenimageio-dev)
+npsim_tool_packages=(g++ cmake ninja-build libxsimd-dev libcli11-dev nlohmann-json3-dev libstb-dev libtinyobjloader-dev)
+npsim_test_packages=(doctest-dev pkg-config libeigen3-dev libembree-dev libopenimageio-dev)
 npsim_bench_packages=(libbenchmark-dev libembree-dev libmeshoptimizer-dev libopencv-contrib-dev python3-torch
                       python3-numpy)
 

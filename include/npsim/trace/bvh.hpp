@@ -47,8 +47,8 @@ inline namespace NPSIM_ABI {
 }
 
 // `out` points into the workspace and stays good as long as those bytes do; the mesh is not needed any more. A mesh
-// without a usable face gives a tree that nothing hits. 2^29 faces or more, a workspace that is too small, or a face that names
-// a vertex that is not there give a Status.
+// without a usable face gives a tree that nothing hits. 2^29 faces or more, a workspace that is too small, or a face
+// that names a vertex that is not there give a Status.
 template <unsigned W, unsigned P>
 [[nodiscard]] Status build_bvh(TriangleMeshView mesh, Workspace& workspace, WideBvh<W, P>& out) noexcept {
   out = WideBvh<W, P>{};
