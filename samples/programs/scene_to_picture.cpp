@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // From a scene folder to a picture of its night: README.md.
 #include <cstdio>
-
+#include <string>
 #include "npsim/io/night.hpp"
 #include "npsim/io/png_jpeg.hpp"
 

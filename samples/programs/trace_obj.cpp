@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Traces a ray through each pixel of a camera before a mesh from an OBJ file, and writes what it meets as a picture.
+#include <cstdint>
 #include <cstdio>
+#include <vector>
 
 #include "npsim/core/camera.hpp"
 #include "npsim/io/obj.hpp"

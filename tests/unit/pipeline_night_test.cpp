@@ -344,6 +344,11 @@ TEST_CASE("night: parameters that are not finite or out of range are refused bef
     CHECK(observer.begun == 0);
     return status.code();
   };
+  CHECK(code([&](NightParams& p) { p.depth.filter.use_colour = false; }) == StatusCode::invalid_argument);
+  CHECK(code([&](NightParams& p) { p.depth.normals.ground.max_rad = nan; }) == StatusCode::invalid_argument);
+  scene.view.camera_height_m = nan;
+  CHECK(code([](NightParams&) {}) == StatusCode::invalid_argument);
+  scene.view.camera_height_m = 0;
   CHECK(code([&](NightParams& p) { p.camera.exposure.steps = 0; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.camera.exposure.iso_min = nan; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.camera.white_balance.adaptation = 2; }) == StatusCode::invalid_argument);

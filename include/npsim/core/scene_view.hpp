@@ -39,6 +39,9 @@ struct SceneView {
   if (s.image.empty() || s.depth.empty()) {
     return Status(StatusCode::invalid_argument, "a scene needs an image and a depth plane");
   }
+  if (!(s.camera_height_m >= 0.0F) || !(s.camera_height_m <= 1e6F)) {
+    return Status(StatusCode::invalid_argument, "the camera's height must be finite and not negative, 0 if not known");
+  }
   const Shape shape = s.shape();
   const bool agree = s.depth.shape() == shape && (s.labels.empty() || s.labels.shape() == shape) &&
                      (s.instances.empty() || s.instances.shape() == shape) &&

@@ -130,6 +130,9 @@ struct GuidingNormalsParams {
 [[nodiscard]] inline Status validate(const GuidingNormalsParams& params) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(params.derived_smoothing));
   NPSIM_RETURN_IF_ERROR(validate(params.given_smoothing));
+  if (!(params.ground.min_rad > 0.0F) || !(params.ground.max_rad > 0.0F && params.ground.max_rad < 1.6F)) {
+    return {StatusCode::invalid_argument, "guiding normals: angles of the ground's normals positive, at most 1.6"};
+  }
   return validate(params.ground.smoothing);
 }
 

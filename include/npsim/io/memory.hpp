@@ -25,8 +25,13 @@ class HostMemory {
   // most: what a workspace_bytes() function returns. ok() is false where so much cannot be had.
   explicit HostMemory(std::size_t most) : most_(most) {
 #if defined(NPSIM_IO_HAS_MMAP)
-    void* const start = mmap(nullptr, most_ == 0 ? 1 : most_, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    start_ = start == MAP_FAILED ? nullptr : start;
+    // Where even addresses are limited, fewer: most scenes need far less than the most.
+    for (;;) {
+      void* const start = mmap(nullptr, most_ == 0 ? 1 : most_, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+      start_ = start == MAP_FAILED ? nullptr : start;
+      if (start_ != nullptr || most_ < (std::size_t{1} << 20U)) break;
+      most_ -= most_ / 4;
+    }
 #else
     start_ = std::malloc(most_);
     usable_ = start_ == nullptr ? 0 : most_;

@@ -5,8 +5,10 @@
 //     -> per variant: relight -> photograph
 // make_night() is all of it in one call. make_nights() tells an observer (core/observe.hpp) how far it is, and hands a
 // sink what is made while it is still in the workspace:
-//   Status sink.reconstructed(const RefinedDepth&, const SceneMesh&, const Relighting&)   once; its views end with it
+//   Status sink.reconstructed(const RefinedDepth&, const SceneMesh&, const Relighting&)   once
 //   Status sink.night(const Night&)                                                     per variant
+// What a sink is shown holds for the length of the call: nights are made in the memory of normals and layers, each in
+// that of the one before.
 // A status other than ok from the sink stops the run and is returned. All parameters are checked before the first step.
 // Invariant: the bytes depend on the scene, the parameters and the seed, never on the executor.
 // Memory: peak 220 bytes a pixel and a byte for each lamp and point (1.1 to 1.4 points a pixel) on real streets, for
@@ -117,6 +119,7 @@ Status make_nights(const NightParams& params, const SceneView& scene, Workspace&
                    Observer& observer, Sink& sink) {
   NPSIM_RETURN_IF_ERROR(validate(params));
   NPSIM_RETURN_IF_ERROR(validate(scene));
+  NPSIM_RETURN_IF_ERROR(validate(params.depth, scene));
   const WorkspaceScope scope(workspace);
   const Shape shape = scene.shape();
   const std::uint64_t key = random_key(params);

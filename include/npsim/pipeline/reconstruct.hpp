@@ -71,6 +71,9 @@ struct ReconstructParams {
 };
 
 [[nodiscard]] inline Status validate(const ReconstructParams& params) noexcept {
+  if (params.traced != TracedFaces::layers && params.traced != TracedFaces::mesh) {
+    return {StatusCode::invalid_argument, "reconstruct: rays meet the layers or the mesh"};
+  }
   NPSIM_RETURN_IF_ERROR(validate(params.sheet));
   NPSIM_RETURN_IF_ERROR(validate(params.prune));
   NPSIM_RETURN_IF_ERROR(validate(params.background));

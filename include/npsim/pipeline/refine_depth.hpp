@@ -177,6 +177,16 @@ namespace refine_detail {
   return validate(params.refine);
 }
 
+// What only the scene can tell: the filter at this size, and whether the scene has a reference for it.
+[[nodiscard]] inline Status validate(const RefineDepthParams& params, const SceneView& scene) noexcept {
+  const bool reference = !params.filter_one_reference ||
+                         (scene.labels.empty() ? params.filter.use_colour : params.filter.use_labels);
+  if (!reference) {
+    return {StatusCode::invalid_argument, "refine_depth: the filter may not use the one reference that the scene has"};
+  }
+  return validate(refine_detail::scaled_filter(params, scene.shape()));
+}
+
 // The planes of RefinedDepth, and on top of them the step that takes most.
 [[nodiscard]] constexpr std::size_t refine_depth_workspace_bytes(const RefineDepthParams& params,
                                                                  Shape shape) noexcept {

@@ -58,7 +58,8 @@ struct WhiteBalanceParams {
 }
 
 [[nodiscard]] inline Status validate(const ToneCurve& c) noexcept {
-  const bool good = c.toe >= 0.0F && c.toe <= 0.1F && c.knee >= 0.0F && c.knee <= 1.0F;
+  const bool good = c.toe >= 0.0F && c.toe <= 0.1F && c.knee >= 0.0F && c.knee <= 1.0F &&
+                    (c.kind == ToneKind::clip || c.kind == ToneKind::filmic);
   return good ? Status() : Status(StatusCode::invalid_argument, "ISP: toe in [0, .1], knee in [0, 1]");
 }
 
