@@ -78,8 +78,8 @@ int main(int argc, char** argv) {
     if (full.picture.empty()) full = night;
     std::printf("%s,%s,%g,%zu,%.4f,%.2f,%.2f,%.1f,%.5f,%.2f\n", name.c_str(), bound < 0.0F ? "layers" : "mesh",
                 static_cast<double>(std::max(bound, 0.0F)), night.faces,
-                static_cast<double>(night.faces) / static_cast<double>(full.faces), clock.of(Stage::complete),
-                clock.of(Stage::build_trace), clock.of(Stage::render), mean_colour_change(full, night),
+                static_cast<double>(night.faces) / static_cast<double>(full.faces),
+                clock.of(Stage::complete) + clock.of(Stage::mesh), clock.of(Stage::build_trace), clock.of(Stage::render), mean_colour_change(full, night),
                 rms_change_codes(full, night));
     std::fflush(stdout);
   }
