@@ -102,47 +102,56 @@ inline Outcome read_scene_depth(const JsonObject& entry, const ReadLimits& limit
   return Done{};
 }
 
-inline Outcome read_scene_labels(const JsonObject& entry, const ReadLimits& limits, Scene& scene,
-                                 LabelEncoding& encoding) {
-  const Outcome known = entry.allow_only({"file", "encoding"});
-  if (!known) return known;
-  const Expected<std::string> path = named_file(entry, "file", scene);
-  if (!path) return path.error();
-  const Expected<std::string> name = entry.text("encoding");
-  if (!name) return name.error();
-  const Expected<LabelEncoding> parsed = label_encoding(entry.file(), entry.field("encoding"), name.value());
-  if (!parsed) return parsed.error();
-  encoding = parsed.value();
-  std::size_t unknown = 0;
-  Expected<Image<Label>> labels = read_labels(path.value(), encoding, limits, &unknown);
-  if (!labels) return labels.error();
-  const Outcome same = expect_shape(path.value(), labels.value().shape(), scene.shape(), "the image");
-  if (!same) return same;
-  if (unknown > 0) {
-    return Error{path.value(), entry.field("encoding"),
-                 std::to_string(unknown) + " pixels hold ids without an entry in " + name.value() +
-                     ", expected ids of the Cityscapes definition, or 255 for none"};
-  }
-  scene.labels = std::move(labels.value());
-  scene.notes.push_back("labels: " + name.value());
-  return Done{};
-}
+// The file of a plane of labels or instances, and what its ids are.
+struct EncodedFile {
+  std::string path;
+  std::string name;  // of the encoding
+  LabelEncoding encoding = LabelEncoding::cityscapes_label_ids;
+};
 
-inline Outcome read_scene_instances(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
+inline Expected<EncodedFile> encoded_file(const JsonObject& entry, Scene& scene) {
   const Outcome known = entry.allow_only({"file", "encoding"});
-  if (!known) return known;
+  if (!known) return known.error();
   const Expected<std::string> path = named_file(entry, "file", scene);
   if (!path) return path.error();
   const Expected<std::string> name = entry.text("encoding");
   if (!name) return name.error();
   const Expected<LabelEncoding> encoding = label_encoding(entry.file(), entry.field("encoding"), name.value());
   if (!encoding) return encoding.error();
-  Expected<Image<std::uint16_t>> instances = read_instances(path.value(), encoding.value(), limits);
+  return EncodedFile{path.value(), name.value(), encoding.value()};
+}
+
+inline Outcome read_scene_labels(const JsonObject& entry, const ReadLimits& limits, Scene& scene,
+                                 LabelEncoding& encoding) {
+  const Expected<EncodedFile> file = encoded_file(entry, scene);
+  if (!file) return file.error();
+  const auto& [path, name, ids] = file.value();
+  encoding = ids;
+  std::size_t unknown = 0;
+  Expected<Image<Label>> labels = read_labels(path, encoding, limits, &unknown);
+  if (!labels) return labels.error();
+  const Outcome same = expect_shape(path, labels.value().shape(), scene.shape(), "the image");
+  if (!same) return same;
+  if (unknown > 0) {
+    return Error{path, entry.field("encoding"),
+                 std::to_string(unknown) + " pixels hold ids without an entry in " + name +
+                     ", expected ids of the Cityscapes definition, or 255 for none"};
+  }
+  scene.labels = std::move(labels.value());
+  scene.notes.push_back("labels: " + name);
+  return Done{};
+}
+
+inline Outcome read_scene_instances(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
+  const Expected<EncodedFile> file = encoded_file(entry, scene);
+  if (!file) return file.error();
+  const auto& [path, name, ids] = file.value();
+  Expected<Image<std::uint16_t>> instances = read_instances(path, ids, limits);
   if (!instances) return instances.error();
-  const Outcome same = expect_shape(path.value(), instances.value().shape(), scene.shape(), "the image");
+  const Outcome same = expect_shape(path, instances.value().shape(), scene.shape(), "the image");
   if (!same) return same;
   scene.instances = std::move(instances.value());
-  scene.notes.push_back("instances: " + name.value());
+  scene.notes.push_back("instances: " + name);
   return Done{};
 }
 
