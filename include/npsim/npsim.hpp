@@ -102,7 +102,10 @@
 // errors against a known truth
 #include "npsim/metrics/depth_errors.hpp"
 #include "npsim/metrics/edge_errors.hpp"
+#include "npsim/metrics/flip.hpp"
+#include "npsim/metrics/luminance_errors.hpp"
 #include "npsim/metrics/normal_errors.hpp"
+#include "npsim/metrics/picture_errors.hpp"
 
 // the steps, then the whole
 #include "npsim/pipeline/night.hpp"
