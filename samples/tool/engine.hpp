@@ -49,6 +49,10 @@ class AnySink {
 [[nodiscard]] Status make_nights(const NightParams& params, const SceneView& scene, Workspace& workspace,
                                  AnyExecutor executor, AnyObserver observer, AnySink sink);
 
+[[nodiscard]] Status make_nights_of_depth(const NightParams& params, const SceneView& scene,
+                                          const RefinedDepth& refined, Workspace& workspace, AnyExecutor executor,
+                                          AnyObserver observer, AnySink sink);
+
 }  // namespace npsim::engine
 
 // What make_nights() is made of: only the unit that defines it compiles its code.

@@ -10,4 +10,9 @@ Status make_nights(const NightParams& params, const SceneView& scene, Workspace&
   return npsim::make_nights(params, scene, workspace, executor, observer, sink);
 }
 
+Status make_nights_of_depth(const NightParams& params, const SceneView& scene, const RefinedDepth& refined,
+                            Workspace& workspace, AnyExecutor executor, AnyObserver observer, AnySink sink) {
+  return npsim::make_nights_of_depth(params, scene, refined, workspace, executor, observer, sink);
+}
+
 }  // namespace npsim::engine

@@ -61,6 +61,10 @@ struct ShadowCaster {
 
 namespace shadow_detail {
 
+[[nodiscard]] inline Vec3f pulled_out(const Vec3f& position, const Vec3f& normal, float relative_bias) {
+  return position + normal * (relative_bias * std::max(position.z, 10.0F));
+}
+
 // From a point towards a lamp; false when there is nothing between the point and what is left out before the lamp.
 [[nodiscard]] inline bool ray_to_lamp(const ShadowErrorParams& params, const Vec3f& from, const TrueLamp& lamp,
                                       Ray& ray) {
@@ -104,7 +108,7 @@ namespace shadow_detail {
     for (const ShadowCaster& mesh : meshes) usable = usable && is_valid_depth(mesh.depth(x, y));
     if (!usable) return;
     const Vec3f point = unproject_pixel(camera, x, y, true_depth(x, y));
-    const Vec3f origin = pulled_out(point, normal, params.relative_bias);
+    const Vec3f origin = shadow_detail::pulled_out(point, normal, params.relative_bias);
     for (const TrueLamp& lamp : truth.lamps) {
       const Vec3f towards = lamp.centre_m - origin;
       if (dot(towards, normal) <= 0.0F || dot(towards, lamp.normal) >= 0.0F) continue;
@@ -117,7 +121,7 @@ namespace shadow_detail {
           dark && shadow_detail::seen(params, camera, truth.mesh, true_depth, true_normals, ray, hit);
       for (std::size_t m = 0; m < meshes.size(); ++m) {
         const ShadowCaster& mesh = meshes[m];
-        const Vec3f own = pulled_out(unproject_pixel(camera, x, y, mesh.depth(x, y)), normal, params.relative_bias);
+        const Vec3f own = shadow_detail::pulled_out(unproject_pixel(camera, x, y, mesh.depth(x, y)), normal, params.relative_bias);
         if (!shadow_detail::ray_to_lamp(params, own, lamp, ray)) continue;
         const bool lit =
             !occluded(mesh.traced.tree, ray, [&](std::uint32_t face) { return mesh.lamp_of_face[face] != lamp.mark; });

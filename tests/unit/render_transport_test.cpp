@@ -30,6 +30,8 @@ auto nearest_corner(const std::vector<Face>& faces) {
 
 constexpr double kPi = 3.14159265358979323846;
 
+constexpr float kLift_m = 0.03F;
+
 struct World {
   std::vector<Vec3f> vertices;
   std::vector<Vec3f> normals;
@@ -37,6 +39,7 @@ struct World {
   std::vector<float> alpha;
   std::vector<Face> faces;
   std::vector<unsigned char> memory;
+  std::vector<float> lift_m;
   Bvh bvh;
 
   void add_point(Vec3f position, Vec3f normal) {
@@ -44,6 +47,7 @@ struct World {
     normals.push_back(normal);
     albedo.push_back({0.5F, 0.5F, 0.5F});
     alpha.push_back(1.0F);
+    lift_m.push_back(kLift_m);
   }
   // A quad whose vertices carry `normal`.
   void add_quad(Vec3f a, Vec3f b, Vec3f c, Vec3f d, Vec3f normal) {
@@ -61,7 +65,8 @@ struct World {
     return {{vertices.data(), vertices.size()},
             {normals.data(), normals.size()},
             {albedo.data(), albedo.size()},
-            {alpha.data(), alpha.size()}};
+            {alpha.data(), alpha.size()},
+            {lift_m.data(), lift_m.size()}};
   }
 };
 
@@ -338,7 +343,7 @@ TEST_CASE("visibility and direct light agree with brute force in double among ra
     Vec3d expected;
     double margin = 1;
     for (std::size_t e = 0; e < lamps.size(); ++e) {
-      const Vec3d origin = vec_cast<double>(pulled_out(world.vertices[p], world.normals[p], params.relative_bias));
+      const Vec3d origin = vec_cast<double>(world.vertices[p] + world.normals[p] * kLift_m);
       const Vec3d centre = vec_cast<double>(lamps[e].centre_m);
       const Vec3d delta = centre - vec_cast<double>(world.vertices[p]);
       const double r = length(delta);

@@ -114,17 +114,20 @@ struct NullSink {
   Status night(const Night&) const noexcept { return {}; }
 };
 
+// Nights of a depth that is known well enough, or refined by others. refined: whole, with planes of the scene's shape;
+// its normals serve as memory for the nights and are lost.
 template <class Executor, class Observer, class Sink>
-Status make_nights(const NightParams& params, const SceneView& scene, Workspace& workspace, Executor& executor,
-                   Observer& observer, Sink& sink) {
+Status make_nights_of_depth(const NightParams& params, const SceneView& scene, const RefinedDepth& refined,
+                            Workspace& workspace, Executor& executor, Observer& observer, Sink& sink) {
   NPSIM_RETURN_IF_ERROR(validate(params));
   NPSIM_RETURN_IF_ERROR(validate(scene));
-  NPSIM_RETURN_IF_ERROR(validate(params.depth, scene));
-  const WorkspaceScope scope(workspace);
   const Shape shape = scene.shape();
+  if (refined.depth.shape() != shape || refined.labels.shape() != shape || refined.surface.shape() != shape ||
+      refined.uncertain.shape() != shape || refined.normals.shape() != shape) {
+    return {StatusCode::shape_mismatch, "refined depth: every plane must have the scene's shape"};
+  }
+  const WorkspaceScope scope(workspace);
   const std::uint64_t key = random_key(params);
-  RefinedDepth refined;
-  NPSIM_RETURN_IF_ERROR(refine_depth(params.depth, scene, workspace, executor, observer, refined));
   SceneLayers layers;
   NPSIM_RETURN_IF_ERROR(build_layers(params.mesh, scene, refined, workspace, executor, observer, layers));
   SceneMesh mesh;
@@ -160,6 +163,18 @@ Status make_nights(const NightParams& params, const SceneView& scene, Workspace&
     NPSIM_RETURN_IF_ERROR(sink.night(night));
   }
   return {};
+}
+
+template <class Executor, class Observer, class Sink>
+Status make_nights(const NightParams& params, const SceneView& scene, Workspace& workspace, Executor& executor,
+                   Observer& observer, Sink& sink) {
+  NPSIM_RETURN_IF_ERROR(validate(params));
+  NPSIM_RETURN_IF_ERROR(validate(scene));
+  NPSIM_RETURN_IF_ERROR(validate(params.depth, scene));
+  const WorkspaceScope scope(workspace);
+  RefinedDepth refined;
+  NPSIM_RETURN_IF_ERROR(refine_depth(params.depth, scene, workspace, executor, observer, refined));
+  return make_nights_of_depth(params, scene, refined, workspace, executor, observer, sink);
 }
 
 // One night, as a picture of the scene's size: the first of those that make_nights() makes with these parameters.

@@ -28,6 +28,7 @@
 #include "npsim/light/placement.hpp"
 #include "npsim/light/sky.hpp"
 #include "npsim/pipeline/detail/lamp_faces.hpp"
+#include "npsim/pipeline/detail/ray_starts.hpp"
 #include "npsim/pipeline/detail/scene_rays.hpp"
 #include "npsim/pipeline/detail/source_pixels.hpp"
 #include "npsim/pipeline/detail/surface_attributes.hpp"
@@ -44,6 +45,7 @@ inline namespace NPSIM_ABI {
 
 struct RelightParams {
   PlacementParams placement;
+  Span<const Emitter> lamps;   // where the lamps are known: these, in place of marked ones that are placed
   ActivationParams activation;
   VisibilityParams visibility;
   GatherParams gather;
@@ -122,14 +124,14 @@ struct RelightSize {
 // What prepare_relighting() and then relight() take.
 [[nodiscard]] constexpr std::size_t relight_workspace_bytes(const RelightParams& params, TracedFaces traced,
                                                             Shape shape, const RelightSize& size) noexcept {
-  const std::size_t emitters = size.marks + kEgoHeadlampCount;
+  const std::size_t emitters = std::max(size.marks, params.lamps.size()) + kEgoHeadlampCount;
   const std::size_t rays = params.gather.rays > 0 ? static_cast<std::size_t>(params.gather.rays) : 0;
   const std::size_t drawn = emitters * (size.variants > 0 ? static_cast<std::size_t>(size.variants) : 0);
   const std::size_t shared =
       allocation_bytes<Emitter>(emitters) + allocation_bytes<Activation>(drawn) +
       2 * allocation_bytes<float>(emitters) + allocation_bytes<Vec3f>(emitters) +
       allocation_bytes<std::uint32_t>(size.marks) + 2 * allocation_bytes<float>(size.marks) +
-      2 * allocation_bytes<Vec3f>(size.points) + allocation_bytes<float>(size.points) +
+      2 * allocation_bytes<Vec3f>(size.points) + 2 * allocation_bytes<float>(size.points) +
       allocation_bytes<std::uint32_t>(size.receivers) + allocation_bytes<std::uint32_t>(size.receivers * rays) +
       allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<std::uint8_t>(emitters * size.points);
   const std::size_t trace = scene_rays_workspace_bytes(traced, shape, size.faces, size.backs) +
@@ -147,21 +149,31 @@ namespace relight_detail {
 
 inline constexpr float kInversePi = 0.31830989F;
 
-// The marked lamps, then the own car's.
+// The lamps that are marked, or known, then the own car's.
 [[nodiscard]] inline Status place_emitters(const RelightParams& params, const SceneView& scene,
                                            const RefinedDepth& refined, Workspace& workspace,
                                            Span<Emitter>& emitters,
                                            Span<std::uint32_t>& emitter_of_mark) {
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size() + kEgoHeadlampCount, emitters));
+  const std::size_t most = params.lamps.empty() ? scene.lights.size() : params.lamps.size();
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(most + kEgoHeadlampCount, emitters));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), emitter_of_mark));
   std::size_t count = 0;
-  if (!scene.light_index.empty() && !scene.lights.empty()) {
+  if (!params.lamps.empty()) {
+    for (const Emitter& lamp : params.lamps) {
+      if (lamp.mark > scene.lights.size()) {
+        return {StatusCode::invalid_argument, "relight: a known lamp has a mark that the scene lacks"};
+      }
+      emitters[count++] = lamp;
+    }
+  } else if (!scene.light_index.empty() && !scene.lights.empty()) {
     NPSIM_RETURN_IF_ERROR(place_lights(params.placement, scene.lights, scene.light_index, refined.depth, refined.labels,
                                        refined.uncertain, refined.normals, scene.camera, refined.ground, workspace,
                                        emitters.sub(0, scene.lights.size()), count));
   }
   for (std::uint32_t& e : emitter_of_mark) e = kNoPoint;
-  for (std::size_t e = 0; e < count; ++e) emitter_of_mark[emitters[e].mark - 1U] = static_cast<std::uint32_t>(e);
+  for (std::size_t e = 0; e < count; ++e) {
+    if (emitters[e].mark != 0) emitter_of_mark[emitters[e].mark - 1U] = static_cast<std::uint32_t>(e);
+  }
   if (params.ego_headlamps) count += place_ego_headlamps(params.ego, refined.ground, emitters.sub(count, kEgoHeadlampCount));
   emitters = emitters.sub(0, count);
   return {};
@@ -277,9 +289,12 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, surface.alpha));
   NPSIM_RETURN_IF_ERROR(
       surface_attributes(params.material, scene, refined, mesh, surface, workspace, executor));
+  Span<float> lift_m;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, lift_m));
+  ray_lifts(mesh, surface.normal, lift_m, executor);
   observer.end(Stage::material);
 
-  out.points = SurfacePoints{mesh.mesh.vertices, surface.normal, surface.albedo, surface.alpha};
+  out.points = SurfacePoints{mesh.mesh.vertices, surface.normal, surface.albedo, surface.alpha, lift_m};
   out.visible_point = mesh.visible_vertex;
   out.emitters = emitters;
   out.activations = activations;

@@ -31,12 +31,11 @@ inline namespace NPSIM_ABI {
 
 struct GatherParams {
   int rays = 8;                 // per receiver, 1..4096; the denoiser takes care of the rest
-  float relative_bias = 3e-3F;  // see pulled_out()
 };
 
 [[nodiscard]] inline Status validate(const GatherParams& p) noexcept {
-  const bool good = p.rays >= 1 && p.rays <= 4096 && p.relative_bias >= 0.0F && p.relative_bias < 1.0F;
-  return good ? Status() : Status(StatusCode::invalid_argument, "gather: rays in 1..4096, bias in [0, 1)");
+  const bool good = p.rays >= 1 && p.rays <= 4096;
+  return good ? Status() : Status(StatusCode::invalid_argument, "gather: rays in 1..4096");
 }
 
 // Traces the rays of `receivers` (indices into points) through `scene` (trace/scene.hpp). point_of(hit) is the point
@@ -73,7 +72,7 @@ Status trace_gather_rays(const GatherParams& params, std::uint64_t seed, const S
           // A rotated rank-1 lattice: stratified for any number of rays and decorrelated between neighbouring points.
           shift_u = random.uniform();
           shift_v = random.uniform();
-          origin = pulled_out(points.position[point], points.normal[point], params.relative_bias);
+          origin = ray_start(points, point);
         }
         const float u0 = (static_cast<float>(s) + 0.5F) / static_cast<float>(rays) + shift_u;
         const float v0 = static_cast<float>(s) * 0.61803399F + shift_v;

@@ -23,24 +23,22 @@ struct SurfacePoints {
   Span<const Vec3f> normal;    // unit, facing the camera
   Span<const Vec3f> albedo;    // diffuse reflectance, linear RGB in [0, 1]
   Span<const float> alpha;     // GGX width in (0, 1]
+  Span<const float> lift_m;    // how far along the normal a ray starts that leaves the point, >= 0
 
   [[nodiscard]] constexpr std::size_t size() const noexcept { return position.size(); }
 };
 
 [[nodiscard]] inline Status validate(const SurfacePoints& p) noexcept {
-  const bool same = p.normal.size() == p.size() && p.albedo.size() == p.size() && p.alpha.size() == p.size();
+  const bool same = p.normal.size() == p.size() && p.albedo.size() == p.size() && p.alpha.size() == p.size() &&
+                    p.lift_m.size() == p.size();
   if (!same) return Status(StatusCode::shape_mismatch, "surface point arrays must have one length");
   if (p.size() >= kNoPoint) return Status(StatusCode::capacity_exceeded, "more than 2^32 - 2 surface points");
   return {};
 }
 
-// Start of a ray that leaves a point: pulled out along the normal by a share of the depth, or of 10 m where that is
-// more. A reconstructed surface is rough by a fraction of its depth, near the camera by some centimetres of mismatched
-// stereo, in any case far more than by rounding: with less pull, lamps at a grazing angle speckle the road with its own
-// shadow.
-[[nodiscard]] constexpr Vec3f pulled_out(const Vec3f& position, const Vec3f& normal, float relative_bias) noexcept {
-  const float reach = position.z > 10.0F ? position.z : 10.0F;
-  return position + normal * (relative_bias * reach);
+// Where a ray starts that leaves point p.
+[[nodiscard]] inline Vec3f ray_start(const SurfacePoints& points, std::size_t p) noexcept {
+  return points.position[p] + points.normal[p] * points.lift_m[p];
 }
 
 }  // namespace NPSIM_ABI

@@ -39,15 +39,14 @@ struct VisibilityParams {
   int samples_per_side = 4;     // k of the penumbra, 1..16
   float small_angle = 0.02F;    // patch side / distance below which one ray is enough
   float cutoff_lx = 5e-4F;      // full moon: 0.25 lx; city sky: 0.07 lx
-  float relative_bias = 3e-3F;  // see pulled_out()
 };
 
 [[nodiscard]] inline Status validate(const VisibilityParams& p) noexcept {
   const bool good = p.samples_per_side >= 1 && p.samples_per_side <= 16 && p.cutoff_lx >= 0.0F &&
-                    p.small_angle >= 0.0F && p.relative_bias >= 0.0F && p.relative_bias < 1.0F;
+                    p.small_angle >= 0.0F;
   return good ? Status()
               : Status(StatusCode::invalid_argument,
-                       "visibility: samples_per_side in 1..16, cutoff and angle not negative, bias in [0, 1)");
+                       "visibility: samples_per_side in 1..16, cutoff and angle not negative");
 }
 
 // Unshadowed illuminance (lx) at a point per candela of the emitter's peak intensity; `to_light` is the unit direction.
@@ -191,7 +190,7 @@ Status compute_visibility(const VisibilityParams& params, std::uint64_t seed, co
         };
         for (std::size_t t = 0; t < remaining; ++t) {
           const std::uint16_t i = plan.traced[t];
-          const Vec3f origin = pulled_out(points.position[begin + i], points.normal[begin + i], params.relative_bias);
+          const Vec3f origin = ray_start(points, begin + i);
           const bool small = extent < params.small_angle * length(emitter.centre_m - origin);
           const int k = more ? params.samples_per_side : (small ? 1 : 2);
           if (batch.count + static_cast<std::size_t>(k * k) > kRaysPerBatch) trace();

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// How far above its point a ray starts, so that a surface does not shade itself.
+//
+// A reconstructed surface is rough where the true one is smooth: its vertices stand before and behind the plane that the
+// point's normal tells. A ray starts above what the neighbours of its point stick out, and no higher: a kerb, a frame or
+// a wall next to it keeps its shadow. With p the point, n its normal and q the vertices of its layer within kReach
+// pixels: lift = max over q of dot(n, q - p), of those that rise by less than kSteepest; steeper is another surface. At
+// least what rounding needs: 2^-20 of the largest coordinate covers the error of the sum and of a ray's own translation
+// (trace/ray.hpp).
+// Cost: (2 kReach + 1)^2 dot products a vertex of the sheets. Memory: none. Error: none; a rule.
+#ifndef NPSIM_PIPELINE_DETAIL_RAY_STARTS_HPP
+#define NPSIM_PIPELINE_DETAIL_RAY_STARTS_HPP
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/span.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/geometry/sheet_layer.hpp"
+#include "npsim/pipeline/reconstruct.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+namespace ray_start_detail {
+
+inline constexpr int kReach = 2;            // px
+inline constexpr float kSteepest = 0.5F;    // rise over distance along the surface: 27 degrees
+
+[[nodiscard]] inline float rounding_lift(const Vec3f& p) noexcept {
+  return 0x1p-20F * std::fmax(std::fabs(p.x), std::fmax(std::fabs(p.y), std::fabs(p.z)));
+}
+
+[[nodiscard]] inline float lift_over_neighbours(ImageView<const Vec3f> layer, int x, int y, const Vec3f& p,
+                                                const Vec3f& n) noexcept {
+  float lift = rounding_lift(p);
+  for (int v = std::max(0, y - kReach); v <= std::min(layer.height() - 1, y + kReach); ++v) {
+    for (int u = std::max(0, x - kReach); u <= std::min(layer.width() - 1, x + kReach); ++u) {
+      const Vec3f& q = layer(u, v);
+      if (!has_vertex(q)) continue;
+      const Vec3f away = q - p;
+      const float rise = dot(n, away);
+      if (!(rise > lift)) continue;
+      const float along2 = dot(away, away) - rise * rise;
+      if (rise * rise < kSteepest * kSteepest * along2) lift = rise;
+    }
+  }
+  return lift;
+}
+
+}  // namespace ray_start_detail
+
+// lift_m: of every vertex of the mesh, in metres.
+template <class Executor>
+void ray_lifts(const SceneMesh& mesh, Span<const Vec3f> normal, Span<float> lift_m, Executor& executor) noexcept {
+  using namespace ray_start_detail;
+  const auto width = static_cast<std::uint32_t>(mesh.visible_vertex.width());
+  executor.for_chunks(lift_m.size(), 4096, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v) {
+      const Vec3f& p = mesh.mesh.vertices[v];
+      if (v >= mesh.sheet_vertices) {
+        lift_m[v] = rounding_lift(p);  // an object's back is ours, and smooth
+        continue;
+      }
+      const SheetLayer& layer = v < mesh.background_vertices ? mesh.background : mesh.foreground;
+      lift_m[v] = lift_over_neighbours(layer.vertices, static_cast<int>(mesh.vertex_pixel[v] % width),
+                                       static_cast<int>(mesh.vertex_pixel[v] / width), p, normal[v]);
+    }
+  });
+}
+
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_PIPELINE_DETAIL_RAY_STARTS_HPP
