@@ -110,6 +110,8 @@ namespace {
     meshes.push_back(to_json(m));
     costs[m.key] = costs_json(m);
   }
+  OrderedJson lamps = OrderedJson::array();
+  for (const LampErrors& l : e.lamps) lamps.push_back(to_json(l));
   return {{"npsim", NPSIM_VERSION_STRING},
           {"scene", scene.name},
           {"settings", {{"preset", options.preset}, {"width", scene.image.width()}, {"height", scene.image.height()}}},
@@ -131,6 +133,7 @@ namespace {
             {"share_near_edges", share(e.uncertain_near_edges.both, e.uncertain_near_edges.second)}}},
           {"labels", std::move(labels)},
           {"mesh", std::move(meshes)},
+          {"lamps", std::move(lamps)},
           {"night_of_simplified_mesh", e.night ? to_json(*e.night) : OrderedJson()},
           {"costs", std::move(costs)},
           {"notes", scene.notes}};
@@ -201,6 +204,7 @@ void print_table(const Evaluation& e, const io::Scene& scene, const EvaluateOpti
   for (const MeshErrors& m : e.meshes) {
     print_table(m, m.key == "refined" ? "mesh of the refined depth" : "mesh of the true depth");
   }
+  for (const LampErrors& l : e.lamps) print_table(l);
   if (e.night) print_table(*e.night);
 }
 
@@ -245,6 +249,11 @@ void print_table(const Evaluation& e, const io::Scene& scene, const EvaluateOpti
         !o) {
       return o.error();
     }
+  }
+  if (!s.truth.emitters.empty()) {
+    io::Expected<std::vector<io::TrueEmitter>> emitters = io::read_truth_emitters(s);
+    if (!emitters) return emitters.error();
+    truth.emitters = std::move(emitters.value());
   }
   io::Expected<MeshTruth> mesh = read_mesh_truth(s);
   if (!mesh) return mesh.error();

@@ -125,7 +125,7 @@ template <class Holds>
 
 Status evaluate_meshes(const SceneView& scene, const Truth& truth, const UncertaintyParams& uncertainty_params,
                        const ReconstructParams& params, const RefinedDepth& refined, ThreadPool& pool, Console& console,
-                       std::vector<MeshErrors>& out) {
+                       std::vector<MeshErrors>& out, std::vector<LampErrors>& lamps) {
   MeshJudges judges;
   judges.true_depth = truth.depth.view();
   judges.true_normals = truth.normals.view();
@@ -137,7 +137,16 @@ Status evaluate_meshes(const SceneView& scene, const Truth& truth, const Uncerta
   out[0].key = "refined";
   NPSIM_RETURN_IF_ERROR(evaluate_mesh(params, scene, refined, judges, pool, console, out[0]));
   out[1].key = "true_depth";
-  return evaluate_mesh(params, scene, ideal.refined, judges, pool, console, out[1]);
+  NPSIM_RETURN_IF_ERROR(evaluate_mesh(params, scene, ideal.refined, judges, pool, console, out[1]));
+  if (truth.emitters.empty()) return {};
+  for (const auto& [key, depth] : {std::pair("refined", &refined), std::pair("true_depth", &ideal.refined)}) {
+    std::vector<Emitter> placed;
+    NPSIM_RETURN_IF_ERROR(placed_lamps(judges.placement, scene, *depth, placed));
+    lamps.push_back({key, lamp_errors(scene.lights, Span<const Emitter>(placed.data(), placed.size()),
+                                      Span<const io::TrueEmitter>(truth.emitters.data(), truth.emitters.size()),
+                                      depth->ground.up)});
+  }
+  return {};
 }
 
 }  // namespace
@@ -234,7 +243,8 @@ Status evaluate(const SceneView& scene, const Truth& truth, const RefineDepthPar
     }
     out.labels.push_back(std::move(errors));
   }
-  return evaluate_meshes(scene, truth, params.uncertainty, mesh_params, refined, pool, console, out.meshes);
+  return evaluate_meshes(scene, truth, params.uncertainty, mesh_params, refined, pool, console, out.meshes,
+                         out.lamps);
 }
 
 }  // namespace npsim::tool

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "console.hpp"
+#include "lamp_evaluation.hpp"
 #include "mesh_evaluation.hpp"
 #include "mesh_truth.hpp"
 #include "night_change.hpp"
@@ -67,6 +68,7 @@ struct Evaluation {
   MaskOverlap uncertain_on_foreground_edges;  // the same for edges of vehicles, persons, poles and signs
   MaskOverlap uncertain_near_edges;           // first: within a window of a true edge
   std::vector<MeshErrors> meshes;             // of the refined depth, of the true depth
+  std::vector<LampErrors> lamps;              // the same, where the truth has any
   std::optional<NightChange> night;           // when asked for
 };
 
@@ -75,6 +77,7 @@ struct Truth {
   io::Image<Vec3f> normals;           // may be empty
   io::Image<float> background_depth;  // behind the foreground; may be empty
   MeshTruth mesh;                     // may be empty
+  std::vector<io::TrueEmitter> emitters;  // may be empty
 };
 
 // Runs the depth steps on the scene and judges what each of them leaves.

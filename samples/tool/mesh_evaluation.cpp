@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "engine.hpp"
+#include "lamp_evaluation.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/mesh/index.hpp"
 
@@ -73,22 +74,6 @@ struct LayerMesh {
     }
   }
   return depth;
-}
-
-// The lamps as the renderer places them.
-[[nodiscard]] Status placed_lamps(const PlacementParams& placement, const SceneView& scene, const RefinedDepth& refined,
-                                  std::vector<Emitter>& out) {
-  out.clear();
-  if (scene.light_index.empty() || scene.lights.empty()) return {};
-  std::vector<unsigned char> memory(placement_workspace_bytes(placement, scene.shape()));
-  out.resize(scene.lights.size());
-  std::size_t count = 0;
-  Workspace workspace(memory.data(), memory.size());
-  NPSIM_RETURN_IF_ERROR(place_lights(placement, scene.lights, scene.light_index, refined.depth, refined.labels,
-                                     refined.uncertain, refined.normals, scene.camera, refined.ground, workspace,
-                                     Span<Emitter>(out.data(), out.size()), count));
-  out.resize(count);
-  return {};
 }
 
 // Ids of the lamps that faces are part of, by the renderer's rule. `mesh` has the stage's faces.

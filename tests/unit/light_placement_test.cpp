@@ -63,10 +63,19 @@ struct Scene {
   }
   Status place() {
     npsim_test::Scratch scratch(placement_workspace_bytes(params, shape));
-    return place_lights(params, Span<const LightMark>(marks.data(), marks.size()), index.cview(), depth.cview(),
-                        with_labels ? labels.cview() : ImageView<const Label>(), uncertain.cview(),
-                        with_normals ? normals.cview() : ImageView<const Vec3f>(), k, ground, scratch.workspace(),
-                        Span<Emitter>(out.data(), out.size()), count);
+    return place_lights(params, known(), scratch.workspace(), Span<Emitter>(out.data(), out.size()), count);
+  }
+  PlacementScene known() {
+    PlacementScene scene;
+    scene.camera = k;
+    scene.ground = ground;
+    scene.marks = Span<const LightMark>(marks.data(), marks.size());
+    scene.light_index = index.cview();
+    scene.depth = depth.cview();
+    if (with_labels) scene.labels = labels.cview();
+    scene.uncertain = uncertain.cview();
+    if (with_normals) scene.normals = normals.cview();
+    return scene;
   }
   const Emitter& only() {
     REQUIRE(place().ok());
@@ -318,13 +327,11 @@ TEST_CASE("placement refuses what it cannot use and never writes past the end") 
   s.params.min_area_m2 = 1e-3F;
   CHECK(s.place().ok());
   npsim_test::Scratch tiny(64);
-  CHECK(place_lights(s.params, Span<const LightMark>(s.marks.data(), s.marks.size()), s.index.cview(), s.depth.cview(),
-                     {}, {}, {}, s.k, s.ground, tiny.workspace(), Span<Emitter>(s.out.data(), s.out.size()), s.count)
-            .code() == StatusCode::workspace_exhausted);
-  CHECK(place_lights(s.params, Span<const LightMark>(s.marks.data(), s.marks.size()), s.index.cview(),
-                     s.depth.cview().sub(0, 0, {10, 10}), {}, {}, {}, s.k, s.ground, tiny.workspace(),
-                     Span<Emitter>(s.out.data(), s.out.size()), s.count)
-            .code() == StatusCode::shape_mismatch);
+  PlacementScene known = s.known();
+  const Span<Emitter> out(s.out.data(), s.out.size());
+  CHECK(place_lights(s.params, known, tiny.workspace(), out, s.count).code() == StatusCode::workspace_exhausted);
+  known.depth = s.depth.cview().sub(0, 0, {10, 10});
+  CHECK(place_lights(s.params, known, tiny.workspace(), out, s.count).code() == StatusCode::shape_mismatch);
 }
 
 TEST_CASE("single pixels, image corners and random planes of every class: finite emitters with unit frames") {

@@ -44,6 +44,19 @@ struct PlacementParams {
   StreetLampParams street;
 };
 
+// What lamps are placed by: planes of one shape, of which those after depth may be empty.
+struct PlacementScene {
+  Intrinsics camera;
+  GroundPlane ground;
+  Span<const LightMark> marks;
+  ImageView<const std::uint16_t> light_index;  // position + 1 in marks, 0 = none
+  ImageView<const float> depth;                // m
+  ImageView<const Label> labels;
+  ImageView<const std::uint16_t> instances;    // equal id and label = same object
+  ImageView<const std::uint8_t> uncertain;     // not 0: the depth is not to be trusted
+  ImageView<const Vec3f> normals;
+};
+
 inline constexpr std::size_t kMaxLightMarks = 65535;  // an index plane can name no more
 
 [[nodiscard]] constexpr std::size_t placement_workspace_bytes(const PlacementParams&, Shape) noexcept {
@@ -56,8 +69,28 @@ inline constexpr std::size_t kMaxLightMarks = 65535;  // an index plane can name
                     p.min_street_area_m2 > 0.0F && p.max_side_m > 0.0F && std::isfinite(p.max_side_m) &&
                     p.min_facing_cosine > 0.0F && p.min_facing_cosine < 1.0F && p.street.min_height_m > 0.0F &&
                     p.street.max_height_m > p.street.min_height_m && p.street.default_height_m > 0.0F &&
-                    std::isfinite(p.street.max_height_m) && std::isfinite(p.max_lamp_yaw_cosine);
+                    std::isfinite(p.street.default_height_m) && std::isfinite(p.street.max_height_m) &&
+                    p.street.max_distance_m > 0.0F && std::isfinite(p.street.max_distance_m) &&
+                    p.street.arm_m >= 0.0F && std::isfinite(p.street.arm_m) &&
+                    std::isfinite(p.min_area_m2) && std::isfinite(p.min_street_area_m2) &&
+                    std::isfinite(p.max_lamp_yaw_cosine);
   return good ? Status() : Status(StatusCode::invalid_argument, "placement: a parameter lies outside its range");
+}
+
+[[nodiscard]] inline Status validate(const PlacementScene& s) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(s.camera));
+  const Shape shape = s.light_index.shape();
+  const auto agrees = [&](const auto& plane) { return plane.empty() || plane.shape() == shape; };
+  if (s.light_index.empty() || s.depth.shape() != shape || !agrees(s.labels) || !agrees(s.instances) ||
+      !agrees(s.uncertain) || !agrees(s.normals)) {
+    return Status(StatusCode::shape_mismatch, "placement: every plane must have the shape of the light index");
+  }
+  if (s.marks.size() > kMaxLightMarks) return Status(StatusCode::capacity_exceeded, "placement: more than 65535 marks");
+  const GroundPlane& ground = s.ground;
+  if (!is_finite(ground.up) || std::fabs(length(ground.up) - 1.0F) > 1e-3F || !std::isfinite(ground.camera_height_m)) {
+    return Status(StatusCode::invalid_argument, "placement: the ground plane needs a unit normal");
+  }
+  return {};
 }
 
 namespace light_detail {
@@ -178,32 +211,22 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
 
 }  // namespace light_detail
 
-// `labels`, `uncertain` and `normals` may be empty. `out` holds at least as many elements as there are marks that are
-// not groups; `count` is how many were written.
-[[nodiscard]] inline Status place_lights(const PlacementParams& p, Span<const LightMark> marks,
-                                         ImageView<const std::uint16_t> light_index, ImageView<const float> depth,
-                                         ImageView<const Label> labels, ImageView<const std::uint8_t> uncertain,
-                                         ImageView<const Vec3f> normals, const Intrinsics& k, const GroundPlane& ground,
-                                         Workspace& workspace, Span<Emitter> out, std::size_t& count) noexcept {
+// `out` holds at least as many elements as there are marks that are not groups; `count` is how many were written.
+[[nodiscard]] inline Status place_lights(const PlacementParams& p, const PlacementScene& scene, Workspace& workspace,
+                                         Span<Emitter> out, std::size_t& count) noexcept {
   count = 0;
   NPSIM_RETURN_IF_ERROR(validate(p));
-  NPSIM_RETURN_IF_ERROR(validate(k));
-  const Shape shape = light_index.shape();
-  if (light_index.empty() || depth.shape() != shape || (!labels.empty() && labels.shape() != shape) ||
-      (!uncertain.empty() && uncertain.shape() != shape) || (!normals.empty() && normals.shape() != shape)) {
-    return Status(StatusCode::shape_mismatch, "placement: every plane must have the shape of the light index");
-  }
-  if (marks.size() > kMaxLightMarks) return Status(StatusCode::capacity_exceeded, "placement: more than 65535 marks");
-  if (!is_finite(ground.up) || std::fabs(length(ground.up) - 1.0F) > 1e-3F || !std::isfinite(ground.camera_height_m)) {
-    return Status(StatusCode::invalid_argument, "placement: the ground plane needs a unit normal");
-  }
+  NPSIM_RETURN_IF_ERROR(validate(scene));
+  const Span<const LightMark> marks = scene.marks;
+  const Intrinsics& k = scene.camera;
+  const GroundPlane& ground = scene.ground;
   const WorkspaceScope scope(workspace);
   Span<LightRegion> regions;
   Span<float> scratch;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(marks.size() + 1, regions));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(kMaxRegionSamples, scratch));
-  NPSIM_RETURN_IF_ERROR(light_detail::measure_regions(light_index, regions));
-  const RegionInput in{light_index, depth, labels, uncertain};
+  NPSIM_RETURN_IF_ERROR(light_detail::measure_regions(scene.light_index, regions));
+  const RegionInput in{scene.light_index, scene.depth, scene.labels, scene.uncertain};
 
   for (std::size_t m = 0; m < marks.size(); ++m) {
     const LightMark& mark = marks[m];
@@ -223,7 +246,7 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
     const float z = street ? light_detail::street_lamp_depth(p.street, in, region, value, k, ground, scratch)
                            : light_detail::region_depth(in, region, value, scratch);
     if (!is_valid_depth(z)) continue;
-    const Vec3f normal = light_detail::region_normal(in, region, value, normals, unproject(k, u, v, 1.0F));
+    const Vec3f normal = light_detail::region_normal(in, region, value, scene.normals, unproject(k, u, v, 1.0F));
     if (street) {
       light_detail::place_street_lamp(p, k, region, u, z, ground, e);
     } else if (e.profile == EmissionProfile::lambert) {

@@ -166,9 +166,10 @@ inline constexpr float kInversePi = 0.31830989F;
       emitters[count++] = lamp;
     }
   } else if (!scene.light_index.empty() && !scene.lights.empty()) {
-    NPSIM_RETURN_IF_ERROR(place_lights(params.placement, scene.lights, scene.light_index, refined.depth, refined.labels,
-                                       refined.uncertain, refined.normals, scene.camera, refined.ground, workspace,
-                                       emitters.sub(0, scene.lights.size()), count));
+    const PlacementScene known{scene.camera,    refined.ground,  scene.lights,      scene.light_index, refined.depth,
+                               refined.labels, scene.instances, refined.uncertain, refined.normals};
+    NPSIM_RETURN_IF_ERROR(
+        place_lights(params.placement, known, workspace, emitters.sub(0, scene.lights.size()), count));
   }
   for (std::uint32_t& e : emitter_of_mark) e = kNoPoint;
   for (std::size_t e = 0; e < count; ++e) {
