@@ -23,6 +23,7 @@ namespace street {
 inline void collect_emitters(const Stage& stage, Street& street) {
   const Scene& scene = *stage.scene;
   const std::size_t count = scene.lights.size();
+  street.emitters.assign(count, Emitter{});
   std::vector<Vec3f> weighted(count);
   std::vector<Vec3f> normals(count);
   std::vector<float> areas(count, 0.0F);
@@ -36,11 +37,12 @@ inline void collect_emitters(const Stage& stage, Street& street) {
     const auto p = corners(f);
     const Vec3f n = cross(p[1] - p[0], p[2] - p[0]) * 0.5F;
     const float area = length(n);
+    const Vec3f middle = (p[0] + p[1] + p[2]) / 3.0F;
+    if (middle.z > 0) street.emitters[light - 1U].seen_area_m2 += std::fmax(0.0F, -dot(n, middle)) / middle.z;
     weighted[light - 1U] += (p[0] + p[1] + p[2]) * (area / 3);
     normals[light - 1U] += n;
     areas[light - 1U] += area;
   }
-  street.emitters.assign(count, Emitter{});
   std::vector<Vec3f> u(count);
   std::vector<Vec3f> v(count);
   const Vec3f down = stage.to_camera({0, -1, 0});
@@ -54,12 +56,18 @@ inline void collect_emitters(const Stage& stage, Street& street) {
     e.lit_by_day = light.lit_by_day;
     if (areas[i] > 0) e.centre = weighted[i] / areas[i];
     // A closed shape (lantern, all windows of a car) has no direction of its own: it counts as facing the camera.
-    const bool closed = length(normals[i]) < 0.2F * areas[i];
-    e.normal = closed ? normalized(-e.centre) : normalized(normals[i]);
-    if (closed && light.cls == LightClass::street_light_ht) e.normal = down;
+    e.closed = length(normals[i]) < 0.2F * areas[i];
+    e.normal = e.closed ? normalized(-e.centre) : normalized(normals[i]);
+    if (e.closed && light.cls == LightClass::street_light_ht) e.normal = down;
+    e.area_m2 = areas[i];
+    e.axis = light.axis == Vec3f{} ? e.normal : stage.to_camera(light.axis);
+    const bool street_lamp = light.cls == LightClass::street_light_ht || light.cls == LightClass::street_light_lt;
+    // Origin and height zero of the world are on the road.
+    if (street_lamp) e.mounting_height_m = stage.camera.point(e.centre).y;
     const Vec3f across = cross(down, e.normal);
     u[i] = length(across) > 0.05F ? normalized(across) : normalized(cross(Vec3f{0, 0, 1}, e.normal));
     v[i] = cross(e.normal, u[i]);
+    e.up = light.axis == Vec3f{} ? v[i] : stage.to_camera(light.up);
   }
   for (std::size_t f = 0; f < stage.faces.size(); ++f) {
     const std::uint16_t light = scene.info[f].light;

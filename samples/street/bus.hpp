@@ -104,14 +104,14 @@ inline void build_bus(Scene& scene, const Pose& pose, const Vec3f& colour, Dice&
   for (const float side : {-1.0F, 1.0F}) {
     const auto lamp = [&](float y, float r, std::uint16_t m, LightClass cls) {
       const Pose q = rear.moved({side * 1.0F, y, 0.012F});
-      scene.disc(q, r, 20, 0, base.lit(m, scene.add_light(cls, group)));
+      scene.disc(q, r, 20, 0, base.lit(m, scene.aimed(scene.add_light(cls, group), rear.z, rear.y)));
       scene.disc(rear.moved({side * 1.0F, y, 0.006F}), r + 0.02F, 20, 0, black);
     };
     lamp(1.15F, 0.085F, red, LightClass::moving_rear);
     lamp(0.93F, 0.085F, red, LightClass::moving_rear);
     scene.disc(rear.moved({side * 1.0F, 1.37F, 0.012F}), 0.075F, 20, 0, base.with(amber));
     // Front lamps.
-    const std::uint16_t light = scene.add_light(LightClass::moving_front, group);
+    const std::uint16_t light = scene.aimed(scene.add_light(LightClass::moving_front, group), front.z, front.y);
     scene.disc(front.moved({side * 0.88F, 0.72F, 0.012F}), 0.12F, 20, 0, base.lit(lens, light));
   }
   scene.panel_xy(front, -1.02F, 1.02F, 1.05F, 2.45F, 0,

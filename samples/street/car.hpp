@@ -200,12 +200,12 @@ inline void build_car(Scene& scene, const Pose& pose, const CarSpec& spec, Dice&
   const std::uint16_t red = material(Kind::lamp, {0.30F, 0.013F, 0.011F}, 0.15F, 0.035F, spec.braking ? 1.7F : 0.0F);
   const int lu = coarse ? 4 : (close ? 12 : 8);
   for (const float side : {-1.0F, 1.0F}) {
-    const Brush head = base.lit(lens, scene.add_light(front_class, group)).smoothed();
+    const Brush head = base.lit(lens, scene.aimed(scene.add_light(front_class, group), pose.z, pose.y)).smoothed();
     const float ly = c.lamp_y;
     body_patch(
         scene, pose, c, 2.62F, 3.38F, side, [&](float t) { return ly - 0.075F + 0.03F * (1 - t); },
         [&](float t) { return ly + 0.03F + 0.065F * (1 - t); }, 0.012F, lu, 3, head);
-    const Brush tail = base.lit(red, scene.add_light(rear_class, group)).smoothed();
+    const Brush tail = base.lit(red, scene.aimed(scene.add_light(rear_class, group), -pose.z, pose.y)).smoothed();
     const float ty = c.tail_y;
     if (c.tall_tail) {
       body_patch(scene, pose, c, spec.type == 4 ? 0.93F : 0.95F, 1.26F, side, flat(ty - 0.13F), flat(ty + 0.15F),
@@ -250,7 +250,7 @@ inline void build_car(Scene& scene, const Pose& pose, const CarSpec& spec, Dice&
   if (spec.type != 4) {  // third brake lamp and aerial
     const float y = c.roof + 0.015F;
     if (spec.type != 1) {
-      const Brush third = base.lit(red, scene.add_light(rear_class, group));
+      const Brush third = base.lit(red, scene.aimed(scene.add_light(rear_class, group), -pose.z, pose.y));
       body_patch(scene, pose, c, 0.0F, 0.3F, 1, flat(y), flat(y + 0.022F), 0.01F, 2, 1, third);
     }
   }

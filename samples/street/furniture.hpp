@@ -42,7 +42,7 @@ inline FurniturePaints make_furniture_paints(Scene& scene) {
   return f;
 }
 
-// Tall LED lamp: tapered pole, arm reaching along +z over the road, flat head. street_light_HT.
+// Tall LED lamp: tapered pole, arm reaching along +z over the road (which runs along x), flat head. street_light_HT.
 inline void build_tall_lamp(Scene& scene, const FurniturePaints& f, const Pose& p, float height, float reach) {
   scene.bar(p.point({0, 0, 0}), p.point({0, 1.1F, 0}), 0.11F, 0.10F, 12, f.steel);
   scene.bar(p.point({0, 1.1F, 0}), p.point({0, height - 0.7F, 0}), 0.085F, 0.055F, 12, f.steel);
@@ -57,15 +57,17 @@ inline void build_tall_lamp(Scene& scene, const FurniturePaints& f, const Pose& 
   const Pose head = p.moved({0, height + 0.12F, reach});
   scene.box(head, {-0.16F, -0.05F, -0.1F}, {0.16F, 0.07F, 0.62F}, f.steel);
   scene.box(head, {-0.13F, -0.10F, 0.0F}, {0.13F, -0.051F, 0.58F},
-            f.lamp_lens.lit(f.lamp_lens.material, scene.add_light(LightClass::street_light_ht)));
+            f.lamp_lens.lit(f.lamp_lens.material,
+                            scene.aimed(scene.add_light(LightClass::street_light_ht), -p.y, p.x)));
 }
 
-// Older lantern on a low post: street_light_LT.
+// Older lantern on a low post, the road along z: street_light_LT.
 inline void build_lantern(Scene& scene, const FurniturePaints& f, const Pose& p, float height) {
   scene.bar(p.point({0, 0, 0}), p.point({0, 0.7F, 0}), 0.12F, 0.09F, 12, f.dark);
   scene.bar(p.point({0, 0.7F, 0}), p.point({0, height, 0}), 0.065F, 0.045F, 12, f.dark);
   scene.bar(p.point({0, 0.68F, 0}), p.point({0, 0.76F, 0}), 0.11F, 0.11F, 12, f.dark);
-  const Brush glow = f.lantern_glass.lit(f.lantern_glass.material, scene.add_light(LightClass::street_light_lt));
+  const Brush glow = f.lantern_glass.lit(f.lantern_glass.material,
+                                         scene.aimed(scene.add_light(LightClass::street_light_lt), -p.y, p.z));
   scene.bar(p.point({0, height, 0}), p.point({0, height + 0.1F, 0}), 0.1F, 0.16F, 12, f.dark);
   scene.bar(p.point({0, height + 0.1F, 0}), p.point({0, height + 0.62F, 0}), 0.16F, 0.26F, 8, glow);
   scene.bar(p.point({0, height + 0.62F, 0}), p.point({0, height + 0.85F, 0}), 0.31F, 0.06F, 8, f.dark);
@@ -94,7 +96,8 @@ inline void build_signal_head(Scene& scene, const FurniturePaints& f, const Pose
     m.frame = p;
     // Only the burning disc is an inferred object: its colour by night is the one seen by day.
     const std::uint16_t light =
-        on ? scene.add_light(LightClass::inferred_object, group, states[i], true) : std::uint16_t{0};
+        on ? scene.aimed(scene.add_light(LightClass::inferred_object, group, states[i], true), p.z, p.y)
+           : std::uint16_t{0};
     const float y = 0.29F - 0.29F * static_cast<float>(i);
     scene.disc(p.moved({0, y, 0.106F}), 0.105F, 20, 0, body.lit(scene.add(m), light));
     const int n = 9;

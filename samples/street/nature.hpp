@@ -248,12 +248,13 @@ inline void build_bicycle(Scene& scene, const Pose& p, bool ridden, Dice& dice) 
   lamp.kind = Kind::lamp;
   lamp.base = {0.36F, 0.015F, 0.012F};
   lamp.frame = p;
+  const std::uint16_t tail = scene.add_light(ridden ? LightClass::moving_rear : LightClass::parked_rear, group);
   scene.box(p, {-0.035F, 0.66F, -0.62F}, {0.035F, 0.72F, -0.59F},
-            b.lit(scene.add(lamp), scene.add_light(ridden ? LightClass::moving_rear : LightClass::parked_rear, group)));
+            b.lit(scene.add(lamp), scene.aimed(tail, -p.z, p.y)));
   lamp.base = {0.55F, 0.55F, 0.55F};
-  scene.box(
-      p, {-0.035F, 0.9F, 0.4F}, {0.035F, 0.96F, 0.44F},
-      b.lit(scene.add(lamp), scene.add_light(ridden ? LightClass::moving_front : LightClass::parked_front, group)));
+  const std::uint16_t head_lamp = scene.add_light(ridden ? LightClass::moving_front : LightClass::parked_front, group);
+  scene.box(p, {-0.035F, 0.9F, 0.4F}, {0.035F, 0.96F, 0.44F},
+            b.lit(scene.add(lamp), scene.aimed(head_lamp, p.z, p.y)));
   if (!ridden) return;
   const PersonLook look = make_look(scene, label::rider, dice);
   for (const float side : {-1.0F, 1.0F}) {

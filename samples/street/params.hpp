@@ -58,6 +58,12 @@ struct Emitter {
   Vec3f centre{};           // m
   Vec3f normal{};           // unit
   Vec2f half_extents{};     // m
+  float area_m2 = 0;        // of all its faces
+  float seen_area_m2 = 0;   // of those that face the camera, turned parallel to the image
+  bool closed = false;      // faces all round (a lantern, the windows of a car): has no direction of its own
+  Vec3f axis{};             // unit: where a lamp shines; of a glowing surface its normal
+  Vec3f up{};               // unit, normal to axis: of a street lamp along the road
+  float mounting_height_m = 0;  // of a street lamp's centre above the road
 };
 
 struct MeshMaterial {
@@ -71,6 +77,7 @@ struct Street {
   Intrinsics intrinsics;
   float camera_height_m = 0;
   float camera_pitch_rad = 0;          // positive: looking down
+  Vec3f ground_up{};                   // unit normal of the road, camera frame
   io::Image<Rgb8> image;               // the daytime photograph, sRGB
   io::Image<float> depth;              // exact z-depth in metres; 0 for the sky
   io::Image<float> background_depth;   // the same with all foreground (kForegroundLabels) taken away

@@ -104,6 +104,8 @@ struct SceneLight {
   SignalState state = SignalState::unknown;
   std::uint16_t group = 0;  // position + 1 in Scene::groups
   bool lit_by_day = false;
+  Vec3f axis{};  // unit, world: main direction; zero for glowing surfaces, which have that of their faces
+  Vec3f up{};    // unit, normal to axis; of a street lamp along the road
 };
 
 // `instance` != 0: the annotation marks the faces of this instance (car body, bus), apart from its lights, as the
@@ -168,6 +170,12 @@ class Scene {
                           bool lit_by_day = false) {
     lights.push_back({cls, state, group, lit_by_day});
     return static_cast<std::uint16_t>(lights.size());
+  }
+  // The light, now a lamp that shines along `axis`.
+  std::uint16_t aimed(std::uint16_t light, const Vec3f& axis, const Vec3f& up) {
+    lights[light - 1U].axis = axis;
+    lights[light - 1U].up = up;
+    return light;
   }
   std::uint16_t add_group(LightClass cls) {
     groups.push_back({cls});

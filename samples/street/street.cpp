@@ -55,6 +55,7 @@ Status make_street(const StreetParams& params, AnyExecutor executor, Street& str
   street.intrinsics = intrinsics_from_fov(params.shape, params.horizontal_fov_rad);
   street.camera_height_m = layout.camera_height;
   street.camera_pitch_rad = layout.camera_pitch;
+  street.ground_up = stage.to_camera({0, 1, 0});
   street.image = io::Image<Rgb8>(params.shape);
   street.depth = io::Image<float>(params.shape);
   street.background_depth = io::Image<float>(params.shape);

@@ -51,7 +51,8 @@ std::string scene_json(const Street& s) {
          "  \"lights\": {\"format\": \"segments_ai\", \"json\": \"lights.json\", \"bitmap\": \"lights.png\"},\n" +
          "  \"truth\": {\"depth\": \"truth/depth.pfm\", \"background_depth\": \"truth/background_depth.pfm\", " +
          "\"normals\": \"truth/normals.pfm\", \"mesh\": \"truth/street.obj\", " +
-         "\"emitters\": \"truth/emitters.json\"}\n}\n";
+         "\"emitters\": \"truth/emitters.json\", \"ground\": {\"camera_height_m\": " + number(s.camera_height_m) +
+         ", \"up\": " + vector_json(s.ground_up) + "}}\n}\n";
 }
 
 std::string lights_json(const Street& s) {
@@ -95,8 +96,11 @@ std::string emitters_json(const Street& s) {
          "\", \"mark\": " + std::to_string(e.mark) + ", \"lit_by_day\": " + (e.lit_by_day ? "true" : "false");
     if (e.state != SignalState::unknown) t += std::string(", \"state\": \"") + state_name(e.state) + "\"";
     t += ", \"centre\": " + vector_json(e.centre) + ", \"half_extents\": [" + number(e.half_extents.x) + ", " +
-         number(e.half_extents.y) + "], \"normal\": " + vector_json(e.normal) + "}" +
-         (i + 1 < s.emitters.size() ? ",\n" : "\n");
+         number(e.half_extents.y) + "], \"closed\": " + (e.closed ? "true" : "false") + ", \"area_m2\": " + number(e.area_m2) +
+         ", \"seen_area_m2\": " + number(e.seen_area_m2) + ", \"normal\": " + vector_json(e.normal) +
+         ", \"axis\": " + vector_json(e.axis) + ", \"up\": " + vector_json(e.up);
+    if (e.mounting_height_m > 0) t += ", \"mounting_height_m\": " + number(e.mounting_height_m);
+    t += i + 1 < s.emitters.size() ? "},\n" : "}\n";
   }
   return t + " ]\n}\n";
 }

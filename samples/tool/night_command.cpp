@@ -29,6 +29,7 @@
 #include "options.hpp"
 #include "outputs.hpp"
 #include "pictures.hpp"
+#include "true_lamps.hpp"
 
 namespace npsim::tool {
 namespace {
@@ -64,8 +65,9 @@ namespace {
 // Receives what the pipeline makes and writes it; remembers the first file that could not be written.
 class NightWriter {
  public:
-  NightWriter(const NightOptions& options, const io::Scene& scene, Console& console, ThreadPool& pool)
-      : options_(options), scene_(scene), console_(console), pool_(pool) {}
+  NightWriter(const NightOptions& options, const io::Scene& scene, Span<const LightSetEntry> light_set,
+              Console& console, ThreadPool& pool)
+      : options_(options), scene_(scene), light_set_(light_set), console_(console), pool_(pool) {}
 
   Status reconstructed(const RefinedDepth& refined, const SceneMesh& mesh, const Relighting& light) {
     return written(console_.timed("write depth and mesh", [&]() -> io::Outcome {
@@ -171,6 +173,7 @@ class NightWriter {
       nlohmann::ordered_json entry;
       if (emitter.mark == 0) {
         entry["source"] = "own headlamp";
+        entry["class"] = info(emitter.cls).name;
       } else {
         const LightMark& mark = scene_.lights[emitter.mark - 1U];
         entry["id"] = mark.id;
@@ -179,8 +182,15 @@ class NightWriter {
       }
       entry["lit"] = a.lit;
       entry["probability"] = a.probability;
+      entry["profile"] = profile_name(emitter.profile);
       if (a.lit) {
         entry["strength"] = a.strength;
+        entry["unit"] = unit_name(strength_unit(emitter.profile));
+        if (emitter.profile == EmissionProfile::street_luminaire) {
+          entry["mounting_height_m"] = emitter.mounting_height_m;
+          // Drawn for a mast of 8 m and changed by height, unless a light set names the class.
+          entry["strength_follows_height"] = !in_light_set(emitter.cls);
+        }
         entry["xy"] = {a.xy.x, a.xy.y};
         entry["peak_intensity_cd"] = luminance(a.intensity_cd);
         entry["luminance_cd_m2"] = luminance(a.luminance_cd_m2);
@@ -195,8 +205,13 @@ class NightWriter {
             {"sources", std::move(sources)}};
   }
 
+  [[nodiscard]] bool in_light_set(LightClass cls) const {
+    return std::any_of(light_set_.begin(), light_set_.end(), [&](const LightSetEntry& e) { return e.cls == cls; });
+  }
+
   const NightOptions& options_;
   const io::Scene& scene_;
+  Span<const LightSetEntry> light_set_;
   Console& console_;
   ThreadPool& pool_;
   std::vector<Panel> panels_;
@@ -254,7 +269,7 @@ int run_night(const NightOptions& options) {
   Workspace workspace = memory.workspace();
   const unsigned threads = thread_count(options.threads);
   ThreadPool pool(threads);
-  NightWriter writer(options, scene, console, pool);
+  NightWriter writer(options, scene, params.relight.activation.light_set, console, pool);
   const Status status = engine::make_nights(params, view, workspace, pool, console, writer);
   if (writer.error() != nullptr) return fail(*writer.error());
   if (status.code() == StatusCode::no_valid_input) {

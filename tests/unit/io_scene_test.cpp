@@ -207,8 +207,10 @@ TEST_CASE("scene: true emitters are read in the camera's frame, those that the p
     require_ok(scene);
     return io::read_truth_emitters(scene.value());
   };
-  const auto read =
-      emitters(R"({"mark": 0}, {"mark": 7, "centre": [1, 2, 3], "normal": [0, 0, -2], "half_extents": [0.5, 0.25]})");
+  const std::string lamp = R"({"id": 9, "mark": 7, "class": "street_light_LT", "group_class": "none",
+    "centre": [1, 2, 3], "normal": [0, 0, -2], "half_extents": [0.5, 0.25], "area_m2": 0.5, "closed": false, "seen_area_m2": 0.25, "axis": [0, 1, 0],
+    "up": [0, 0, 1], "mounting_height_m": 4.25})";
+  const auto read = emitters("{\"mark\": 0}, " + lamp);
   require_ok(read);
   REQUIRE(read.value().size() == 2);
   CHECK(read.value()[0].mark == 0);
@@ -216,10 +218,39 @@ TEST_CASE("scene: true emitters are read in the camera's frame, those that the p
   CHECK(read.value()[1].centre_m == Vec3f{1, 2, 3});
   CHECK(read.value()[1].normal == Vec3f{0, 0, -1});
   CHECK(read.value()[1].half_extents_m.y == 0.25F);
-  check_error(emitters(R"({"mark": 7, "centre": [1, 2], "normal": [0, 0, -2], "half_extents": [1, 1]})"),
-              "emitters.json", "emitters[0].centre");
-  check_error(emitters(R"({"mark": 7, "centre": [1, 2, "x"], "normal": [0, 0, -2], "half_extents": [1, 1]})"),
-              "emitters.json", "emitters[0].centre");
+  CHECK(read.value()[1].id == 9);
+  CHECK(read.value()[1].cls == npsim::LightClass::street_light_lt);
+  CHECK(read.value()[1].axis == Vec3f{0, 1, 0});
+  CHECK(read.value()[1].up == Vec3f{0, 0, 1});
+  CHECK(read.value()[1].area_m2 == 0.5F);
+  CHECK(read.value()[1].mounting_height_m == 4.25F);
+  const auto spoilt = [&](const char* from, const char* to, const char* field) {
+    check_error(emitters(replaced(lamp, from, to)), "emitters.json", std::string("emitters[0].") + field);
+  };
+  spoilt("[1, 2, 3]", "[1, 2]", "centre");
+  spoilt("[1, 2, 3]", "[1, 2, \"x\"]", "centre");
+  spoilt("\"axis\": [0, 1, 0]", "\"axis\": [0, 0, 0]", "axis");
+  spoilt("street_light_LT", "street_lamp", "class");
+  spoilt("0.5, \"closed\"", "0, \"closed\"", "area_m2");
+  spoilt("false", "\"no\"", "closed");
+  spoilt("\"mounting_height_m\"", "\"height_m\"", "mounting_height_m");
+  spoilt("\"id\": 9, ", "\"id\": 9, \"state\": \"blue\", ", "state");
+}
+
+TEST_CASE("scene: the true ground") {
+  const TemporaryFolder folder;
+  put_files(folder);
+  const auto with = [&](const std::string& ground) {
+    return read_text(folder, replaced(kWhole, "\"mesh\": \"absent.obj\"", "\"ground\": " + ground));
+  };
+  const auto read = with(R"({"camera_height_m": 1.25, "up": [0, -2, 0]})");
+  require_ok(read);
+  REQUIRE(read.value().truth.ground.has_value());
+  CHECK(read.value().truth.ground->camera_height_m == 1.25F);
+  CHECK(read.value().truth.ground->up == Vec3f{0, -1, 0});
+  check_error(with(R"({"camera_height_m": 1.25, "up": [0, 0, 0]})"), "scene.json", "truth.ground.up");
+  check_error(with(R"({"camera_height_m": 1.25})"), "scene.json", "truth.ground.up");
+  check_error(with(R"({"height": 1.25})"), "scene.json", "truth.ground.height");
 }
 
 TEST_CASE("scene: a named convention is taken as it is") {

@@ -11,6 +11,7 @@
 #define NPSIM_IO_SCENE_HPP
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,7 @@
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/geometry/ground.hpp"
 #include "npsim/io/detail/limits.hpp"
 #include "npsim/io/error.hpp"
 #include "npsim/io/image.hpp"
@@ -28,13 +30,14 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 namespace io {
 
-// Files with what is known to be true (generated scenes); empty where there is none. Read on demand.
+// What is known to be true (generated scenes). Files are read on demand; names are empty where there is none.
 struct TruthFiles {
   std::string depth;             // metres
   std::string background_depth;  // metres, with all foreground taken away; 0: sky
   std::string normals;           // canonical convention
   std::string mesh;              // OBJ
   std::string emitters;          // JSON
+  std::optional<GroundPlane> ground;
 };
 
 // A file that a scene is made of, and the field of scene.json that names it.
@@ -85,10 +88,20 @@ struct Scene {
 
 // A lamp of a generated scene.
 struct TrueEmitter {
+  std::uint32_t id = 0;  // that its faces carry: TrueMesh::face_emitter
+  LightClass cls = LightClass::none;
+  LightClass group_cls = LightClass::none;
+  SignalState state = SignalState::unknown;
   Vec3f centre_m;  // camera frame
   Vec3f normal;    // unit; light leaves on this side
   Vec2f half_extents_m;
-  std::uint32_t mark = 0;  // id of its annotation; 0: the photograph does not show it
+  bool closed = false;          // faces all round, and no direction of its own: the normal leads to the camera
+  float area_m2 = 0;            // of its faces
+  float seen_area_m2 = 0;       // of those that face the camera, turned parallel to the image
+  Vec3f axis;                   // unit: where a lamp shines (a vehicle's along its heading); a surface's normal
+  Vec3f up;                     // unit, normal to axis: of a street lamp along the road
+  float mounting_height_m = 0;  // of a street lamp's centre above the road
+  std::uint32_t mark = 0;       // id of its annotation; 0: the photograph does not show it, and nothing else is read
 };
 
 // A folder with a scene.json, or the scene.json itself.

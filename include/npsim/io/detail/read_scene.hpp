@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <string>
 #include <system_error>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -302,9 +303,59 @@ Outcome with_entry(const JsonObject& root, const char* key, Read&& read) {
   return read(entry.value());
 }
 
+// `out` holds as many numbers as the list has to have.
+inline Outcome read_floats(const JsonObject& object, const char* key, Span<float> out) {
+  const Expected<const Json*> list = object.list(key);
+  if (!list) return list.error();
+  const Json& values = *list.value();
+  if (values.size() != out.size()) {
+    return Error{
+        object.file(), object.field(key),
+        "has " + std::to_string(values.size()) + " entries, expected " + std::to_string(out.size()) + " numbers"};
+  }
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    if (!values[i].is_number()) {
+      return Error{object.file(), object.field(key), "holds something else than numbers, expected numbers"};
+    }
+    out[i] = values[i].get<float>();
+  }
+  return Done{};
+}
+
+inline Expected<Vec3f> read_vector(const JsonObject& object, const char* key) {
+  float values[3];
+  if (const Outcome read = read_floats(object, key, {values, 3}); !read) return read.error();
+  return Vec3f{values[0], values[1], values[2]};
+}
+
+inline Expected<Vec3f> read_direction(const JsonObject& object, const char* key) {
+  const Expected<Vec3f> vector = read_vector(object, key);
+  if (!vector) return vector;
+  const Vec3f unit = normalized(vector.value());
+  if (std::fabs(length(unit) - 1.0F) < 1e-3F) return unit;
+  return Error{object.file(), object.field(key), "has no direction, expected a vector of length 1"};
+}
+
+inline Expected<GroundPlane> read_truth_ground(const JsonObject& entry) {
+  const Outcome known = entry.allow_only({"camera_height_m", "up"});
+  if (!known) return known.error();
+  const Expected<double> height = entry.number("camera_height_m");
+  if (!height) return height.error();
+  const Expected<Vec3f> up = read_direction(entry, "up");
+  if (!up) return up.error();
+  return GroundPlane{up.value(), static_cast<float>(height.value()), 1.0F};
+}
+
 inline Outcome read_truth_names(const JsonObject& entry, Scene& scene) {
-  const Outcome known = entry.allow_only({"depth", "background_depth", "normals", "mesh", "emitters"});
+  const Outcome known = entry.allow_only({"depth", "background_depth", "normals", "mesh", "emitters", "ground"});
   if (!known) return known;
+  if (entry.has("ground")) {
+    const Expected<JsonObject> object = entry.object("ground");
+    if (!object) return object.error();
+    const Expected<GroundPlane> ground = read_truth_ground(object.value());
+    if (!ground) return ground.error();
+    scene.truth.ground = ground.value();
+  }
   const std::pair<const char*, std::string*> names[] = {{"depth", &scene.truth.depth},
                                                         {"background_depth", &scene.truth.background_depth},
                                                         {"normals", &scene.truth.normals},
@@ -407,21 +458,58 @@ inline Expected<Scene> scene_from_json(const JsonObject& root, const ReadLimits&
   return scene;
 }
 
-// `out` holds as many numbers as the list has to have.
-inline Outcome read_floats(const JsonObject& object, const char* key, Span<float> out) {
-  const Expected<const Json*> list = object.list(key);
-  if (!list) return list.error();
-  const Json& values = *list.value();
-  if (values.size() != out.size()) {
-    return Error{
-        object.file(), object.field(key),
-        "has " + std::to_string(values.size()) + " entries, expected " + std::to_string(out.size()) + " numbers"};
+// The class that has the name; none where the field names no class.
+inline Expected<LightClass> read_class(const JsonObject& entry, const char* key) {
+  const Expected<std::string> name = entry.text(key);
+  if (!name) return name.error();
+  for (int i = 0; i < kLightClassCount; ++i) {
+    if (name.value() == info(static_cast<LightClass>(i)).name) return static_cast<LightClass>(i);
   }
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    if (!values[i].is_number()) {
-      return Error{object.file(), object.field(key), "holds something else than numbers, expected numbers"};
-    }
-    out[i] = values[i].get<float>();
+  return Error{entry.file(), entry.field(key), "is '" + name.value() + "', expected a class of table 3.1 or none"};
+}
+
+inline Expected<SignalState> read_signal_state(const JsonObject& entry) {
+  if (!entry.has("state")) return SignalState::unknown;
+  const Expected<std::string> name = entry.text("state");
+  if (!name) return name.error();
+  if (name.value() == "red") return SignalState::red;
+  if (name.value() == "amber") return SignalState::amber;
+  if (name.value() == "green") return SignalState::green;
+  return Error{entry.file(), entry.field("state"), "is '" + name.value() + "', expected red, amber or green"};
+}
+
+// Where the lamp is and where it shines.
+inline Outcome read_emitter_geometry(const JsonObject& entry, TrueEmitter& emitter) {
+  const Expected<Vec3f> centre = read_vector(entry, "centre");
+  if (!centre) return centre.error();
+  emitter.centre_m = centre.value();
+  for (const auto& [key, out] : {std::pair<const char*, Vec3f*>{"normal", &emitter.normal},
+                                 {"axis", &emitter.axis},
+                                 {"up", &emitter.up}}) {
+    const Expected<Vec3f> direction = read_direction(entry, key);
+    if (!direction) return direction.error();
+    *out = direction.value();
+  }
+  float half[2];
+  if (const Outcome read = read_floats(entry, "half_extents", {half, 2}); !read) return read;
+  emitter.half_extents_m = {half[0], half[1]};
+  const Expected<const Json*> closed = entry.required("closed");
+  if (!closed) return closed.error();
+  if (!closed.value()->is_boolean()) {
+    return Error{entry.file(), entry.field("closed"),
+                 std::string("is ") + JsonObject::kind(*closed.value()) + ", expected true or false"};
+  }
+  emitter.closed = closed.value()->get<bool>();
+  for (const auto& [key, out, needed] :
+       {std::tuple<const char*, float*, bool>{"area_m2", &emitter.area_m2, true},
+        {"seen_area_m2", &emitter.seen_area_m2, true},
+        {"mounting_height_m", &emitter.mounting_height_m, emitter.cls == LightClass::street_light_ht ||
+                                                              emitter.cls == LightClass::street_light_lt}}) {
+    if (!needed) continue;
+    const Expected<double> value = entry.number(key);
+    if (!value) return value.error();
+    if (!(value.value() > 0)) return Error{entry.file(), entry.field(key), "is not positive, expected a size in metres"};
+    *out = static_cast<float>(value.value());
   }
   return Done{};
 }
@@ -432,17 +520,19 @@ inline Expected<TrueEmitter> true_emitter(const JsonObject& entry) {
   TrueEmitter emitter;
   emitter.mark = static_cast<std::uint32_t>(mark.value());
   if (emitter.mark == 0) return emitter;
-  float normal[3];
-  float centre[3];
-  float half[2];
-  for (const auto& [key, out] : {std::pair<const char*, Span<float>>{"centre", {centre, 3}},
-                                 {"normal", {normal, 3}},
-                                 {"half_extents", {half, 2}}}) {
-    if (const Outcome read = read_floats(entry, key, out); !read) return read.error();
+  const Expected<std::int64_t> id = entry.whole("id");
+  if (!id) return id.error();
+  emitter.id = static_cast<std::uint32_t>(id.value());
+  for (const auto& [key, out] :
+       {std::pair<const char*, LightClass*>{"class", &emitter.cls}, {"group_class", &emitter.group_cls}}) {
+    const Expected<LightClass> cls = read_class(entry, key);
+    if (!cls) return cls.error();
+    *out = cls.value();
   }
-  emitter.centre_m = {centre[0], centre[1], centre[2]};
-  emitter.normal = normalized(Vec3f{normal[0], normal[1], normal[2]});
-  emitter.half_extents_m = {half[0], half[1]};
+  const Expected<SignalState> state = read_signal_state(entry);
+  if (!state) return state.error();
+  emitter.state = state.value();
+  if (const Outcome read = read_emitter_geometry(entry, emitter); !read) return read.error();
   return emitter;
 }
 

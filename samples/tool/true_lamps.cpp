@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "true_lamps.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <map>
+#include <string>
+
+#include "npsim/core/span.hpp"
+#include "npsim/light/headlamps.hpp"
+#include "npsim/light/placement.hpp"
+
+namespace npsim::tool {
+namespace {
+
+[[nodiscard]] Emitter emitter_of(const io::TrueEmitter& lamp, const LightMark& mark, const GroundPlane& ground) {
+  Emitter e;
+  e.cls = mark.cls;
+  e.state = mark.state;
+  e.group = mark.group;
+  e.group_cls = lamp.group_cls;
+  e.profile = light_detail::profile_of(mark, lamp.group_cls);
+  e.mounting_height_m = lamp.mounting_height_m;
+  e.axis = lamp.axis;
+  // A headlamp's axis leads to the elbow of its cut-off; headings are level.
+  if (e.profile == EmissionProfile::low_beam) e.axis = normalized(e.axis - ground.up * kLowBeamAim);
+  const bool street = e.profile == EmissionProfile::street_luminaire;
+  e.up = light_detail::perpendicular(e.axis, street ? lamp.up : ground.up);
+  const bool surface = e.profile == EmissionProfile::lambert;
+  const float share = lamp.closed ? 0.25F : 1.0F;
+  e.area_m2 = surface ? lamp.area_m2 * share : lamp.seen_area_m2;
+
+  // The half extents are along a level and an upright direction of the plane (annotate.hpp of the street).
+  const Vec3f across = cross(-ground.up, lamp.normal);
+  const Vec3f u = normalized(length(across) > 0.05F ? across : cross(Vec3f{0, 0, 1}, lamp.normal));
+  const Vec3f v = cross(lamp.normal, u);
+  const float rectangle = 4.0F * lamp.half_extents_m.x * lamp.half_extents_m.y;
+  const float scale = rectangle > 0.0F ? std::sqrt(lamp.area_m2 * share / rectangle) : 0.0F;
+  e.half_u_m = u * (lamp.half_extents_m.x * scale);
+  e.half_v_m = v * (lamp.half_extents_m.y * scale);
+  e.centre_m = lamp.centre_m + e.axis * kLampOffset;
+  return e;
+}
+
+}  // namespace
+
+io::Expected<TrueLamps> read_true_lamps(const io::Scene& scene) {
+  if (!scene.truth.ground) {
+    return io::Error{scene.file, "truth.ground", "is missing, expected the true camera height and up direction"};
+  }
+  const io::Expected<std::vector<io::TrueEmitter>> lamps = io::read_truth_emitters(scene);
+  if (!lamps) return lamps.error();
+  std::map<std::uint32_t, std::size_t> position;  // of the mark with an id
+  for (std::size_t m = 0; m < scene.lights.size(); ++m) position[scene.lights[m].id] = m;
+  TrueLamps out;
+  out.ground = *scene.truth.ground;
+  std::map<std::size_t, const io::TrueEmitter*> by_position;
+  for (const io::TrueEmitter& lamp : lamps.value()) {
+    if (lamp.mark == 0) continue;
+    const auto at = position.find(lamp.mark);
+    if (at == position.end() || scene.lights[at->second].cls != lamp.cls) {
+      return io::Error{scene.truth.emitters, "mark " + std::to_string(lamp.mark),
+                       "is not annotated as this class, expected the emitters of the same street as its lights"};
+    }
+    by_position[at->second] = &lamp;
+  }
+  for (const auto& [m, lamp] : by_position) {
+    Emitter e = emitter_of(*lamp, scene.lights[m], out.ground);
+    e.mark = static_cast<std::uint16_t>(m + 1);
+    out.emitters.push_back(e);
+    out.faces_of.push_back(lamp->id);
+  }
+  Emitter own[kEgoHeadlampCount];
+  const std::size_t count = place_ego_headlamps(EgoHeadlampParams{}, out.ground, {own, kEgoHeadlampCount});
+  out.emitters.insert(out.emitters.end(), own, own + count);
+  out.faces_of.resize(out.emitters.size(), 0);
+  return out;
+}
+
+const char* profile_name(EmissionProfile profile) {
+  switch (profile) {
+    case EmissionProfile::street_luminaire: return "street_luminaire";
+    case EmissionProfile::low_beam: return "low_beam";
+    case EmissionProfile::signal: return "signal";
+    case EmissionProfile::lambert: break;
+  }
+  return "lambert";
+}
+
+const char* unit_name(StrengthUnit unit) {
+  switch (unit) {
+    case StrengthUnit::lumen: return "lm";
+    case StrengthUnit::candela: return "cd";
+    case StrengthUnit::candela_per_m2: break;
+  }
+  return "cd/m2";
+}
+
+}  // namespace npsim::tool
