@@ -2,6 +2,7 @@
 #include "evaluation.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <utility>
@@ -139,12 +140,13 @@ Status evaluate_meshes(const SceneView& scene, const Truth& truth, const Uncerta
   out[1].key = "true_depth";
   NPSIM_RETURN_IF_ERROR(evaluate_mesh(params, scene, ideal.refined, judges, pool, console, out[1]));
   if (truth.emitters.empty()) return {};
-  for (const auto& [key, depth] : {std::pair("refined", &refined), std::pair("true_depth", &ideal.refined)}) {
+  const std::array<const RefinedDepth*, 2> depths = {&refined, &ideal.refined};
+  for (std::size_t i = 0; i < depths.size(); ++i) {
     std::vector<Emitter> placed;
-    NPSIM_RETURN_IF_ERROR(placed_lamps(judges.placement, scene, *depth, placed));
-    lamps.push_back({key, lamp_errors(scene.lights, Span<const Emitter>(placed.data(), placed.size()),
-                                      Span<const io::TrueEmitter>(truth.emitters.data(), truth.emitters.size()),
-                                      depth->ground.up)});
+    NPSIM_RETURN_IF_ERROR(placed_lamps(judges.placement, scene, *depths[i], placed));
+    lamps.push_back({out[i].key, lamp_errors(scene.lights, Span<const Emitter>(placed.data(), placed.size()),
+                                             Span<const io::TrueEmitter>(truth.emitters.data(), truth.emitters.size()),
+                                             depths[i]->ground.up)});
   }
   return {};
 }

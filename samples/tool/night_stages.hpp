@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// The nights of one scene against its true night: the whole chain, and what each stage is worth by replacing it with the
+// truth, one at a time and cumulatively.
+//
+// Judged are the pixels of surfaces that are no lamp: luminance where the truth is above .005 cd/m2, over all of them and
+// label by label; and the displayed pictures, all pixels, without sensor noise and at the exposure that the camera would
+// have chosen for the true night, so that a night which is too dark looks too dark.
+#ifndef NPSIM_SAMPLES_TOOL_NIGHT_STAGES_HPP
+#define NPSIM_SAMPLES_TOOL_NIGHT_STAGES_HPP
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "console.hpp"
+#include "evaluation.hpp"
+#include "figures.hpp"
+#include "npsim/exec/thread_pool.hpp"
+#include "npsim/io/image.hpp"
+#include "npsim/labels/cityscapes.hpp"
+#include "npsim/light/emitter.hpp"
+#include "npsim/metrics/luminance_errors.hpp"
+#include "npsim/metrics/picture_errors.hpp"
+#include "npsim/pipeline/night.hpp"
+
+namespace npsim::tool {
+
+inline constexpr std::array<Label, 5> kJudgedLabels = {label::road, label::sidewalk, label::building, label::vegetation,
+                                                       label::car};
+
+struct NightErrors {
+  std::string name;
+  std::optional<LuminanceErrors> all;  // empty where nothing is bright enough
+  std::array<std::optional<LuminanceErrors>, kJudgedLabels.size()> by_label;
+  PictureErrors picture;
+  double flip = 0;
+};
+
+// What a night is judged by; all of the scene's size.
+struct TrueNight {
+  io::Image<Vec3f> luminance;    // linear RGB, luminance() in cd/m2, lamps and sky included
+  std::vector<Emitter> lamps;    // all of them, those of the own car included
+  GroundPlane ground;
+};
+
+// Pictures to look at, of the true night and of one of ours.
+struct NightPictures {
+  io::Image<Rgb8> truth, own;
+  io::Image<Rgb8> signed_error;  // blue: too dark, red: too bright, full colour at 3 stops; grey: not judged
+};
+
+// params.seed: that of the draw of lamps that the true night shows.
+[[nodiscard]] Status night_stages(const NightParams& params, const SceneView& scene, const Truth& truth,
+                                  const TrueNight& night, ThreadPool& pool, Console& console,
+                                  std::vector<NightErrors>& out, NightPictures& pictures);
+
+// Means over scenes, row by row; a row or label that a scene lacks does not count.
+[[nodiscard]] std::vector<NightErrors> mean_of(const std::vector<std::vector<NightErrors>>& scenes);
+
+[[nodiscard]] OrderedJson to_json(const std::vector<NightErrors>& rows);
+void print_table(const std::vector<NightErrors>& rows);
+
+}  // namespace npsim::tool
+
+#endif  // NPSIM_SAMPLES_TOOL_NIGHT_STAGES_HPP
