@@ -56,7 +56,7 @@ inline void collect_emitters(const Stage& stage, Street& street) {
     e.lit_by_day = light.lit_by_day;
     if (areas[i] > 0) e.centre = weighted[i] / areas[i];
     // A closed shape (lantern, all windows of a car) has no direction of its own: it counts as facing the camera.
-    e.closed = length(normals[i]) < 0.2F * areas[i];
+    e.closed = length(normals[i]) < 0.5F * areas[i];
     e.normal = e.closed ? normalized(-e.centre) : normalized(normals[i]);
     if (e.closed && light.cls == LightClass::street_light_ht) e.normal = down;
     e.area_m2 = areas[i];

@@ -14,14 +14,12 @@
 #include "figures.hpp"
 #include "loading.hpp"
 #include "mesh_report.hpp"
-#include "mesh_truth.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/atomic_file.hpp"
-#include "npsim/io/scene_resize.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "options.hpp"
-#include "outputs.hpp"
+#include "scene_truth.hpp"
 
 namespace npsim::tool {
 namespace {
@@ -208,71 +206,12 @@ void print_table(const Evaluation& e, const io::Scene& scene, const EvaluateOpti
   if (e.night) print_table(*e.night);
 }
 
-// The scene and its truth, at the size that is wanted.
-[[nodiscard]] io::Expected<std::pair<io::Scene, Truth>> load_with_truth(const EvaluateOptions& options) {
-  Shape size;
-  if (!options.size.empty()) {
-    const io::Expected<Shape> parsed = parse_size(options.size);
-    if (!parsed) return parsed.error();
-    size = parsed.value();
-  }
-  if (const io::Outcome good = expect_scene(options.scene); !good) return good.error();
-  io::Expected<io::Scene> scene = io::read_scene(options.scene);
-  if (!scene) return scene.error();
-  io::Scene& s = scene.value();
-  if (!options.output.empty()) {
-    if (const io::Outcome apart = InputFiles(s).expect_none_of({options.output}); !apart) return apart.error();
-  }
-  Truth truth;
-  io::Expected<io::Image<float>> depth = io::read_truth_depth(s);
-  if (!depth) return depth.error();
-  truth.depth = std::move(depth.value());
-  if (const io::Outcome o = io::expect_shape(s.truth.depth, truth.depth.shape(), s.shape(), "the image"); !o) {
-    return o.error();
-  }
-  if (s.truth.normals.empty()) {
-    s.notes.push_back("truth: no normals, so none are judged");
-  } else {
-    io::Expected<io::Image<Vec3f>> normals = io::read_truth_normals(s);
-    if (!normals) return normals.error();
-    truth.normals = std::move(normals.value());
-    if (const io::Outcome o = io::expect_shape(s.truth.normals, truth.normals.shape(), s.shape(), "the image"); !o) {
-      return o.error();
-    }
-  }
-  if (!s.truth.background_depth.empty()) {
-    io::Expected<io::Image<float>> background = io::read_truth_background_depth(s);
-    if (!background) return background.error();
-    truth.background_depth = std::move(background.value());
-    if (const io::Outcome o =
-            io::expect_shape(s.truth.background_depth, truth.background_depth.shape(), s.shape(), "the image");
-        !o) {
-      return o.error();
-    }
-  }
-  if (!s.truth.emitters.empty()) {
-    io::Expected<std::vector<io::TrueEmitter>> emitters = io::read_truth_emitters(s);
-    if (!emitters) return emitters.error();
-    truth.emitters = std::move(emitters.value());
-  }
-  io::Expected<MeshTruth> mesh = read_mesh_truth(s);
-  if (!mesh) return mesh.error();
-  truth.mesh = std::move(mesh.value());
-  if (!options.size.empty()) {
-    if (const io::Outcome resized = io::resize_scene(s, size); !resized) return resized.error();
-    truth.depth = io::resized_nearest(truth.depth, size);
-    if (!truth.background_depth.empty()) truth.background_depth = io::resized_nearest(truth.background_depth, size);
-    if (!truth.normals.empty()) truth.normals = io::resized_nearest(truth.normals, size);
-  }
-  return std::pair<io::Scene, Truth>(std::move(s), std::move(truth));
-}
-
 }  // namespace
 
 int run_evaluate(const EvaluateOptions& options) {
   Console console(options.quiet);
   const io::Expected<std::pair<io::Scene, Truth>> loaded =
-      console.timed("read scene and truth", [&] { return load_with_truth(options); });
+      console.timed("read scene and truth", [&] { return load_with_truth(options.scene, options.size, options.output); });
   if (!loaded) return fail(loaded.error());
   const auto& [scene, truth] = loaded.value();
   for (const std::string& note : scene.notes) {

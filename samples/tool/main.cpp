@@ -14,10 +14,12 @@
 #include "console.hpp"
 #include "evaluate_command.hpp"
 #include "inspect_command.hpp"
+#include "judge_command.hpp"
 #include "night_command.hpp"
 #include "npsim/core/config.hpp"
 #include "options.hpp"
 #include "street_command.hpp"
+#include "truth_command.hpp"
 #include "view_command.hpp"
 
 namespace {
@@ -181,6 +183,47 @@ int main(int argc, char** argv) {
       "Render one night with all faces of the mesh and one with the simplified ones, and compare them");
   evaluate_app->add_flag("--quiet", evaluate.quiet, "No progress and no notes");
 
+  TruthOptions truth;
+  CLI::App* truth_app =
+      app.add_subcommand("truth", "Compute the true night of a generated street, with the lamps that a night lit");
+  truth_app->add_option("scene", truth.scene, "Folder with a scene.json that names the truth, or the scene.json")
+      ->required();
+  truth_app->add_option("night", truth.night, "night_NNN.json, as npsim night wrote it for this scene")->required();
+  truth_app
+      ->add_option("-o,--output", truth.output,
+                   "PFM file, cd/m2; beside it NAME_error.pfm (standard error of the luminance), NAME_direct.pfm "
+                   "(lamps, reflected once) and NAME_emitted.pfm (the lamps themselves)")
+      ->required();
+  truth_app->add_option("--samples", truth.samples, "Paths a pixel")
+      ->check(CLI::Range(2, 1 << 24))
+      ->capture_default_str();
+  truth_app->add_option("--bounces", truth.bounces, "Reflections after the first; 0: direct light alone")
+      ->check(CLI::Range(0, 64))
+      ->capture_default_str();
+  truth_app->add_option("--seed", truth.seed, "Of the paths: another seed, other noise")
+      ->check(whole_number)
+      ->capture_default_str();
+  truth_app->add_option("--size", truth.size, "Work at WIDTHxHEIGHT; default: the image's size");
+  truth_app->add_option("--threads", truth.threads, "0 = one per processor")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  truth_app->add_flag("--quiet", truth.quiet, "No progress");
+
+  JudgeOptions judge;
+  CLI::App* judge_app = app.add_subcommand(
+      "judge", "Judge every stage by the true night of generated streets; what the folder has already is kept");
+  judge_app->add_option("output", judge.output, "Folder for streets, true nights, pictures and judge.json")->required();
+  judge_app->add_option("--first", judge.first, "Seed of the first street")->check(CLI::Range(0, 1000000))->capture_default_str();
+  judge_app->add_option("--last", judge.last, "Seed of the last street")->check(CLI::Range(0, 1000000))->capture_default_str();
+  judge_app->add_option("--size", judge.size, "WIDTHxHEIGHT of the streets")->capture_default_str();
+  judge_app->add_option("--samples", judge.samples, "Paths a pixel of the true nights")
+      ->check(CLI::Range(2, 1 << 24))
+      ->capture_default_str();
+  judge_app->add_option("--threads", judge.threads, "0 = one per processor")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  judge_app->add_flag("--quiet", judge.quiet, "No progress, only the mean of the streets");
+
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& e) {
@@ -200,6 +243,8 @@ int main(int argc, char** argv) {
     if (*street_app) return run_street(street);
     if (*view_app) return run_view(view);
     if (*evaluate_app) return run_evaluate(evaluate);
+    if (*judge_app) return run_judge(judge);
+    if (*truth_app) return run_truth(truth);
     return run_inspect(inspect);
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr, "npsim: out of memory; a smaller --size needs less\n");

@@ -288,7 +288,7 @@ OrderedJson to_json(const std::vector<NightErrors>& rows) {
     OrderedJson json = {{"night", row.name}, {"log2_luminance", errors(row.all)}};
     OrderedJson labels;
     for (std::size_t i = 0; i < kJudgedLabels.size(); ++i) {
-      labels[cityscapes_class(kJudgedLabels[i]).name] = errors(row.by_label[i]);
+      labels[kLabels[kJudgedLabels[i]].name] = errors(row.by_label[i]);
     }
     json["by_label"] = std::move(labels);
     json["psnr_db"] = row.picture.psnr_db;
@@ -308,7 +308,7 @@ void print_table(const std::vector<NightErrors>& rows) {
     }
   };
   std::printf("\n%-30s %6s %6s %6s %6s |", "night: |log2(L / true L)|", "median", "95th", "bias", "rSE");
-  for (const Label l : kJudgedLabels) std::printf(" %15.15s", cityscapes_class(l).name);
+  for (const Label l : kJudgedLabels) std::printf(" %15.15s", kLabels[l].name);
   std::printf(" | %6s %6s %6s\n", "PSNR", "SSIM", "FLIP");
   for (const NightErrors& row : rows) {
     std::printf("%-30s", row.name.c_str());

@@ -502,7 +502,6 @@ inline Outcome read_emitter_geometry(const JsonObject& entry, TrueEmitter& emitt
   emitter.closed = closed.value()->get<bool>();
   for (const auto& [key, out, needed] :
        {std::tuple<const char*, float*, bool>{"area_m2", &emitter.area_m2, true},
-        {"seen_area_m2", &emitter.seen_area_m2, true},
         {"mounting_height_m", &emitter.mounting_height_m, emitter.cls == LightClass::street_light_ht ||
                                                               emitter.cls == LightClass::street_light_lt}}) {
     if (!needed) continue;
@@ -511,6 +510,11 @@ inline Outcome read_emitter_geometry(const JsonObject& entry, TrueEmitter& emitt
     if (!(value.value() > 0)) return Error{entry.file(), entry.field(key), "is not positive, expected a size in metres"};
     *out = static_cast<float>(value.value());
   }
+  // A pane may be seen from behind, past the edge of what it stands before.
+  const Expected<double> seen = entry.number("seen_area_m2");
+  if (!seen) return seen.error();
+  if (!(seen.value() >= 0)) return Error{entry.file(), entry.field("seen_area_m2"), "is negative, expected an area"};
+  emitter.seen_area_m2 = static_cast<float>(seen.value());
   return Done{};
 }
 
