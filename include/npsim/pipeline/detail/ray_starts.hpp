@@ -25,8 +25,8 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 namespace ray_start_detail {
 
-inline constexpr int kReach = 2;            // px
-inline constexpr float kSteepest = 0.5F;    // rise over distance along the surface: 27 degrees
+inline constexpr int kReach = 4;          // px
+inline constexpr float kSteepest = 0.5F;  // rise over distance along the surface: 27 degrees
 
 [[nodiscard]] inline float rounding_lift(const Vec3f& p) noexcept {
   return 0x1p-20F * std::fmax(std::fabs(p.x), std::fmax(std::fabs(p.y), std::fabs(p.z)));

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "npsim/pipeline/detail/ray_starts.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "fixture.hpp"
+#include "npsim/core/camera.hpp"
+#include "npsim/core/executor.hpp"
+#include "npsim/core/random.hpp"
+
+namespace {
+
+using namespace npsim;
+using npsim_test::Image;
+
+constexpr Shape kShape{160, 96};
+constexpr Vec3f kUp{0, -1, 0};
+
+// A sheet of one layer, a vertex for each pixel, and the lifts of its points.
+struct Sheet {
+  Image<Vec3f> vertices{kShape};
+  Image<std::uint32_t> visible{kShape};
+  Image<std::uint8_t> quads{quad_shape(kShape)};
+  std::vector<Vec3f> mesh_vertices, normals;
+  std::vector<std::uint32_t> pixels;
+  std::vector<float> lifts;
+
+  template <class Depth, class Normal>
+  Sheet(const Depth& depth, const Normal& normal) {
+    const Intrinsics camera{725.0F, 725.0F, 80.0F, -180.0F};  // the lower end of a picture 960 pixels wide
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        const float z = depth(x, y, camera);
+        vertices(x, y) = z > 0.0F ? unproject_pixel(camera, x, y, z) : Vec3f{};
+        mesh_vertices.push_back(vertices(x, y));
+        normals.push_back(normal(x, y));
+        pixels.push_back(static_cast<std::uint32_t>(y * kShape.width + x));
+      }
+    }
+    lifts.assign(pixels.size(), -1.0F);
+    SceneMesh mesh;
+    mesh.mesh.vertices = {mesh_vertices.data(), mesh_vertices.size()};
+    mesh.vertex_pixel = {pixels.data(), pixels.size()};
+    mesh.background_vertices = mesh.sheet_vertices = pixels.size();
+    mesh.background = {vertices.view(), quads.view()};
+    mesh.visible_vertex = visible.cview();
+    SerialExecutor serial;
+    ray_lifts(mesh, {normals.data(), normals.size()}, {lifts.data(), lifts.size()}, serial);
+  }
+  [[nodiscard]] float lift(int x, int y) const { return lifts[static_cast<std::size_t>(y * kShape.width + x)]; }
+};
+
+// Depth of a level floor below the camera.
+float floor_depth(int y, const Intrinsics& camera, float height_m) {
+  const float fall = (static_cast<float>(y) + 0.5F - camera.cy) / camera.fy;
+  return fall > 0.02F ? height_m / fall : 0.0F;
+}
+
+Vec3f up(int, int) { return kUp; }
+
+}  // namespace
+
+TEST_CASE("rays start at a smooth floor itself, but for rounding") {
+  const Sheet floor([](int, int y, const Intrinsics& k) { return floor_depth(y, k, 1.5F); }, up);
+  for (int y = 60; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      CHECK(floor.lift(x, y) > 0.0F);
+      CHECK(floor.lift(x, y) < 1e-5F * std::max(1.5F, floor.vertices(x, y).z));
+    }
+  }
+}
+
+TEST_CASE("rays start above the bumps around their point where depth is noisy") {
+  RandomStream random(7, RandomPurpose::test, 0, 0, 0, 0);
+  std::vector<float> noise;
+  for (std::size_t i = 0; i < kShape.pixels(); ++i) noise.push_back(1.0F + 2e-3F * (random.uniform() - 0.5F));
+  const Sheet floor(
+      [&](int x, int y, const Intrinsics& k) {
+        return floor_depth(y, k, 1.5F) * noise[static_cast<std::size_t>(y * kShape.width + x)];
+      },
+      up);
+  for (int y = 72; y < kShape.height - 2; ++y) {
+    for (int x = 2; x < kShape.width - 2; ++x) {
+      const float start = floor.vertices(x, y).y - floor.lift(x, y);
+      for (const int dy : {-1, 0, 1}) {
+        for (const int dx : {-1, 0, 1}) CHECK(start <= floor.vertices(x + dx, y + dy).y + 1e-6F);
+      }
+    }
+  }
+}
+
+TEST_CASE("a kerb beside the point does not lift the ray, so that it keeps its shadow") {
+  // A floor 1.5 m below the camera as far as 5 m, the upright face of the kerb there, and what lies 12 cm higher behind.
+  const Sheet kerb(
+      [](int, int y, const Intrinsics& k) {
+        const float near = floor_depth(y, k, 1.5F);
+        const float far = floor_depth(y, k, 1.38F);
+        return near < 5.0F ? near : (far < 5.0F ? 5.0F : far);
+      },
+      up);
+  int foot = 0;  // the first row of the floor
+  while (kerb.vertices(80, foot).z >= 5.0F) ++foot;
+  REQUIRE(foot > 10);
+  REQUIRE(kerb.vertices(80, foot - 12).y < 1.45F);
+  for (int y = foot; y < foot + 4; ++y) CHECK(kerb.lift(80, y) < 0.02F);
+  CHECK(kerb.lift(80, foot + 5) < 1e-4F);
+}
+
+TEST_CASE("missing neighbours and the image's corners do not lift") {
+  const Sheet holes([](int x, int y, const Intrinsics& k) { return x % 3 == 0 ? floor_depth(y, k, 1.5F) : 0.0F; }, up);
+  CHECK(holes.lift(0, kShape.height - 1) < 1e-4F);
+  CHECK(holes.lift(159, kShape.height - 1) < 1e-4F);
+}
