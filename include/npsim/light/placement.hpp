@@ -29,6 +29,7 @@
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/labels/light_classes.hpp"
 #include "npsim/light/detail/lamp_depth.hpp"
+#include "npsim/light/detail/street_lamps.hpp"
 #include "npsim/light/emitter.hpp"
 
 namespace npsim {
@@ -61,6 +62,7 @@ inline constexpr std::size_t kMaxLightMarks = 65535;  // an index plane can name
 
 [[nodiscard]] constexpr std::size_t placement_workspace_bytes(const PlacementParams&, Shape) noexcept {
   return allocation_bytes<LightRegion>(kMaxLightMarks + 1) + allocation_bytes<float>(kMaxRegionSamples) +
+         allocation_bytes<light_detail::StreetLamp>(kMaxLightMarks) +
          kWorkspaceAlignment;
 }
 
@@ -108,6 +110,10 @@ namespace light_detail {
   }
   const Vec3f n = vec_cast<float>(normalized(sum));
   return dot(n, ray) > 0.0F ? -n : n;
+}
+
+[[nodiscard]] constexpr bool is_street_lamp(LightClass c) noexcept {
+  return c == LightClass::street_light_ht || c == LightClass::street_light_lt;
 }
 
 [[nodiscard]] inline EmissionProfile profile_of(const LightMark& mark, LightClass group) noexcept {
@@ -227,6 +233,14 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
   NPSIM_RETURN_IF_ERROR(workspace.allocate(kMaxRegionSamples, scratch));
   NPSIM_RETURN_IF_ERROR(light_detail::measure_regions(scene.light_index, regions));
   const RegionInput in{scene.light_index, scene.depth, scene.labels, scene.uncertain};
+  const light_detail::LampView lamp{p.street, in, k, ground};
+  Span<light_detail::StreetLamp> lamps;  // by mark; those that are no street lamps know nothing
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(marks.size(), lamps));
+  for (std::size_t m = 0; m < marks.size(); ++m) {
+    const bool street = regions[m + 1].pixels > 0 && light_detail::is_street_lamp(marks[m].cls);
+    lamps[m] = street ? light_detail::look_at_lamp(lamp, regions[m + 1], static_cast<std::uint16_t>(m + 1), scratch)
+                      : light_detail::StreetLamp{};
+  }
 
   for (std::size_t m = 0; m < marks.size(); ++m) {
     const LightMark& mark = marks[m];
@@ -243,7 +257,8 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
     const float u = static_cast<float>(region.mean_x());
     const float v = static_cast<float>(region.mean_y());
     const bool street = e.profile == EmissionProfile::street_luminaire;
-    const float z = street ? light_detail::street_lamp_depth(p.street, in, region, value, k, ground, scratch)
+    const float z = street ? light_detail::street_lamp_depth(
+                                    lamp, lamps, m, [&](std::size_t i) { return marks[i].cls == mark.cls; })
                            : light_detail::region_depth(in, region, value, scratch);
     if (!is_valid_depth(z)) continue;
     const Vec3f normal = light_detail::region_normal(in, region, value, scene.normals, unproject(k, u, v, 1.0F));
