@@ -29,6 +29,7 @@
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/labels/light_classes.hpp"
 #include "npsim/light/detail/lamp_depth.hpp"
+#include "npsim/light/detail/lamp_plane.hpp"
 #include "npsim/light/detail/street_lamps.hpp"
 #include "npsim/light/emitter.hpp"
 
@@ -42,6 +43,7 @@ struct PlacementParams {
   float max_side_m = 20.0F;          // bounds a patch where depth or normal is absurd
   float min_facing_cosine = 0.15F;   // a normal closer to grazing than this is not trusted for a facade
   float max_lamp_yaw_cosine = 0.3F;  // vehicle lamps: below this to the street's direction the normal decides
+  float reveal_m = 0.15F;            // a window's pane stands behind its wall by this [default]
   StreetLampParams street;
 };
 
@@ -63,6 +65,7 @@ inline constexpr std::size_t kMaxLightMarks = 65535;  // an index plane can name
 [[nodiscard]] constexpr std::size_t placement_workspace_bytes(const PlacementParams&, Shape) noexcept {
   return allocation_bytes<LightRegion>(kMaxLightMarks + 1) + allocation_bytes<float>(kMaxRegionSamples) +
          allocation_bytes<light_detail::StreetLamp>(kMaxLightMarks) +
+         allocation_bytes<light_detail::PlaneSample>(light_detail::kPlaneSamples) +
          kWorkspaceAlignment;
 }
 
@@ -156,8 +159,9 @@ inline void set_patch(Emitter& e, Vec3f u, Vec3f v, float fill, float min_area, 
   e.half_v_m = v * scale;
 }
 
-inline void place_in_plane(const PlacementParams& p, const Intrinsics& k, const LightRegion& r, float u, float v,
-                           float z, Vec3f normal, const GroundPlane& ground, Emitter& e) noexcept {
+// A surface whose plane is not known: through the region's depth, along its mean normal where that faces the camera.
+inline void place_by_normal(const PlacementParams& p, const Intrinsics& k, const LightRegion& r, float u, float v,
+                            float z, Vec3f normal, const GroundPlane& ground, Emitter& e) noexcept {
   const Vec3f centre = unproject(k, u, v, z);
   const Vec3f ray = normalized(centre);
   if (!(-dot(normal, ray) >= p.min_facing_cosine)) normal = -ray;
@@ -176,6 +180,13 @@ inline void place_in_plane(const PlacementParams& p, const Intrinsics& k, const 
   e.axis = normal;
   e.up = perpendicular(normal, ground.up);
   e.centre_m = centre + normal * p.offset_m;
+}
+
+inline void place_outline(const PlacementParams& p, const Outline& o, Emitter& e) noexcept {
+  set_patch(e, o.u * (0.5F * (o.u1 - o.u0)), o.v * (0.5F * (o.v1 - o.v0)), o.fill, p.min_area_m2, p.max_side_m);
+  e.axis = o.plane.normal;
+  e.up = o.v;
+  e.centre_m = o.centre() + e.axis * p.offset_m;
 }
 
 inline void place_lamp(const PlacementParams& p, const Intrinsics& k, const LightRegion& r, float u, float v, float z,
@@ -234,6 +245,8 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
   NPSIM_RETURN_IF_ERROR(light_detail::measure_regions(scene.light_index, regions));
   const RegionInput in{scene.light_index, scene.depth, scene.labels, scene.uncertain};
   const light_detail::LampView lamp{p.street, in, k, ground};
+  Span<light_detail::PlaneSample> samples;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(light_detail::kPlaneSamples, samples));
   Span<light_detail::StreetLamp> lamps;  // by mark; those that are no street lamps know nothing
   NPSIM_RETURN_IF_ERROR(workspace.allocate(marks.size(), lamps));
   for (std::size_t m = 0; m < marks.size(); ++m) {
@@ -265,7 +278,16 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
     if (street) {
       light_detail::place_street_lamp(p, k, region, u, z, ground, e);
     } else if (e.profile == EmissionProfile::lambert) {
-      light_detail::place_in_plane(p, k, region, u, v, z, normal, ground, e);
+      const light_detail::UprightPlane plane = light_detail::region_plane(in, scene.instances, region, value, z, k, ground, samples);
+      light_detail::Outline outline;
+      if (plane.known()) outline = light_detail::region_outline(in, region, value, plane, k, ground);
+      if (outline.known()) {
+        outline.fill = 1;
+        if (mark.cls == LightClass::window_building) light_detail::add_reveal(outline, p.reveal_m);
+        light_detail::place_outline(p, outline, e);
+      } else {
+        light_detail::place_by_normal(p, k, region, u, v, z, normal, ground, e);
+      }
     } else {
       light_detail::place_lamp(p, k, region, u, v, z, normal, ground, e);
     }
