@@ -65,6 +65,7 @@ inline constexpr std::size_t kMaxLightMarks = 65535;  // an index plane can name
 [[nodiscard]] constexpr std::size_t placement_workspace_bytes(const PlacementParams&, Shape) noexcept {
   return allocation_bytes<LightRegion>(kMaxLightMarks + 1) + allocation_bytes<float>(kMaxRegionSamples) +
          allocation_bytes<light_detail::StreetLamp>(kMaxLightMarks) +
+         allocation_bytes<light_detail::Outline>(kMaxLightMarks) +
          allocation_bytes<light_detail::PlaneSample>(light_detail::kPlaneSamples) +
          kWorkspaceAlignment;
 }
@@ -247,6 +248,25 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
   const light_detail::LampView lamp{p.street, in, k, ground};
   Span<light_detail::PlaneSample> samples;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(light_detail::kPlaneSamples, samples));
+  const light_detail::PlaneSearch search{in, scene.instances, k, ground, samples};
+  Span<light_detail::Outline> outlines;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(marks.size(), outlines));
+  for (std::size_t m = 0; m < marks.size(); ++m) {
+    outlines[m] = light_detail::Outline{};
+    const LightRegion& region = regions[m + 1];
+    const LightClass group_cls = marks[m].group != 0 && marks[m].group <= marks.size() ? marks[marks[m].group - 1U].cls : LightClass::none;
+    if (region.pixels == 0 || is_group(marks[m].cls) || marks[m].cls == LightClass::window_parked ||
+        light_detail::profile_of(marks[m], group_cls) != EmissionProfile::lambert) continue;
+    const auto value = static_cast<std::uint16_t>(m + 1);
+    const float z = light_detail::region_depth(in, region, value, scratch);
+    light_detail::UprightPlane plane = light_detail::region_plane(search, region, value, z);
+    if (plane.known() && (marks[m].cls == LightClass::advertisement || marks[m].cls == LightClass::inferred_object)) {
+      const Vec3f centre = unproject(k, static_cast<float>(region.mean_x()), static_cast<float>(region.mean_y()), z);
+      plane = light_detail::across_wall(plane, light_detail::region_normal(in, region, value, scene.normals, centre), centre, ground);
+    }
+    if (plane.known()) outlines[m] = light_detail::region_outline(in, region, value, plane, k, ground);
+    if (marks[m].cls == LightClass::window_building && outlines[m].known()) light_detail::add_reveal(outlines[m], p.reveal_m);
+  }
   Span<light_detail::StreetLamp> lamps;  // by mark; those that are no street lamps know nothing
   NPSIM_RETURN_IF_ERROR(workspace.allocate(marks.size(), lamps));
   for (std::size_t m = 0; m < marks.size(); ++m) {
@@ -278,12 +298,14 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
     if (street) {
       light_detail::place_street_lamp(p, k, region, u, z, ground, e);
     } else if (e.profile == EmissionProfile::lambert) {
-      const light_detail::UprightPlane plane = light_detail::region_plane(in, scene.instances, region, value, z, k, ground, samples);
-      light_detail::Outline outline;
-      if (plane.known()) outline = light_detail::region_outline(in, region, value, plane, k, ground);
+      light_detail::Outline outline = outlines[m];
       if (outline.known()) {
-        outline.fill = 1;
-        if (mark.cls == LightClass::window_building) light_detail::add_reveal(outline, p.reveal_m);
+        if (mark.cls == LightClass::window_building) {
+          const auto same = [&](std::size_t i) { return marks[i].cls == mark.cls && e.group != 0 && marks[i].group == e.group; };
+          light_detail::add_hidden(light_detail::usual_size(outlines, false, same, scratch), outline.cut[0], outline.cut[1], outline.u0, outline.u1);
+          light_detail::add_hidden(light_detail::usual_size(outlines, true, same, scratch), outline.cut[2], outline.cut[3], outline.v0, outline.v1);
+        }
+        outline.fill = mark.cls == LightClass::clock ? 0.785F : 1.0F;
         light_detail::place_outline(p, outline, e);
       } else {
         light_detail::place_by_normal(p, k, region, u, v, z, normal, ground, e);

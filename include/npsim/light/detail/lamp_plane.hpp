@@ -40,6 +40,7 @@ inline constexpr std::size_t kFewestSamples = 12;
 inline constexpr float kPlaneTolerance = 0.04F;    // relative depth error of an inlier
 inline constexpr float kOffPlane = 0.15F;
 inline constexpr float kGrazing = 0.02F;           // cosine to the ray below which a plane gives no depth
+inline constexpr float kSticksOut = 0.7F;          // cosine between a sign's normal and its wall's below which it does
 inline constexpr float kCutShare = 0.25F;          // of a side that something stands before
 
 // What may stand before a window without being part of its wall.
@@ -134,49 +135,81 @@ struct PlaneSample {
   return {-away, static_cast<float>(-1.0 / size)};
 }
 
-// The plane that a region hangs on; not known where its surroundings show none.
-[[nodiscard]] inline UprightPlane region_plane(const RegionInput& in, ImageView<const std::uint16_t> instances,
-                                               const LightRegion& r, std::uint16_t value, float z, const Intrinsics& k,
-                                               const GroundPlane& ground, Span<PlaneSample> samples) noexcept {
-  const Vec3f e1 = forward_on_ground(ground);
-  const Vec3f e2 = cross(e1, ground.up);
+struct PlaneSearch {
+  const RegionInput& in;
+  ImageView<const std::uint16_t> instances;  // may be empty
+  const Intrinsics& camera;
+  const GroundPlane& ground;
+  Span<PlaneSample> samples;
+};
+
+[[nodiscard]] constexpr bool is_wall(Label l) noexcept { return l == label::building || l == label::wall; }
+
+// Appends samples of a rectangle, evenly in raster order, until there are `limit`.
+template <class Wanted>
+inline void sample_plane(const PlaneSearch& at, int x0, int y0, int x1, int y1, Wanted&& wanted, std::size_t limit,
+                         std::size_t& count) noexcept {
+  x0 = std::max(x0, 0);
+  y0 = std::max(y0, 0);
+  x1 = std::min(x1, at.in.depth.width() - 1);
+  y1 = std::min(y1, at.in.depth.height() - 1);
+  std::size_t total = 0;
+  for (int y = y0; y <= y1; ++y) {
+    for (int x = x0; x <= x1; ++x) total += wanted(x, y) ? 1U : 0U;
+  }
+  const std::size_t step = total / (limit - count) + 1;
+  const Vec3f e1 = forward_on_ground(at.ground);
+  const Vec3f e2 = cross(e1, at.ground.up);
+  std::size_t seen = 0;
+  for (int y = y0; y <= y1; ++y) {
+    for (int x = x0; x <= x1; ++x) {
+      if (!wanted(x, y) || seen++ % step != 0 || count == limit) continue;
+      const Vec3f ray = unproject_pixel(at.camera, x, y, 1.0F);
+      at.samples[count++] = {dot(ray, e1), dot(ray, e2), 1.0F / at.in.depth(x, y)};
+    }
+  }
+}
+
+// The plane that a region at depth z hangs on; not known where its surroundings show none. Half of the samples are from
+// close by, so that the wall beside it counts for more than the next one.
+[[nodiscard]] inline UprightPlane region_plane(const PlaneSearch& at, const LightRegion& r, std::uint16_t value,
+                                               float z) noexcept {
+  const RegionInput& in = at.in;
   const Label own = in.labels.empty() ? label::unlabeled : region_label(in, r, value);
-  const int middle_x = (r.x0 + r.x1) / 2;
-  const int middle_y = (r.y0 + r.y1) / 2;
-  const std::uint16_t instance = instances.empty() ? std::uint16_t{0} : instances(middle_x, middle_y);
+  const std::uint16_t instance =
+      at.instances.empty() ? std::uint16_t{0} : at.instances((r.x0 + r.x1) / 2, (r.y0 + r.y1) / 2);
   const int side = std::max(r.x1 - r.x0, r.y1 - r.y0) + 1;
-  const int margin = in.labels.empty() ? 0 : std::max(side, in.depth.width() / 20);
-  const int x0 = std::max(r.x0 - margin, 0);
-  const int y0 = std::max(r.y0 - margin, 0);
-  const int x1 = std::min(r.x1 + margin, in.depth.width() - 1);
-  const int y1 = std::min(r.y1 + margin, in.depth.height() - 1);
+  // A wall goes on around a window; what else carries a lamp may turn a corner beside it.
+  const int close = in.labels.empty() ? 0 : std::max(side / 4, 1);
+  const int wide = is_wall(own) ? std::max(side, in.depth.width() / 20) : close;
   for (const bool certain : {true, false}) {
     const auto wanted = [&](int x, int y) {
       if (!is_surface(in, x, y) || (certain && !is_certain(in, x, y))) return false;
       if (in.labels.empty()) return in.light_index(x, y) == value;
-      return in.labels(x, y) == own && (instances.empty() || own == label::building || instances(x, y) == instance);
+      return in.labels(x, y) == own && (at.instances.empty() || is_wall(own) || at.instances(x, y) == instance);
     };
-    std::size_t total = 0;
-    for (int y = y0; y <= y1; ++y) {
-      for (int x = x0; x <= x1; ++x) total += wanted(x, y) ? 1U : 0U;
-    }
-    if (total < kFewestSamples) continue;
-    const std::size_t step = total / samples.size() + 1;
-    std::size_t seen = 0;
     std::size_t count = 0;
-    for (int y = y0; y <= y1; ++y) {
-      for (int x = x0; x <= x1; ++x) {
-        if (!wanted(x, y) || seen++ % step != 0 || count == samples.size()) continue;
-        const Vec3f ray = unproject_pixel(k, x, y, 1.0F);
-        samples[count++] = {dot(ray, e1), dot(ray, e2), 1.0F / in.depth(x, y)};
-      }
-    }
-    const UprightPlane plane = fit_upright(Span<const PlaneSample>(samples.data(), count), e1, e2);
-    const Vec3f ray = unproject(k, static_cast<float>(r.mean_x()), static_cast<float>(r.mean_y()), 1.0F);
-    const float at = plane.known() ? plane.depth(ray) : 0.0F;
-    if (at > 0.0F && std::fabs(at - z) <= kOffPlane * z) return plane;
+    sample_plane(at, r.x0 - close, r.y0 - close, r.x1 + close, r.y1 + close, wanted, kPlaneSamples / 2, count);
+    sample_plane(at, r.x0 - wide, r.y0 - wide, r.x1 + wide, r.y1 + wide, wanted, kPlaneSamples, count);
+    if (count < kFewestSamples) continue;
+    const Vec3f e1 = forward_on_ground(at.ground);
+    const UprightPlane plane =
+        fit_upright(Span<const PlaneSample>(at.samples.data(), count), e1, cross(e1, at.ground.up));
+    const Vec3f ray = unproject(at.camera, static_cast<float>(r.mean_x()), static_cast<float>(r.mean_y()), 1.0F);
+    const float there = plane.known() ? plane.depth(ray) : 0.0F;
+    if (there > 0.0F && std::fabs(there - z) <= kOffPlane * z) return plane;
   }
   return {};
+}
+
+// A sign whose own normals turn away from its wall sticks out of it, at its own depth.
+[[nodiscard]] inline UprightPlane across_wall(const UprightPlane& wall, const Vec3f& normal, const Vec3f& centre,
+                                              const GroundPlane& ground) noexcept {
+  if (!(dot(normal, normal) > 0.5F) || dot(normal, wall.normal) > kSticksOut) return wall;
+  Vec3f across = normalized(cross(ground.up, wall.normal));
+  if (dot(across, centre) > 0.0F) across = -across;
+  const UprightPlane plane{across, dot(across, centre)};
+  return plane.depth(centre / centre.z) > 0.0F ? plane : wall;
 }
 
 // A rectangle on an upright plane: centre + s u + t v with s in [u0, u1], t in [v0, v1].
@@ -184,8 +217,8 @@ struct Outline {
   UprightPlane plane;
   Vec3f origin, u, v;  // a point of the plane; horizontal; upwards
   float u0 = 0, u1 = 0, v0 = 0, v1 = 0;
-  float fill = 1.0F;                  // share of the rectangle that the region covers
-  bool cut_u = false, cut_v = false;  // something stands before a side
+  float fill = 1.0F;       // share of the rectangle that the region covers
+  bool cut[4] = {};        // something stands before the side at u0, u1, v0, v1
 
   [[nodiscard]] bool known() const noexcept { return plane.known(); }
   [[nodiscard]] Vec3f centre() const noexcept { return origin + u * (0.5F * (u0 + u1)) + v * (0.5F * (v0 + v1)); }
@@ -202,8 +235,8 @@ struct Outline {
   o.u = normalized(cross(ground.up, plane.normal));
   o.v = cross(plane.normal, o.u);
   float area = 0.0F;
-  int sides[2] = {0, 0};   // pixels on the sides, of those before which something stands
-  int cut[2] = {0, 0};
+  int sides[4] = {};  // pixels on each side
+  int cut[4] = {};    // of those, before which something stands
   bool any = false;
   const auto blocks = [&](int x, int y) {
     return x >= 0 && y >= 0 && x < in.labels.width() && y < in.labels.height() && kBeforeWall.contains(in.labels(x, y));
@@ -227,11 +260,11 @@ struct Outline {
       any = true;
       area += at * at * at / (k.fx * k.fy * -plane.offset);  // of the pixel on the plane
       if (in.labels.empty()) continue;
-      for (const int d : {-1, 1}) {
-        sides[0] += in_region(x + d, y) ? 0 : 1;
-        cut[0] += !in_region(x + d, y) && blocks(x + d, y) ? 1 : 0;
-        sides[1] += in_region(x, y + d) ? 0 : 1;
-        cut[1] += !in_region(x, y + d) && blocks(x, y + d) ? 1 : 0;
+      constexpr int kBeside[4][2] = {{-1, 0}, {1, 0}, {0, 1}, {0, -1}};  // the plane's u is to the right, v upwards
+      for (int i = 0; i < 4; ++i) {
+        if (in_region(x + kBeside[i][0], y + kBeside[i][1])) continue;
+        ++sides[i];
+        cut[i] += blocks(x + kBeside[i][0], y + kBeside[i][1]) ? 1 : 0;
       }
     }
   }
@@ -247,8 +280,7 @@ struct Outline {
   o.v0 -= half_v;
   o.v1 += half_v;
   o.fill = std::min(area / ((o.u1 - o.u0) * (o.v1 - o.v0)), 1.0F);
-  o.cut_u = static_cast<float>(cut[0]) > kCutShare * static_cast<float>(sides[0]);
-  o.cut_v = static_cast<float>(cut[1]) > kCutShare * static_cast<float>(sides[1]);
+  for (int i = 0; i < 4; ++i) o.cut[i] = static_cast<float>(cut[i]) > kCutShare * static_cast<float>(sides[i]);
   o.plane = plane;
   return o;
 }
@@ -264,6 +296,28 @@ inline void add_reveal(Outline& o, float reveal_m) noexcept {
   };
   hidden(o.u, o.u0, o.u1);
   hidden(o.v, o.v0, o.v1);
+}
+
+// Size of those outlines that are seen whole along one direction, in the median; 0 where there is none. `same` says
+// which outlines belong together.
+template <class Same>
+[[nodiscard]] inline float usual_size(Span<const Outline> outlines, bool upwards, Same&& same, Span<float> scratch) noexcept {
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < outlines.size() && count < scratch.size(); ++i) {
+    const Outline& o = outlines[i];
+    if (!o.known() || !same(i) || o.cut[upwards ? 2 : 0] || o.cut[upwards ? 3 : 1]) continue;
+    scratch[count++] = upwards ? o.v1 - o.v0 : o.u1 - o.u0;
+  }
+  return count > 0 ? median(scratch.sub(0, count)) : 0.0F;
+}
+
+// Lets a hidden side reach as far as the usual size says.
+inline void add_hidden(float size, bool cut_low, bool cut_high, float& low, float& high) noexcept {
+  const float missing = size - (high - low);
+  if (!(missing > 0.0F) || !(cut_low || cut_high)) return;
+  const float share = cut_low && cut_high ? 0.5F : 1.0F;
+  if (cut_low) low -= share * missing;
+  if (cut_high) high += share * missing;
 }
 
 }  // namespace light_detail
