@@ -265,6 +265,11 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
       plane = light_detail::across_wall(plane, light_detail::region_normal(in, region, value, scene.normals, centre), centre, ground);
     }
     if (plane.known()) outlines[m] = light_detail::region_outline(in, region, value, plane, k, ground);
+    if (outlines[m].known()) {
+      const Vec3f centre = unproject(k, static_cast<float>(region.mean_x()), static_cast<float>(region.mean_y()), z);
+      const Vec3f nn=light_detail::region_normal(in, region, value, scene.normals, centre);
+      if (dot(nn,nn)>.5F && dot(nn, plane.normal) < .5F && outlines[m].u1-outlines[m].u0 > 2.5F*(outlines[m].v1-outlines[m].v0)) outlines[m]=light_detail::Outline{};
+    }
     if (marks[m].cls == LightClass::window_building && outlines[m].known()) light_detail::add_reveal(outlines[m], p.reveal_m);
   }
   Span<light_detail::StreetLamp> lamps;  // by mark; those that are no street lamps know nothing
