@@ -31,6 +31,7 @@
 #include "npsim/light/detail/lamp_depth.hpp"
 #include "npsim/light/detail/lamp_plane.hpp"
 #include "npsim/light/detail/street_lamps.hpp"
+#include "npsim/light/detail/vehicle_lamps.hpp"
 #include "npsim/light/emitter.hpp"
 
 namespace npsim {
@@ -190,18 +191,11 @@ inline void place_outline(const PlacementParams& p, const Outline& o, Emitter& e
   e.centre_m = o.centre() + e.axis * p.offset_m;
 }
 
+// `axis` is level or zero, which means towards the camera.
 inline void place_lamp(const PlacementParams& p, const Intrinsics& k, const LightRegion& r, float u, float v, float z,
-                       const Vec3f& normal, const GroundPlane& ground, Emitter& e) noexcept {
+                       Vec3f axis, const GroundPlane& ground, Emitter& e) noexcept {
   const Vec3f centre = unproject(k, u, v, z);
-  const auto level = [&](const Vec3f& a) { return normalized(a - ground.up * dot(a, ground.up)); };
-  const Vec3f to_camera = level(-centre);
-  Vec3f axis = to_camera;
-  if (e.cls != LightClass::inferred_object) {
-    axis = -forward_on_ground(ground);
-    const Vec3f facing = level(normal);
-    if (dot(facing, facing) > 0.5F && dot(axis, facing) < p.max_lamp_yaw_cosine) axis = facing;
-    if (!(dot(axis, to_camera) > 0.0F)) axis = to_camera;  // a lamp that is seen faces the camera
-  }
+  if (!(dot(axis, axis) > 0.5F)) axis = normalized(-centre + ground.up * dot(centre, ground.up));
   if (!(dot(axis, axis) > 0.5F)) axis = normalized(-centre);
   if (e.profile == EmissionProfile::low_beam) axis = normalized(axis - ground.up * kLowBeamAim);
   set_patch(e, {0.5F * static_cast<float>(r.x1 - r.x0 + 1) * z / k.fx, 0.0F, 0.0F},
@@ -248,6 +242,7 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
   const light_detail::LampView lamp{p.street, in, k, ground};
   Span<light_detail::PlaneSample> samples;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(light_detail::kPlaneSamples, samples));
+  const light_detail::VehicleView vehicles{in, scene.instances, scene.normals, k, ground};
   const light_detail::PlaneSearch search{in, scene.instances, k, ground, samples};
   Span<light_detail::Outline> outlines;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(marks.size(), outlines));
@@ -316,7 +311,11 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
         light_detail::place_by_normal(p, k, region, u, v, z, normal, ground, e);
       }
     } else {
-      light_detail::place_lamp(p, k, region, u, v, z, normal, ground, e);
+      const bool vehicle = e.cls != LightClass::inferred_object;
+      const bool front = e.cls == LightClass::moving_front || e.cls == LightClass::parked_front;
+      const float at_m = vehicle ? light_detail::vehicle_lamp_depth(vehicles, region, front, z) : z;
+      const Vec3f axis = vehicle ? light_detail::vehicle_lamp_axis(vehicles, region, unproject(k, u, v, at_m)) : Vec3f{};
+      light_detail::place_lamp(p, k, region, u, v, at_m, axis, ground, e);
     }
     if (!is_finite(e.centre_m) || !is_finite(e.half_u_m) || !is_finite(e.half_v_m)) continue;
     if (count == out.size())
