@@ -10,8 +10,8 @@
 // Outline: the region's pixels on that plane, as a rectangle along its horizontal and vertical. What is hidden is added:
 //   reveal  a window stands reveal_m behind its wall, whose edge hides  reveal_m tan(angle)  of it on the side towards
 //           the camera, at most as much as is seen.
-//   group   where something stands before a side of it, a window is as wide (high) as those of its group are in the
-//           median that are seen whole.
+//   group   where something stands before a side of it, a window is as wide (high) as those of its group, or else of its
+//           wall, are in the median that are seen whole.
 // Cost: for each region two passes over its surroundings, kPlanePairs evaluations of at most kPlaneSamples errors.
 #ifndef NPSIM_LIGHT_DETAIL_LAMP_PLANE_HPP
 #define NPSIM_LIGHT_DETAIL_LAMP_PLANE_HPP
@@ -35,13 +35,14 @@ inline namespace NPSIM_ABI {
 namespace light_detail {
 
 inline constexpr std::size_t kPlaneSamples = 256;
-inline constexpr std::size_t kPlanePairs = 48;     // half of the samples wrong: no good pair with probability 1e-6
+inline constexpr std::size_t kPlanePairs = 48;  // half of the samples wrong: no good pair with probability 1e-6
 inline constexpr std::size_t kFewestSamples = 12;
-inline constexpr float kPlaneTolerance = 0.04F;    // relative depth error of an inlier
+inline constexpr float kPlaneTolerance = 0.04F;  // relative depth error of an inlier
 inline constexpr float kOffPlane = 0.15F;
-inline constexpr float kGrazing = 0.02F;           // cosine to the ray below which a plane gives no depth
-inline constexpr float kSticksOut = 0.7F;          // cosine between a sign's normal and its wall's below which it does
-inline constexpr float kCutShare = 0.25F;          // of a side that something stands before
+inline constexpr float kGrazing = 0.02F;   // cosine to the ray below which a plane gives no depth
+inline constexpr float kSticksOut = 0.7F;  // cosine between a sign's normal and its wall's below which it does
+inline constexpr float kEdgeOn = 2.5F;     // width over height of what may be seen on the wrong wall
+inline constexpr float kCutShare = 0.25F;  // of a side that something stands before
 
 // What may stand before a window without being part of its wall.
 inline constexpr LabelSet kBeforeWall =
@@ -81,7 +82,8 @@ struct PlaneSample {
   return best;
 }
 
-[[nodiscard]] inline UprightPlane fit_upright(Span<const PlaneSample> samples, const Vec3f& e1, const Vec3f& e2) noexcept {
+[[nodiscard]] inline UprightPlane fit_upright(Span<const PlaneSample> samples, const Vec3f& e1,
+                                              const Vec3f& e2) noexcept {
   const std::size_t n = samples.size();
   const auto error = [&](const PlaneSample& s, double a, double b) {
     const double w = static_cast<double>(s.w);
@@ -94,13 +96,15 @@ struct PlaneSample {
   for (std::size_t i = 0; i < kPlanePairs; ++i) {
     const PlaneSample& p = samples[(i * 37U) % n];
     const PlaneSample& q = samples[(i * 61U + n / 2U) % n];
-    const double det = static_cast<double>(p.e1) * static_cast<double>(q.e2) -
-                       static_cast<double>(q.e1) * static_cast<double>(p.e2);
+    const double det =
+        static_cast<double>(p.e1) * static_cast<double>(q.e2) - static_cast<double>(q.e1) * static_cast<double>(p.e2);
     if (!(std::fabs(det) > 1e-6)) continue;
     const double pa =
-        (static_cast<double>(p.w) * static_cast<double>(q.e2) - static_cast<double>(q.w) * static_cast<double>(p.e2)) / det;
+        (static_cast<double>(p.w) * static_cast<double>(q.e2) - static_cast<double>(q.w) * static_cast<double>(p.e2)) /
+        det;
     const double pb =
-        (static_cast<double>(p.e1) * static_cast<double>(q.w) - static_cast<double>(q.e1) * static_cast<double>(p.w)) / det;
+        (static_cast<double>(p.e1) * static_cast<double>(q.w) - static_cast<double>(q.e1) * static_cast<double>(p.w)) /
+        det;
     double cost = 0.0;
     for (std::size_t s = 0; s < n && cost < best; ++s) cost += std::min(error(samples[s], pa, pb), tolerance);
     if (cost < best) {
@@ -202,6 +206,21 @@ inline void sample_plane(const PlaneSearch& at, int x0, int y0, int x1, int y1, 
   return {};
 }
 
+// Mean normal of the region, facing the camera; zero where there is none to trust.
+[[nodiscard]] inline Vec3f region_normal(const RegionInput& in, const LightRegion& r, std::uint16_t value,
+                                         ImageView<const Vec3f> normals, const Vec3f& ray) noexcept {
+  Vec3d sum;
+  if (!normals.empty()) {
+    for (int y = r.y0; y <= r.y1; ++y) {
+      for (int x = r.x0; x <= r.x1; ++x) {
+        if (in.light_index(x, y) == value && is_finite(normals(x, y))) sum += vec_cast<double>(normals(x, y));
+      }
+    }
+  }
+  const Vec3f n = vec_cast<float>(normalized(sum));
+  return dot(n, ray) > 0.0F ? -n : n;
+}
+
 // A sign whose own normals turn away from its wall sticks out of it, at its own depth.
 [[nodiscard]] inline UprightPlane across_wall(const UprightPlane& wall, const Vec3f& normal, const Vec3f& centre,
                                               const GroundPlane& ground) noexcept {
@@ -217,8 +236,8 @@ struct Outline {
   UprightPlane plane;
   Vec3f origin, u, v;  // a point of the plane; horizontal; upwards
   float u0 = 0, u1 = 0, v0 = 0, v1 = 0;
-  float fill = 1.0F;       // share of the rectangle that the region covers
-  bool cut[4] = {};        // something stands before the side at u0, u1, v0, v1
+  float fill = 1.0F;  // share of the rectangle that the region covers
+  bool cut[4] = {};   // something stands before the side at u0, u1, v0, v1
 
   [[nodiscard]] bool known() const noexcept { return plane.known(); }
   [[nodiscard]] Vec3f centre() const noexcept { return origin + u * (0.5F * (u0 + u1)) + v * (0.5F * (v0 + v1)); }
@@ -242,7 +261,8 @@ struct Outline {
     return x >= 0 && y >= 0 && x < in.labels.width() && y < in.labels.height() && kBeforeWall.contains(in.labels(x, y));
   };
   const auto in_region = [&](int x, int y) {
-    return x >= 0 && y >= 0 && x < in.light_index.width() && y < in.light_index.height() && in.light_index(x, y) == value;
+    return x >= 0 && y >= 0 && x < in.light_index.width() && y < in.light_index.height() &&
+           in.light_index(x, y) == value;
   };
   for (int y = r.y0; y <= r.y1; ++y) {
     for (int x = r.x0; x <= r.x1; ++x) {
@@ -298,10 +318,31 @@ inline void add_reveal(Outline& o, float reveal_m) noexcept {
   hidden(o.v, o.v0, o.v1);
 }
 
+// The outline of a region at depth z; not known where it shows no plane. `normal`: its own mean normal, or zero.
+// `on_wall`: it cannot stick out. At a corner the wall seen edge-on may win; it shows by an outline much wider than high
+// that the region's own normals contradict.
+[[nodiscard]] inline Outline surface_outline(const PlaneSearch& at, const LightRegion& r, std::uint16_t value, float z,
+                                             const Vec3f& normal, bool on_wall) noexcept {
+  const Vec3f centre = unproject(at.camera, static_cast<float>(r.mean_x()), static_cast<float>(r.mean_y()), z);
+  UprightPlane plane = region_plane(at, r, value, z);
+  if (plane.known() && !on_wall) plane = across_wall(plane, normal, centre, at.ground);
+  if (!plane.known()) return {};
+  const Outline o = region_outline(at.in, r, value, plane, at.camera, at.ground);
+  const bool edge_on = o.u1 - o.u0 > kEdgeOn * (o.v1 - o.v0);
+  const bool contradicted = dot(normal, normal) > 0.5F && dot(normal, plane.normal) < 0.5F;
+  return o.known() && !(edge_on && contradicted) ? o : Outline{};
+}
+
+// One wall, as well as a fit knows it.
+[[nodiscard]] inline bool same_wall(const UprightPlane& a, const UprightPlane& b) noexcept {
+  return dot(a.normal, b.normal) > 0.97F && std::fabs(a.offset - b.offset) < 1.0F;
+}
+
 // Size of those outlines that are seen whole along one direction, in the median; 0 where there is none. `same` says
 // which outlines belong together.
 template <class Same>
-[[nodiscard]] inline float usual_size(Span<const Outline> outlines, bool upwards, Same&& same, Span<float> scratch) noexcept {
+[[nodiscard]] inline float usual_size(Span<const Outline> outlines, bool upwards, Same&& same,
+                                      Span<float> scratch) noexcept {
   std::size_t count = 0;
   for (std::size_t i = 0; i < outlines.size() && count < scratch.size(); ++i) {
     const Outline& o = outlines[i];

@@ -60,8 +60,8 @@ inline constexpr LabelSet kSignLabels = LabelSet::of(label::traffic_light, label
 inline constexpr LabelSet kLampHeadLabels =
     LabelSet::of(label::pole, label::polegroup, label::traffic_light, label::traffic_sign, label::static_object,
                  label::dynamic_object, label::unlabeled);
-inline constexpr LabelSet kFloorLabels = LabelSet::of(label::ground, label::road, label::sidewalk, label::parking,
-                                                      label::rail_track, label::terrain);
+inline constexpr LabelSet kFloorLabels =
+    LabelSet::of(label::ground, label::road, label::sidewalk, label::parking, label::rail_track, label::terrain);
 
 // ln z and its standard deviation, which is the relative error of z.
 struct LogDepth {
@@ -73,9 +73,9 @@ struct LogDepth {
 
 // A street lamp on its way to a place.
 struct StreetLamp {
-  float u = 0, v = 0;                 // of the head's middle
-  LogDepth own;                       // from its own foot, pole and head
-  float behind_m = kMaxLightDepth;    // z of what is seen around the head; nothing that is seen before it lies beyond
+  float u = 0, v = 0;               // of the head's middle
+  LogDepth own;                     // from its own foot, pole and head
+  float behind_m = kMaxLightDepth;  // z of what is seen around the head; nothing that is seen before it lies beyond
 };
 
 struct LampView {
@@ -101,6 +101,7 @@ struct LampView {
 };
 
 inline constexpr std::size_t kMaxEvidence = 6;
+inline constexpr std::size_t kMaxWitnesses = 64;
 
 struct Evidence {
   LogDepth pieces[kMaxEvidence];
@@ -186,8 +187,9 @@ template <class Visit>
   // What an arm spans is judged at the distance of a default lamp.
   const float guess_m = lamp.depth_at_height(l.u, l.v, lamp.params.default_height_m);
   const float metre_px = lamp.camera.fx / (guess_m > 2.0F ? std::min(guess_m, lamp.params.max_distance_m) : 2.0F);
-  const int reach = std::max(r.x1 - r.x0 + 1, static_cast<int>(std::min(lamp.params.arm_m * metre_px,
-                                                                        0.25F * static_cast<float>(labels.width()))));
+  const int reach =
+      std::max(r.x1 - r.x0 + 1,
+               static_cast<int>(std::min(lamp.params.arm_m * metre_px, 0.25F * static_cast<float>(labels.width()))));
   const int drop = std::max(2, static_cast<int>(std::min(metre_px, 0.25F * static_cast<float>(labels.height()))));
   const int middle = (r.x0 + r.x1) / 2;
   const int shortest = std::max(6, 2 * (r.y1 - r.y0 + 1));
@@ -360,41 +362,50 @@ inline void add_head(const LampView& lamp, const LightRegion& r, std::uint16_t v
   return l;
 }
 
-// The height above the camera on which most of the other lamps of the class agree, of those with evidence of their own;
-// where this lamp has such too, of those that it agrees with. One of them alone is taken for a hint.
-template <class SameClass>
-[[nodiscard]] inline LogDepth depth_of_row(const LampView& lamp, Span<const StreetLamp> lamps, std::size_t self,
-                                           SameClass&& same_class) noexcept {
-  struct Height {
-    float h, variance;
-    [[nodiscard]] bool agrees(const Height& o) const noexcept {
-      return (h - o.h) * (h - o.h) <= kOutlier * kOutlier * (variance + o.variance);
-    }
-  };
-  const auto height_of = [&](const StreetLamp& l) {
-    const float h = std::exp(l.own.mean) * lamp.rise(l.u, l.v);
-    return Height{h, h * h * l.own.sigma * l.own.sigma + kHeightSpread_m * kHeightSpread_m};
-  };
-  const auto is_witness = [&](std::size_t i) {
-    return i != self && lamps[i].own.known() && lamps[i].own.sigma < kWitness && same_class(i);
-  };
-  const StreetLamp& l = lamps[self];
+// How high above the camera a lamp hangs by its own evidence.
+struct LampHeight {
+  std::size_t lamp = 0;  // position among the lamps
+  float h = 0, variance = 0;
+
+  [[nodiscard]] bool agrees(const LampHeight& o) const noexcept {
+    return (h - o.h) * (h - o.h) <= kOutlier * kOutlier * (variance + o.variance);
+  }
+};
+
+[[nodiscard]] inline LampHeight own_height(const LampView& lamp, const StreetLamp& l, std::size_t position) noexcept {
+  const float h = std::exp(l.own.mean) * lamp.rise(l.u, l.v);
+  return {position, h, h * h * l.own.sigma * l.own.sigma + kHeightSpread_m * kHeightSpread_m};
+}
+[[nodiscard]] inline bool is_witness(const StreetLamp& l) noexcept { return l.own.known() && l.own.sigma < kWitness; }
+
+// The lamps that speak for their row: those wanted that have evidence of their own, at most as many as there is room.
+template <class Wanted>
+[[nodiscard]] inline std::size_t collect_witnesses(const LampView& lamp, Span<const StreetLamp> lamps, Wanted&& wanted,
+                                                   Span<LampHeight> out) noexcept {
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < lamps.size() && count < out.size(); ++i) {
+    if (is_witness(lamps[i]) && wanted(i)) out[count++] = own_height(lamp, lamps[i], i);
+  }
+  return count;
+}
+
+// By the height on which most of the witnesses agree; where the lamp is one itself, of those that it agrees with. One of
+// them alone is taken for a hint.
+[[nodiscard]] inline LogDepth depth_of_row(const LampView& lamp, const StreetLamp& l, std::size_t self,
+                                           Span<const LampHeight> witnesses) noexcept {
   const float rise = lamp.rise(l.u, l.v);
-  const bool choosy = l.own.known() && l.own.sigma < kWitness;
+  const LampHeight own = is_witness(l) ? own_height(lamp, l, self) : LampHeight{};
+  const auto heard = [&](const LampHeight& w) { return w.lamp != self && (!is_witness(l) || w.agrees(own)); };
   int most = 0;
   float best_weight = 0.0F;
   float best_h = 0.0F;
-  for (std::size_t i = 0; i < lamps.size(); ++i) {
-    if (!is_witness(i)) continue;
-    const Height first = height_of(lamps[i]);
-    if (choosy && !first.agrees(height_of(l))) continue;
+  for (const LampHeight& first : witnesses) {
+    if (!heard(first)) continue;
     int count = 0;
     float weight = 0.0F;
     float sum = 0.0F;
-    for (std::size_t j = 0; j < lamps.size(); ++j) {
-      if (!is_witness(j)) continue;
-      const Height other = height_of(lamps[j]);
-      if (!first.agrees(other) || (choosy && !other.agrees(height_of(l)))) continue;
+    for (const LampHeight& other : witnesses) {
+      if (!heard(other) || !first.agrees(other)) continue;
       ++count;
       weight += 1.0F / other.variance;
       sum += other.h / other.variance;
@@ -410,16 +421,14 @@ template <class SameClass>
 }
 
 // z of a lamp from all that is known; 0 where that is nothing.
-template <class SameClass>
-[[nodiscard]] inline float street_lamp_depth(const LampView& lamp, Span<const StreetLamp> lamps, std::size_t self,
-                                             SameClass&& same_class) noexcept {
-  const StreetLamp& l = lamps[self];
+[[nodiscard]] inline float street_lamp_depth(const LampView& lamp, const StreetLamp& l, std::size_t self,
+                                             Span<const LampHeight> witnesses) noexcept {
   Evidence evidence;
   const auto add = [&](const LogDepth& piece) {
     if (piece.known() && lamp.credible(l, std::exp(piece.mean))) evidence.add(std::exp(piece.mean), piece.sigma);
   };
   add(l.own);
-  add(depth_of_row(lamp, lamps, self, same_class));
+  add(depth_of_row(lamp, l, self, witnesses));
   const LogDepth known = evidence.combined();
   const float guess_m = lamp.params.default_height_m - lamp.ground.camera_height_m;
   const float hung = std::min(lamp.depth_at_height(l.u, l.v, lamp.params.default_height_m), l.behind_m);

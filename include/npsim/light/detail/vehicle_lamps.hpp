@@ -30,13 +30,14 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 namespace light_detail {
 
-inline constexpr float kVehicleLength_m = 5.0F;   // around a lamp, in which its vehicle is looked for
-inline constexpr float kVehicleWidth_m = 3.0F;    // what is seen to be longer across the street stands across it
-inline constexpr float kFarEnd_m = 0.8F;          // behind the middle of what is seen: at the far end
-inline constexpr float kStreetPixels = 60.0F;     // weight of the street's direction among the normals of pixels
-inline constexpr float kStreetShare = 0.5F;       // and as a share of them
+inline constexpr float kVehicleLength_m = 5.0F;  // around a lamp, in which its vehicle is looked for
+inline constexpr float kVehicleWidth_m = 3.0F;   // what is seen to be longer across the street stands across it
+inline constexpr float kAcrossCosine = 0.3F;      // between a lamp's normal and the street, below which it points across
+inline constexpr float kFarEnd_m = 0.8F;         // behind the middle of what is seen: at the far end
+inline constexpr float kStreetPixels = 60.0F;    // weight of the street's direction among the normals of pixels
+inline constexpr float kStreetShare = 0.5F;      // and as a share of them
 inline constexpr LabelSet kTwoWheelers = LabelSet::of(label::motorcycle, label::bicycle);  // they are no boxes
-inline constexpr float kLampLow_m[2] = {0.4F, 0.35F};  // of front and rear lamps
+inline constexpr float kLampLow_m[2] = {0.4F, 0.35F};                                      // of front and rear lamps
 inline constexpr float kLampHigh_m[2] = {1.3F, 2.1F};
 
 // What is seen of a vehicle, in the horizontal plane: along the street and to the right of it.
@@ -75,9 +76,10 @@ struct VehicleView {
   const GroundPlane& ground;
 };
 
-// Outwards from the end of the vehicle where a lamp at `at` sits, level; along the street towards the camera where no
+// Outwards from the end of the vehicle where a lamp at `at` sits, level; `normal`: its own mean normal, or zero. Along the street towards the camera where no
 // vehicle is seen.
-[[nodiscard]] inline Vec3f vehicle_lamp_axis(const VehicleView& view, const LightRegion& r, const Vec3f& at) noexcept {
+[[nodiscard]] inline Vec3f vehicle_lamp_axis(const VehicleView& view, const LightRegion& r, const Vec3f& at,
+                                             const Vec3f& normal) noexcept {
   const RegionInput& in = view.in;
   const Vec3f& up = view.ground.up;
   const Vec3f street = forward_on_ground(view.ground);
@@ -86,7 +88,8 @@ struct VehicleView {
   const int y = (r.y0 + r.y1) / 2;
   if (in.labels.empty() || !kVehicleLabels.contains(in.labels(x, y))) return -street;
   const float reach_x = std::min(kVehicleLength_m * view.camera.fx / at.z, static_cast<float>(in.depth.width()));
-  const float reach_y = std::min(0.5F * kVehicleLength_m * view.camera.fy / at.z, static_cast<float>(in.depth.height()));
+  const float reach_y =
+      std::min(0.5F * kVehicleLength_m * view.camera.fy / at.z, static_cast<float>(in.depth.height()));
   VehicleShape shape;
   for (int py = std::max(y - static_cast<int>(reach_y), 0);
        py <= std::min(y + static_cast<int>(reach_y), in.depth.height() - 1); ++py) {
@@ -117,9 +120,14 @@ struct VehicleView {
   const double mean_across = shape.across / shape.weight;
   // A length that is covered evenly has a variance of a twelfth of its square.
   const double length_along = std::sqrt(12.0 * std::max(0.0, shape.along2 / shape.weight - mean_along * mean_along));
-  const double length_across = std::sqrt(12.0 * std::max(0.0, shape.across2 / shape.weight - mean_across * mean_across));
+  const double length_across =
+      std::sqrt(12.0 * std::max(0.0, shape.across2 / shape.weight - mean_across * mean_across));
   const Vec3f heading = street * turn.x + right * turn.y;
-  if (length_across > static_cast<double>(kVehicleWidth_m) && length_across > 1.5 * length_along) {
+  if (view.instances.empty()) {
+    // What is seen may be several vehicles: only the lamp's own normal tells that one stands across.
+    const Vec3f facing = normalized(normal - up * dot(normal, up));
+    if (dot(facing, facing) > 0.5F && -dot(heading, facing) < kAcrossCosine) return facing;
+  } else if (length_across > static_cast<double>(kVehicleWidth_m) && length_across > 1.5 * length_along) {
     const Vec3f across = right * turn.x - street * turn.y;
     return mean_across < 0.0 ? across : -across;
   }
