@@ -65,7 +65,7 @@ Status placed_lamps(const PlacementParams& params, const SceneView& scene, const
   out.resize(scene.lights.size());
   std::size_t count = 0;
   Workspace workspace(memory.data(), memory.size());
-  const PlacementScene known{scene.camera,    refined.ground,  scene.lights,      scene.light_index, refined.depth,
+  const PlacementScene known{scene.camera,   refined.ground,  scene.lights,      scene.light_index, refined.depth,
                              refined.labels, scene.instances, refined.uncertain, refined.normals};
   NPSIM_RETURN_IF_ERROR(place_lights(params, known, workspace, Span<Emitter>(out.data(), out.size()), count));
   out.resize(count);
@@ -87,12 +87,12 @@ OrderedJson to_json(const LampErrors& errors) {
   OrderedJson& classes = json["classes"] = OrderedJson::object();
   for (const LampClassErrors& c : errors.classes) {
     classes[class_name(c.cls)] = {{"marked", c.marked},
-                                        {"placed", c.placed},
-                                        {"distance_m", to_json(c.distance_m)},
-                                        {"range_ratio", to_json(c.range)},
-                                        {"height_m", to_json(c.height_m)},
-                                        {"axis_deg", to_json(c.axis_deg)},
-                                        {"area_ratio", to_json(c.area)}};
+                                  {"placed", c.placed},
+                                  {"distance_m", to_json(c.distance_m)},
+                                  {"range_ratio", to_json(c.range)},
+                                  {"height_m", to_json(c.height_m)},
+                                  {"axis_deg", to_json(c.axis_deg)},
+                                  {"area_ratio", to_json(c.area)}};
   }
   return json;
 }

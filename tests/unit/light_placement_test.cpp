@@ -27,14 +27,17 @@ struct Scene {
   Image<std::uint8_t> uncertain{shape};
   Image<Vec3f> normals{shape};
   Image<std::uint16_t> index{shape};
+  Image<std::uint16_t> instances{shape};
   std::vector<LightMark> marks;
   std::vector<Emitter> out = std::vector<Emitter>(64);
   std::size_t count = 0;
   bool with_labels = true;
   bool with_normals = true;
+  bool with_instances = false;
   PlacementParams params;
 
   Scene() {
+    params.reveal_m = 0;  // outlines as they are seen
     for (int y = 51; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
         depth(x, y) = 1.5F * k.fy / (static_cast<float>(y) + 0.5F - k.cy);
@@ -74,6 +77,7 @@ struct Scene {
     scene.depth = depth.cview();
     if (with_labels) scene.labels = labels.cview();
     scene.uncertain = uncertain.cview();
+    if (with_instances) scene.instances = instances.cview();
     if (with_normals) scene.normals = normals.cview();
     return scene;
   }
@@ -291,6 +295,137 @@ TEST_CASE("street lamp without labels: an incredible depth (80 m up) is not take
   CHECK(height_above_ground(s.ground, s.only().centre_m) < 16.5F);
 }
 
+TEST_CASE("street lamp whose depth is lost before a far building: the foot of its pole") {
+  Scene s;
+  s.paint(0, 0, 199, 50, label::building, 80);
+  s.paint(139, 10, 141, 58, label::pole, 80);  // 30 m away
+  s.mark(LightClass::street_light_ht, 120, 8, 128, 11);
+  s.uncertain = Image<std::uint8_t>(s.shape, 255);
+  CHECK(s.only().centre_m.z == doctest::Approx(30).epsilon(0.06));
+}
+
+TEST_CASE("a pole that carries another lamp further up is not taken for a lamp's own") {
+  Scene s;
+  s.paint(104, 8, 105, 58, label::pole, 30);
+  s.paint(94, 27, 99, 32, label::static_object, 60);
+  s.mark(LightClass::street_light_lt, 94, 27, 99, 32);
+  CHECK(s.only().centre_m.z == doctest::Approx(60).epsilon(0.01));
+}
+
+TEST_CASE("lamps of a row support each other: one without depth hangs as high as those that have one") {
+  Scene s;
+  const auto lamp = [&](int x, float z, int size, bool known) {
+    const int y = static_cast<int>(50 - 4.5F * s.k.fy / z);  // 6 m above the ground
+    s.paint(x, y - size / 2, x + size - 1, y + size / 2, known ? label::static_object : label::sky, known ? z : 400.0F);
+    s.mark(LightClass::street_light_ht, x, y - size / 2, x + size - 1, y + size / 2);
+  };
+  lamp(60, 20, 8, true);
+  lamp(80, 25, 8, true);
+  lamp(96, 45, 2, false);
+  REQUIRE(s.place().ok());
+  REQUIRE(s.count == 3);
+  CHECK(s.out[0].centre_m.z == doctest::Approx(20).epsilon(0.05));
+  CHECK(s.out[1].centre_m.z == doctest::Approx(25).epsilon(0.05));
+  CHECK(s.out[2].centre_m.z == doctest::Approx(45).epsilon(0.1));
+}
+
+TEST_CASE("a lamp on a wall is not behind it, however high lamps hang elsewhere") {
+  Scene s;
+  s.paint(20, 5, 180, 60, label::building, 20);
+  s.mark(LightClass::street_light_ht, 98, 28, 103, 31);  // 3.8 m above the ground
+  const Emitter& e = s.only();
+  CHECK(e.centre_m.z <= 20.0F);
+  CHECK(e.centre_m.z > 15.0F);
+}
+
+TEST_CASE("a window seen at a slant has the area of its outline on the wall, whatever its own normals say") {
+  Scene s;
+  // The wall x = -5 on the left; a window from z = 10 to 12 and 0.5 to 2 m above the camera.
+  for (int y = 0; y < 50; ++y) {
+    for (int x = 0; x < 90; ++x) s.paint(x, y, x, y, label::building, -5 / unproject_pixel(s.k, x, y, 1).x);
+  }
+  s.marks.push_back({7, LightClass::window_building, SignalState::unknown, 0});
+  for (int y = 0; y < 50; ++y) {
+    for (int x = 0; x < 90; ++x) {
+      const Vec3f p = unproject_pixel(s.k, x, y, s.depth(x, y));
+      if (p.z > 10 && p.z < 12 && p.y < -0.5F && p.y > -2) s.index(x, y) = 1;
+    }
+  }
+  const Emitter& e = s.only();
+  check_frame(e);
+  CHECK(e.axis.x > 0.999F);
+  CHECK(e.area_m2 == doctest::Approx(3).epsilon(0.1));
+  CHECK(e.centre_m.z == doctest::Approx(11).epsilon(0.01));
+  const double seen = static_cast<double>(e.area_m2);
+  s.params.reveal_m = 0.15F;  // hides 0.15 m * 11 / 5 of 2 m, and 0.15 m * 1.25 / 5 of 1.5 m
+  CHECK(static_cast<double>(s.only().area_m2) == doctest::Approx(seen * 2.33 / 2 * 1.5375 / 1.5).epsilon(0.02));
+}
+
+TEST_CASE("a window behind a tree is as wide as those of its group") {
+  Scene s;
+  s.paint(20, 5, 180, 49, label::building, 12);
+  s.marks.push_back({1, LightClass::windows_group, SignalState::unknown, 0});
+  s.mark(LightClass::window_building, 30, 10, 49, 29, 1);
+  s.mark(LightClass::window_building, 60, 10, 79, 29, 1);
+  s.mark(LightClass::window_building, 90, 10, 109, 29, 1);
+  s.paint(100, 5, 125, 49, label::vegetation, 6);
+  for (int y = 0; y < 50; ++y) {
+    for (int x = 100; x < 126; ++x) s.index(x, y) = 0;
+  }
+  REQUIRE(s.place().ok());
+  REQUIRE(s.count == 3);
+  CHECK(s.out[2].area_m2 == doctest::Approx(static_cast<double>(s.out[0].area_m2)).epsilon(0.01));
+  CHECK(s.out[2].centre_m.x == doctest::Approx(0).epsilon(0.01));
+}
+
+TEST_CASE("a sign that sticks out of its wall faces along it") {
+  Scene s;
+  for (int y = 0; y < 50; ++y) {
+    for (int x = 0; x < 70; ++x) {
+      s.paint(x, y, x, y, label::building, -6 / unproject_pixel(s.k, x, y, 1).x, {1, 0, 0});
+    }
+  }
+  s.paint(20, 20, 34, 34, label::building, 12);  // 0.4 to 1.3 m off the wall
+  s.mark(LightClass::advertisement, 20, 20, 34, 34);
+  const Emitter& e = s.only();
+  CHECK(e.axis.z < -0.99F);
+  CHECK(e.area_m2 == doctest::Approx(1).epsilon(0.15));
+}
+
+TEST_CASE("lamps point along their vehicle: one that stands askew, and the far end of one that is passed") {
+  Scene s;
+  s.with_instances = true;
+  const auto face = [&](int x0, int x1, int y0, int y1, const Vec3f& n, const Vec3f& point, std::uint16_t instance) {
+    for (int y = y0; y <= y1; ++y) {
+      for (int x = x0; x <= x1; ++x) {
+        s.paint(x, y, x, y, label::car, dot(n, point) / dot(n, unproject_pixel(s.k, x, y, 1)), n);
+        s.instances(x, y) = instance;
+      }
+    }
+  };
+  const Vec3f rear = normalized(Vec3f{0.5F, 0, -0.866F});
+  const Vec3f corner{-2, 0, 14};
+  const int column = static_cast<int>(s.k.cx + s.k.fx * corner.x / corner.z);
+  face(column, column + 22, 55, 66, rear, corner, 3);
+  face(column - 24, column - 1, 55, 66, {-0.866F, 0, -0.5F}, corner, 3);
+  s.mark(LightClass::moving_rear, column + 18, 58, column + 20, 60);
+  // One beside us, from 6 to 10 m: its rear lamp is at the far end.
+  face(136, 160, 55, 70, {-1, 0, 0}, {2, 0, 0}, 4);
+  s.mark(LightClass::parked_rear, 136, 58, 138, 60);
+  REQUIRE(s.place().ok());
+  REQUIRE(s.count == 2);
+  CHECK(dot(s.out[0].axis, rear) > std::cos(0.18F));
+  CHECK(s.out[1].axis.z > 0.98F);
+}
+
+TEST_CASE("a lamp of a car that depth has in the road is lifted along its ray") {
+  Scene s;
+  s.paint(60, 52, 140, 62, label::car, 18);
+  s.mark(LightClass::parked_front, 70, 61, 75, 61);  // at 18 m it would be 0.35 m above the ground
+  const Emitter& e = s.only();
+  CHECK(height_above_ground(s.ground, e.centre_m) == doctest::Approx(0.4).epsilon(0.01));
+}
+
 TEST_CASE("groups, marks without pixels and class none give no emitter; order and references stay") {
   Scene s;
   s.paint(20, 5, 180, 49, label::building, 12);
@@ -325,6 +460,15 @@ TEST_CASE("placement refuses what it cannot use and never writes past the end") 
   s.params.min_area_m2 = 0;
   CHECK(s.place().code() == StatusCode::invalid_argument);
   s.params.min_area_m2 = 1e-3F;
+  for (float* value : {&s.params.street.arm_m, &s.params.street.max_distance_m, &s.params.street.default_height_m,
+                       &s.params.offset_m, &s.params.reveal_m, &s.params.min_street_area_m2}) {
+    const float good = *value;
+    for (const float wrong : {-1.0F, kNan, std::numeric_limits<float>::infinity()}) {
+      *value = wrong;
+      CHECK(s.place().code() == StatusCode::invalid_argument);
+    }
+    *value = good;
+  }
   CHECK(s.place().ok());
   npsim_test::Scratch tiny(64);
   PlacementScene known = s.known();

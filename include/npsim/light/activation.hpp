@@ -23,6 +23,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/span.hpp"
@@ -92,13 +93,13 @@ enum class ActivationKey : std::uint32_t { group, alone, source, technology, veh
   return e.cls == LightClass::inferred_object && e.profile == EmissionProfile::signal;
 }
 
-// Low lamps carry less light: flux grows with height^1.5 between footpath posts (3.5 m, 3 klm) and main roads (12 m),
-// the default strengths being those for 8 m. [default]
+// What a lamp's height says of its type. Roads are lit to a class, so that flux grows with the square of the height
+// between types: a lantern of 4 m has a quarter of the strengths that a class gives for 8 m. Beyond these two nothing is
+// scaled: how high a mast really is, is not known better than how far away it stands, and flux must not repeat that.
 [[nodiscard]] inline float height_factor(float height_m) noexcept {
   if (!(height_m > 0.0F)) return 1.0F;
-  const float h = height_m / 8.0F;
-  const float factor = h * std::sqrt(h);
-  return factor > 0.2F ? (factor < 2.0F ? factor : 2.0F) : 0.2F;
+  const float h = clamp_to(height_m, 4.0F, 8.0F) / 8.0F;
+  return h * h;
 }
 
 // Uniform in the square root.

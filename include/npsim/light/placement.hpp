@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // From annotated regions to emitters in space: one per marked source that has pixels and whose distance can be known.
 //
-// Depth: the median over the region's surface pixels, certain ones first, without outliers (detail/lamp_depth.hpp);
-// that of its surroundings where the region has none. Street lamps hang before the sky, where depth is worst: same
-// header. Patch: the region's rectangle with the region's area. Windows and signs lie in their facade's plane and face
-// along its normal; lamps are parallel to the image; a street lamp's is level, at the lower edge of its head. All are
-// pulled off their surface by offset_m along the axis, so that the surface does not shade them. Axes: vehicle lamps
-// along the street (against the viewing direction on the ground), or along the local normal where that is far off it,
-// low beams 1 % down; signals towards the camera's lane; street lamps down. Regions of which no depth can be found, and
-// marks that are groups, give no emitter. Order is that of the marks. Cost: two passes over the image and one over each
-// region's rectangle. Memory: about 3 MB, see the bytes function.
+// Street lamps: detail/street_lamps.hpp weighs the pole's foot and depth, the head, and what the row says. The patch is
+// level, at the lower edge of the head; axis down.
+// Lit surfaces (windows, signs, posters, clocks): on the upright plane of the wall around them, with the rectangle that
+// their outline spans there, what is hidden included; axis along its normal (detail/lamp_plane.hpp). Where no plane is
+// found: at the region's depth, along its mean normal.
+// Lamps of vehicles: at the median depth of the region (detail/lamp_depth.hpp), as high as such lamps are, pointing
+// along their vehicle (detail/vehicle_lamps.hpp), low beams 1 % down. Signals: towards the camera. Their patch is
+// parallel to the image and has the region's area.
+// All are pulled off their surface by offset_m along the axis, so that the surface does not shade them. Regions of which
+// no depth can be found, and marks that are groups, give no emitter. Order is that of the marks. Cost: two passes over
+// the image, and for each mark some over its surroundings. Memory: about 9 MB, see the bytes function. Error: that of
+// depth; `npsim evaluate` compares with the lamps of a generated street.
 #ifndef NPSIM_LIGHT_PLACEMENT_HPP
 #define NPSIM_LIGHT_PLACEMENT_HPP
 
@@ -29,6 +32,9 @@
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/labels/light_classes.hpp"
 #include "npsim/light/detail/lamp_depth.hpp"
+#include "npsim/light/detail/lamp_plane.hpp"
+#include "npsim/light/detail/street_lamps.hpp"
+#include "npsim/light/detail/vehicle_lamps.hpp"
 #include "npsim/light/emitter.hpp"
 
 namespace npsim {
@@ -40,7 +46,7 @@ struct PlacementParams {
   float min_street_area_m2 = 0.02F;  // of a street lamp's luminous opening
   float max_side_m = 20.0F;          // bounds a patch where depth or normal is absurd
   float min_facing_cosine = 0.15F;   // a normal closer to grazing than this is not trusted for a facade
-  float max_lamp_yaw_cosine = 0.3F;  // vehicle lamps: below this to the street's direction the normal decides
+  float reveal_m = 0.15F;            // a window's pane stands behind its wall by this [default]
   StreetLampParams street;
 };
 
@@ -52,16 +58,20 @@ struct PlacementScene {
   ImageView<const std::uint16_t> light_index;  // position + 1 in marks, 0 = none
   ImageView<const float> depth;                // m
   ImageView<const Label> labels;
-  ImageView<const std::uint16_t> instances;    // equal id and label = same object
-  ImageView<const std::uint8_t> uncertain;     // not 0: the depth is not to be trusted
+  ImageView<const std::uint16_t> instances;  // equal id and label = same object
+  ImageView<const std::uint8_t> uncertain;   // not 0: the depth is not to be trusted
   ImageView<const Vec3f> normals;
 };
+
+inline constexpr float kDiscShare = 0.785F;  // pi / 4, of the square around a disc
 
 inline constexpr std::size_t kMaxLightMarks = 65535;  // an index plane can name no more
 
 [[nodiscard]] constexpr std::size_t placement_workspace_bytes(const PlacementParams&, Shape) noexcept {
   return allocation_bytes<LightRegion>(kMaxLightMarks + 1) + allocation_bytes<float>(kMaxRegionSamples) +
-         kWorkspaceAlignment;
+         allocation_bytes<light_detail::StreetLamp>(kMaxLightMarks) +
+         allocation_bytes<light_detail::Outline>(kMaxLightMarks) +
+         allocation_bytes<light_detail::PlaneSample>(light_detail::kPlaneSamples) + kWorkspaceAlignment;
 }
 
 [[nodiscard]] inline Status validate(const PlacementParams& p) noexcept {
@@ -71,9 +81,8 @@ inline constexpr std::size_t kMaxLightMarks = 65535;  // an index plane can name
                     p.street.max_height_m > p.street.min_height_m && p.street.default_height_m > 0.0F &&
                     std::isfinite(p.street.default_height_m) && std::isfinite(p.street.max_height_m) &&
                     p.street.max_distance_m > 0.0F && std::isfinite(p.street.max_distance_m) &&
-                    p.street.arm_m >= 0.0F && std::isfinite(p.street.arm_m) &&
-                    std::isfinite(p.min_area_m2) && std::isfinite(p.min_street_area_m2) &&
-                    std::isfinite(p.max_lamp_yaw_cosine);
+                    p.street.arm_m >= 0.0F && std::isfinite(p.street.arm_m) && std::isfinite(p.min_area_m2) &&
+                    std::isfinite(p.min_street_area_m2) && p.reveal_m >= 0.0F && std::isfinite(p.reveal_m);
   return good ? Status() : Status(StatusCode::invalid_argument, "placement: a parameter lies outside its range");
 }
 
@@ -95,19 +104,8 @@ inline constexpr std::size_t kMaxLightMarks = 65535;  // an index plane can name
 
 namespace light_detail {
 
-// Mean normal of the region, facing the camera; zero where there is none to trust.
-[[nodiscard]] inline Vec3f region_normal(const RegionInput& in, const LightRegion& r, std::uint16_t value,
-                                         ImageView<const Vec3f> normals, const Vec3f& ray) noexcept {
-  Vec3d sum;
-  if (!normals.empty()) {
-    for (int y = r.y0; y <= r.y1; ++y) {
-      for (int x = r.x0; x <= r.x1; ++x) {
-        if (in.light_index(x, y) == value && is_finite(normals(x, y))) sum += vec_cast<double>(normals(x, y));
-      }
-    }
-  }
-  const Vec3f n = vec_cast<float>(normalized(sum));
-  return dot(n, ray) > 0.0F ? -n : n;
+[[nodiscard]] constexpr bool is_street_lamp(LightClass c) noexcept {
+  return c == LightClass::street_light_ht || c == LightClass::street_light_lt;
 }
 
 [[nodiscard]] inline EmissionProfile profile_of(const LightMark& mark, LightClass group) noexcept {
@@ -150,8 +148,9 @@ inline void set_patch(Emitter& e, Vec3f u, Vec3f v, float fill, float min_area, 
   e.half_v_m = v * scale;
 }
 
-inline void place_in_plane(const PlacementParams& p, const Intrinsics& k, const LightRegion& r, float u, float v,
-                           float z, Vec3f normal, const GroundPlane& ground, Emitter& e) noexcept {
+// A surface whose plane is not known: through the region's depth, along its mean normal where that faces the camera.
+inline void place_by_normal(const PlacementParams& p, const Intrinsics& k, const LightRegion& r, float u, float v,
+                            float z, Vec3f normal, const GroundPlane& ground, Emitter& e) noexcept {
   const Vec3f centre = unproject(k, u, v, z);
   const Vec3f ray = normalized(centre);
   if (!(-dot(normal, ray) >= p.min_facing_cosine)) normal = -ray;
@@ -172,18 +171,18 @@ inline void place_in_plane(const PlacementParams& p, const Intrinsics& k, const 
   e.centre_m = centre + normal * p.offset_m;
 }
 
+inline void place_outline(const PlacementParams& p, const Outline& o, Emitter& e) noexcept {
+  set_patch(e, o.u * (0.5F * (o.u1 - o.u0)), o.v * (0.5F * (o.v1 - o.v0)), o.fill, p.min_area_m2, p.max_side_m);
+  e.axis = o.plane.normal;
+  e.up = o.v;
+  e.centre_m = o.centre() + e.axis * p.offset_m;
+}
+
+// `axis` is level or zero, which means towards the camera.
 inline void place_lamp(const PlacementParams& p, const Intrinsics& k, const LightRegion& r, float u, float v, float z,
-                       const Vec3f& normal, const GroundPlane& ground, Emitter& e) noexcept {
+                       Vec3f axis, const GroundPlane& ground, Emitter& e) noexcept {
   const Vec3f centre = unproject(k, u, v, z);
-  const auto level = [&](const Vec3f& a) { return normalized(a - ground.up * dot(a, ground.up)); };
-  const Vec3f to_camera = level(-centre);
-  Vec3f axis = to_camera;
-  if (e.cls != LightClass::inferred_object) {
-    axis = -forward_on_ground(ground);
-    const Vec3f facing = level(normal);
-    if (dot(facing, facing) > 0.5F && dot(axis, facing) < p.max_lamp_yaw_cosine) axis = facing;
-    if (!(dot(axis, to_camera) > 0.0F)) axis = to_camera;  // a lamp that is seen faces the camera
-  }
+  if (!(dot(axis, axis) > 0.5F)) axis = normalized(-centre + ground.up * dot(centre, ground.up));
   if (!(dot(axis, axis) > 0.5F)) axis = normalized(-centre);
   if (e.profile == EmissionProfile::low_beam) axis = normalized(axis - ground.up * kLowBeamAim);
   set_patch(e, {0.5F * static_cast<float>(r.x1 - r.x0 + 1) * z / k.fx, 0.0F, 0.0F},
@@ -209,6 +208,125 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
   e.centre_m = unproject(k, u, static_cast<float>(r.y1 + 1), z) + down * p.offset_m;
 }
 
+// What placing one mark needs to know of all of them.
+struct Placing {
+  const PlacementParams& params;
+  const PlacementScene& scene;
+  RegionInput in;
+  Span<LightRegion> regions;               // by mark, the first of none
+  Span<StreetLamp> lamps;                  // by mark; what is no street lamp knows nothing
+  Span<Outline> outlines;                  // by mark; unknown of what is no lit surface, or shows no plane
+  LampHeight witnesses[2][kMaxWitnesses];  // of both classes of street lamps
+  std::size_t witness_count[2] = {0, 0};
+  Span<float> scratch;
+
+  [[nodiscard]] LampView lamp_view() const noexcept { return {params.street, in, scene.camera, scene.ground}; }
+  [[nodiscard]] const LightRegion& region(std::size_t m) const noexcept { return regions[m + 1]; }
+  [[nodiscard]] LightClass group_class(const LightMark& mark) const noexcept {
+    return mark.group != 0 && mark.group <= scene.marks.size() ? scene.marks[mark.group - 1U].cls : LightClass::none;
+  }
+};
+
+// Cabin windows of cars lean, and go around them.
+[[nodiscard]] constexpr bool is_upright(LightClass c) noexcept { return c != LightClass::window_parked; }
+
+inline void look_at_street_lamps(Placing& all) noexcept {
+  const Span<const LightMark> marks = all.scene.marks;
+  const LampView view = all.lamp_view();
+  for (std::size_t m = 0; m < marks.size(); ++m) {
+    const bool street = all.region(m).pixels > 0 && is_street_lamp(marks[m].cls);
+    all.lamps[m] =
+        street ? look_at_lamp(view, all.region(m), static_cast<std::uint16_t>(m + 1), all.scratch) : StreetLamp{};
+  }
+  for (std::size_t c = 0; c < 2; ++c) {
+    const LightClass cls = c == 0 ? LightClass::street_light_ht : LightClass::street_light_lt;
+    all.witness_count[c] = collect_witnesses(
+        view, all.lamps, [&](std::size_t m) { return marks[m].cls == cls; }, Span<LampHeight>(all.witnesses[c]));
+  }
+}
+
+inline void outline_surfaces(Placing& all, Span<PlaneSample> samples) noexcept {
+  const PlacementScene& scene = all.scene;
+  const PlaneSearch search{all.in, scene.instances, scene.camera, scene.ground, samples};
+  for (std::size_t m = 0; m < scene.marks.size(); ++m) {
+    all.outlines[m] = Outline{};
+    const LightMark& mark = scene.marks[m];
+    const LightRegion& r = all.region(m);
+    const auto value = static_cast<std::uint16_t>(m + 1);
+    const bool surface = r.pixels > 0 && !is_group(mark.cls) && is_upright(mark.cls) &&
+                         profile_of(mark, all.group_class(mark)) == EmissionProfile::lambert;
+    const float z = surface ? region_depth(all.in, r, value, all.scratch) : 0.0F;
+    if (!is_valid_depth(z)) continue;
+    const Vec3f ray = unproject(scene.camera, static_cast<float>(r.mean_x()), static_cast<float>(r.mean_y()), 1.0F);
+    const Vec3f normal = region_normal(all.in, r, value, scene.normals, ray);
+    const bool window = mark.cls == LightClass::window_building;
+    all.outlines[m] = surface_outline(search, r, value, z, normal, window || mark.cls == LightClass::clock);
+    if (window && all.outlines[m].known()) add_reveal(all.outlines[m], all.params.reveal_m);
+  }
+}
+
+// The outline of a mark with what its group tells of the parts that are hidden.
+[[nodiscard]] inline Outline whole_outline(const Placing& all, std::size_t m) noexcept {
+  const Span<const LightMark> marks = all.scene.marks;
+  Outline o = all.outlines[m];
+  if (marks[m].cls == LightClass::window_building) {
+    const auto of_group = [&](std::size_t i) {
+      return marks[i].cls == marks[m].cls && marks[i].group != 0 && marks[i].group == marks[m].group;
+    };
+    const auto of_wall = [&](std::size_t i) {
+      return marks[i].cls == marks[m].cls && same_wall(all.outlines[i].plane, all.outlines[m].plane);
+    };
+    for (const bool upwards : {false, true}) {
+      const bool* cut = o.cut + (upwards ? 2 : 0);
+      if (!cut[0] && !cut[1]) continue;
+      float size = usual_size(all.outlines, upwards, of_group, all.scratch);
+      if (!(size > 0.0F)) size = usual_size(all.outlines, upwards, of_wall, all.scratch);
+      add_hidden(size, cut[0], cut[1], upwards ? o.v0 : o.u0, upwards ? o.v1 : o.u1);
+    }
+  }
+  // What is seen whole has the area that is seen; of what is cut only the rectangle is known.
+  if (o.cut[0] || o.cut[1] || o.cut[2] || o.cut[3]) o.fill = marks[m].cls == LightClass::clock ? kDiscShare : 1.0F;
+  return o;
+}
+
+// False where no depth can be found.
+[[nodiscard]] inline bool place_mark(const Placing& all, std::size_t m, Emitter& e) noexcept {
+  const PlacementParams& p = all.params;
+  const PlacementScene& scene = all.scene;
+  const LightRegion& r = all.region(m);
+  const auto value = static_cast<std::uint16_t>(m + 1);
+  const auto u = static_cast<float>(r.mean_x());
+  const auto v = static_cast<float>(r.mean_y());
+  if (e.profile == EmissionProfile::street_luminaire) {
+    const std::size_t c = e.cls == LightClass::street_light_ht ? 0 : 1;
+    const float z = street_lamp_depth(all.lamp_view(), all.lamps[m], m,
+                                      Span<const LampHeight>(all.witnesses[c], all.witness_count[c]));
+    if (!is_valid_depth(z)) return false;
+    place_street_lamp(p, scene.camera, r, u, z, scene.ground, e);
+    return true;
+  }
+  if (all.outlines[m].known()) {
+    place_outline(p, whole_outline(all, m), e);
+    return true;
+  }
+  float z = region_depth(all.in, r, value, all.scratch);
+  if (!is_valid_depth(z)) return false;
+  const Vec3f normal = region_normal(all.in, r, value, scene.normals, unproject(scene.camera, u, v, 1.0F));
+  if (e.profile == EmissionProfile::lambert) {
+    place_by_normal(p, scene.camera, r, u, v, z, normal, scene.ground, e);
+    return true;
+  }
+  Vec3f axis;  // of signals: towards the camera
+  if (e.cls != LightClass::inferred_object) {
+    const VehicleView view{all.in, scene.instances, scene.normals, scene.camera, scene.ground};
+    const bool front = e.cls == LightClass::moving_front || e.cls == LightClass::parked_front;
+    z = vehicle_lamp_depth(view, r, front, z);
+    axis = vehicle_lamp_axis(view, r, unproject(scene.camera, u, v, z), normal);
+  }
+  place_lamp(p, scene.camera, r, u, v, z, axis, scene.ground, e);
+  return true;
+}
+
 }  // namespace light_detail
 
 // `out` holds at least as many elements as there are marks that are not groups; `count` is how many were written.
@@ -218,42 +336,30 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
   NPSIM_RETURN_IF_ERROR(validate(p));
   NPSIM_RETURN_IF_ERROR(validate(scene));
   const Span<const LightMark> marks = scene.marks;
-  const Intrinsics& k = scene.camera;
-  const GroundPlane& ground = scene.ground;
   const WorkspaceScope scope(workspace);
-  Span<LightRegion> regions;
-  Span<float> scratch;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(marks.size() + 1, regions));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(kMaxRegionSamples, scratch));
-  NPSIM_RETURN_IF_ERROR(light_detail::measure_regions(scene.light_index, regions));
-  const RegionInput in{scene.light_index, scene.depth, scene.labels, scene.uncertain};
+  light_detail::Placing all{p,  scene, {scene.light_index, scene.depth, scene.labels, scene.uncertain}, {}, {}, {}, {},
+                            {}, {}};
+  Span<light_detail::PlaneSample> samples;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(marks.size() + 1, all.regions));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(marks.size(), all.lamps));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(marks.size(), all.outlines));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(kMaxRegionSamples, all.scratch));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(light_detail::kPlaneSamples, samples));
+  NPSIM_RETURN_IF_ERROR(light_detail::measure_regions(scene.light_index, all.regions));
+  light_detail::look_at_street_lamps(all);
+  light_detail::outline_surfaces(all, samples);
 
   for (std::size_t m = 0; m < marks.size(); ++m) {
     const LightMark& mark = marks[m];
-    const LightRegion& region = regions[m + 1];
-    if (region.pixels == 0 || is_group(mark.cls) || mark.cls == LightClass::none) continue;
-    const auto value = static_cast<std::uint16_t>(m + 1);
+    if (all.region(m).pixels == 0 || is_group(mark.cls) || mark.cls == LightClass::none) continue;
     Emitter e;
     e.cls = mark.cls;
     e.state = mark.state;
-    e.mark = value;
+    e.mark = static_cast<std::uint16_t>(m + 1);
     e.group = mark.group <= marks.size() ? mark.group : std::uint16_t{0};
-    e.group_cls = e.group != 0 ? marks[e.group - 1U].cls : LightClass::none;
+    e.group_cls = all.group_class(mark);
     e.profile = light_detail::profile_of(mark, e.group_cls);
-    const float u = static_cast<float>(region.mean_x());
-    const float v = static_cast<float>(region.mean_y());
-    const bool street = e.profile == EmissionProfile::street_luminaire;
-    const float z = street ? light_detail::street_lamp_depth(p.street, in, region, value, k, ground, scratch)
-                           : light_detail::region_depth(in, region, value, scratch);
-    if (!is_valid_depth(z)) continue;
-    const Vec3f normal = light_detail::region_normal(in, region, value, scene.normals, unproject(k, u, v, 1.0F));
-    if (street) {
-      light_detail::place_street_lamp(p, k, region, u, z, ground, e);
-    } else if (e.profile == EmissionProfile::lambert) {
-      light_detail::place_in_plane(p, k, region, u, v, z, normal, ground, e);
-    } else {
-      light_detail::place_lamp(p, k, region, u, v, z, normal, ground, e);
-    }
+    if (!light_detail::place_mark(all, m, e)) continue;
     if (!is_finite(e.centre_m) || !is_finite(e.half_u_m) || !is_finite(e.half_v_m)) continue;
     if (count == out.size())
       return Status(StatusCode::capacity_exceeded, "placement: more emitters than room for them");
