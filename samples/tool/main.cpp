@@ -207,6 +207,8 @@ int main(int argc, char** argv) {
   truth_app->add_option("--threads", truth.threads, "0 = one per processor")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
+  truth_app->add_flag("--keep", truth.keep,
+                      "Leave OUTPUT.partial, from which the same command with more samples goes on");
   truth_app->add_flag("--quiet", truth.quiet, "No progress");
 
   JudgeOptions judge;

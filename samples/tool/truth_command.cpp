@@ -174,7 +174,11 @@ int run_truth(const TruthOptions& options) {
     return fail(written.error());
   }
   std::error_code ignored;
-  std::filesystem::remove(files.partial, ignored);
+  if (!options.keep) {
+    std::filesystem::remove(files.partial, ignored);
+  } else if (const io::Outcome kept = keep(files.partial, print, sums); !kept) {
+    return fail(kept.error());
+  }
   std::printf("%s\n", files.all.c_str());
   return kExitDone;
 }
