@@ -194,8 +194,8 @@ int main(int argc, char** argv) {
                    "PFM file, cd/m2; beside it NAME_error.pfm (standard error of the luminance), NAME_direct.pfm "
                    "(lamps, reflected once) and NAME_emitted.pfm (the lamps themselves)")
       ->required();
-  truth_app->add_option("--samples", truth.samples, "Paths a pixel")
-      ->check(CLI::Range(2, 1 << 24))
+  truth_app->add_option("--samples", truth.samples, "Paths a pixel; rounded up to a multiple of 16")
+      ->check(CLI::Range(1, 1 << 24))
       ->capture_default_str();
   truth_app->add_option("--bounces", truth.bounces, "Reflections after the first; 0: direct light alone")
       ->check(CLI::Range(0, 64))
@@ -207,6 +207,8 @@ int main(int argc, char** argv) {
   truth_app->add_option("--threads", truth.threads, "0 = one per processor")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
+  truth_app->add_flag("--keep", truth.keep,
+                      "Leave OUTPUT.partial, from which the same command with more samples goes on");
   truth_app->add_flag("--quiet", truth.quiet, "No progress");
 
   JudgeOptions judge;

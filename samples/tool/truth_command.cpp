@@ -58,34 +58,30 @@ static_assert(sizeof(reference::PixelSums) == 7 * sizeof(double), "sums are writ
   return io::write_file(path, bytes);
 }
 
-// Nothing where there is no such file.
+// Takes up what an earlier run left; nothing where there is no such file.
 [[nodiscard]] io::Outcome resume(const std::string& path, std::uint64_t print, std::size_t pixels,
                                  std::uint64_t samples, TruthSums& sums) {
   std::error_code ignored;
   if (!std::filesystem::exists(path, ignored)) return io::Done{};
   std::ifstream file(path, std::ios::binary);
   const std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  const std::size_t end = bytes.find('\n');
-  unsigned long long found_print = 0;
-  unsigned long long found_samples = 0;
-  if (end == std::string::npos || end > 95 ||
-      std::sscanf(bytes.substr(0, end).c_str(), "npsim truth 1 %llx %llu", &found_print, &found_samples) != 2 ||
-      bytes.size() - end - 1 != pixels * sizeof(reference::PixelSums)) {
-    if (end == std::string::npos || bytes.compare(0, 12, "npsim truth ") != 0) {
-      return io::Error{path, "", "is no file of npsim truth, expected one or none: move it away"};
-    }
+  const std::string header = bytes.substr(0, bytes.find('\n') + 1);
+  unsigned long long kept = 0;
+  unsigned long long of = 0;
+  if (std::sscanf(header.c_str(), "npsim truth 1 %llx %llu", &of, &kept) != 2 || header != partial_header(of, kept)) {
+    return io::Error{path, "", "is not what npsim truth keeps, expected no file or one of its own: move it away"};
   }
-  if (found_print != print || bytes.size() - end - 1 != pixels * sizeof(reference::PixelSums)) {
+  if (of != print || bytes.size() - header.size() != pixels * sizeof(reference::PixelSums)) {
     return io::Error{path, "", "was begun with another scene, night, seed or other settings: expected the same, or "
                                "remove it to begin anew"};
   }
-  if (found_samples > samples) {
-    return io::Error{path, "--samples", "the file holds " + std::to_string(found_samples) +
-                                            " samples, expected to be asked for at least as many"};
+  if (kept > samples || kept % reference::kBlock != 0) {
+    return io::Error{path, "--samples", "the file holds " + std::to_string(kept) +
+                                            " samples a pixel, expected to be asked for at least as many"};
   }
-  sums.samples = found_samples;
+  sums.samples = kept;
   sums.pixels.resize(pixels);
-  std::memcpy(static_cast<void*>(sums.pixels.data()), bytes.data() + end + 1, pixels * sizeof(reference::PixelSums));
+  std::memcpy(static_cast<void*>(sums.pixels.data()), bytes.data() + header.size(), bytes.size() - header.size());
   return io::Done{};
 }
 
@@ -154,7 +150,8 @@ int run_truth(const TruthOptions& options) {
   params.seed = options.seed;
   params.bounces = options.bounces;
   const std::uint64_t print = fingerprint(night.value(), params);
-  const auto samples = static_cast<std::uint64_t>(options.samples);
+  const std::uint64_t blocks = (static_cast<std::uint64_t>(options.samples) + reference::kBlock - 1) / reference::kBlock;
+  const std::uint64_t samples = std::max<std::uint64_t>(blocks, 2) * reference::kBlock;
   TruthSums sums;
   if (const io::Outcome resumed = resume(files.partial, print, night.value().seen.size(), samples, sums); !resumed) {
     return fail(resumed.error());
@@ -163,6 +160,8 @@ int run_truth(const TruthOptions& options) {
     std::fprintf(stderr, "  goes on from %llu samples of %s\n", static_cast<unsigned long long>(sums.samples),
                  files.partial.c_str());
   }
+  const std::filesystem::path folder = std::filesystem::absolute(options.output).parent_path();
+  if (const io::Outcome made = make_folder(folder.string()); !made) return fail(made.error());
   ThreadPool pool(thread_count(options.threads));
   const io::Outcome traced = trace(night.value(), params, samples, files.partial, print, sums, pool, console);
   if (!traced) return fail(traced.error());
@@ -170,9 +169,16 @@ int run_truth(const TruthOptions& options) {
     std::fprintf(stderr, "npsim: interrupted; the same command goes on\n");
     return kExitInterrupted;
   }
-  if (const io::Outcome written = write_planes(files, night.value(), sums); !written) return fail(written.error());
+  if (const io::Outcome written = write_planes(files, night.value(), sums); !written) {
+    if (const io::Outcome kept = keep(files.partial, print, sums); !kept) return fail(kept.error());
+    return fail(written.error());
+  }
   std::error_code ignored;
-  std::filesystem::remove(files.partial, ignored);
+  if (!options.keep) {
+    std::filesystem::remove(files.partial, ignored);
+  } else if (const io::Outcome kept = keep(files.partial, print, sums); !kept) {
+    return fail(kept.error());
+  }
   std::printf("%s\n", files.all.c_str());
   return kExitDone;
 }

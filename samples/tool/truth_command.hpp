@@ -17,6 +17,7 @@ struct TruthOptions {
   int bounces = 2;
   std::uint64_t seed = 0;
   int threads = 0;
+  bool keep = false;  // what a run with more samples would go on from
   bool quiet = false;
 };
 

@@ -166,25 +166,21 @@ void look(const io::Scene& scene, const SkyParams& sky, const std::map<std::uint
           TruthNight& night) {
   const Shape shape = scene.shape();
   night.shape = shape;
-  night.seen.assign(shape.pixels(), {});
+  night.seen = reference::viewed_points(night.scene, night.tree, scene.intrinsics, shape);
   night.emitted.assign(shape.pixels(), {});
   night.sky.assign(shape.pixels(), {});
   std::size_t p = 0;
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x, ++p) {
-      const Vec3f direction = normalized(unproject_pixel(scene.intrinsics, x, y, 1.0F));
-      const reference::RayD ray{{}, normalized(vec_cast<double>(unproject_pixel(scene.intrinsics, x, y, 1.0F)))};
-      reference::HitD hit;
-      if (!night.tree.closest(ray, hit)) {
-        night.sky[p] = vec_cast<double>(sky_luminance(sky, raised_to_horizon(sky, direction)));
+      reference::ViewedPoint& seen = night.seen[p];
+      if (seen.face == reference::kNothing) {
+        const Vec3f direction = raised_to_horizon(sky, vec_cast<float>(-seen.to_eye));
+        night.sky[p] = vec_cast<double>(sky_luminance(sky, direction));
         continue;
       }
-      reference::ViewedPoint& seen = night.seen[p];
-      seen.surface = reference::surface_at(night.scene, ray, hit, seen.at);
-      seen.to_eye = -ray.direction;
       if (!scene.albedo.empty()) seen.at.albedo = vec_cast<double>(scene.albedo(x, y));
       if (!scene.roughness.empty()) seen.at.alpha = static_cast<double>(scene.roughness(x, y));
-      const auto lit = luminance.find(night.scene.lamp_of_face(hit.face));
+      const auto lit = luminance.find(night.scene.lamp_of_face(seen.face));
       if (lit != luminance.end()) night.emitted[p] = vec_cast<double>(lit->second);
     }
   }

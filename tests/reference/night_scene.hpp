@@ -204,6 +204,16 @@ struct SurfaceMaterial {
   float alpha = 1;  // GGX width
 };
 
+// A point of the scene, ready to be lit.
+struct SurfaceSample {
+  Vec3d position;
+  Vec3d geometric;  // unit, on the side from which it is looked at
+  Vec3d normal;     // unit, for the reflection
+  Vec3d albedo;
+  double alpha = 1;
+  std::uint32_t lamp = 0;  // whose glass it is, 0: nobody's
+};
+
 // Triangles; each has a material, or each vertex has one and a normal, and both are interpolated.
 struct NightScene {
   std::vector<Vec3f> vertices;
@@ -216,28 +226,22 @@ struct NightScene {
   std::vector<Lamp> lamps;
   Sky sky;
   double f0 = 0.04;
+  bool matt = false;          // every surface reflects albedo / pi and no more
   double clearance_m = 1e-4;  // rays start and end this far from surfaces
 
   [[nodiscard]] TriangleMeshView mesh() const {
     return {Span<const Vec3f>(vertices.data(), vertices.size()), Span<const Face>(faces.data(), faces.size())};
   }
   [[nodiscard]] std::uint32_t lamp_of_face(std::uint32_t face) const { return face_lamp.empty() ? 0 : face_lamp[face]; }
+  [[nodiscard]] RoughDielectric material(const SurfaceSample& at) const {
+    return matt ? RoughDielectric::matt(at.albedo) : RoughDielectric(at.albedo, at.alpha, f0);
+  }
   // Unit, along cross(b - a, c - a).
   [[nodiscard]] Vec3d face_normal(std::uint32_t face) const {
     const Face& f = faces[face];
     const Vec3d a = vec_cast<double>(vertices[f.a]);
     return normalized(cross(vec_cast<double>(vertices[f.b]) - a, vec_cast<double>(vertices[f.c]) - a));
   }
-};
-
-// A point of the scene, ready to be lit.
-struct SurfaceSample {
-  Vec3d position;
-  Vec3d geometric;  // unit, on the side from which it is looked at
-  Vec3d normal;     // unit, for the reflection
-  Vec3d albedo;
-  double alpha = 1;
-  std::uint32_t lamp = 0;  // whose glass it is, 0: nobody's
 };
 
 // What a ray sees at a hit; false where it meets the black back of a sheet.

@@ -42,6 +42,13 @@ inline void complete_frame(const Vec3d& n, Vec3d& t, Vec3d& b) {
 
 class RoughDielectric {
  public:
+  // Without the interface: albedo / pi, for which there are closed forms.
+  [[nodiscard]] static RoughDielectric matt(const Vec3d& albedo) {
+    RoughDielectric m(albedo, 1, 0);
+    m.matt_ = true;
+    return m;
+  }
+
   RoughDielectric(const Vec3d& albedo, double alpha, double f0) : albedo_(albedo), f0_(f0) {
     alpha_ = std::clamp(alpha, static_cast<double>(kMinAlpha), 1.0);
     const double at = std::clamp(7 * std::sqrt(alpha_) - 1, 0.0, static_cast<double>(kSpecularAlphas - 1));
@@ -57,6 +64,7 @@ class RoughDielectric {
     const double no = dot(n, wo);
     const double ni = dot(n, wi);
     if (!(no > 0 && ni > 0)) return {};
+    if (matt_) return albedo_ / kPi;
     const double through = std::max((1 - reflected(no)) * (1 - reflected(ni)) / through_mean_, 0.0);
     const Vec3d sum = wo + wi;
     const Vec3d h = dot(sum, sum) > 1e-20 ? normalized(sum) : n;
@@ -73,6 +81,11 @@ class RoughDielectric {
                             Vec3d& weight) const {
     const double no = dot(n, wo);
     if (!(no > 0)) return false;
+    if (matt_) {
+      wi = cosine_direction(n, u, v);
+      weight = albedo_;
+      return dot(n, wi) > 0;
+    }
     const double mirrored = reflected(no);
     const double scattered = (1 - mirrored) * luminance_of(albedo_);
     const double p = scattered > 0 ? std::clamp(mirrored / (mirrored + scattered), 0.05, 0.95) : 1.0;
@@ -139,6 +152,7 @@ class RoughDielectric {
   double share_;
   double through_mean_;
   std::size_t row_;
+  bool matt_ = false;
 };
 
 }  // namespace npsim::reference

@@ -53,8 +53,9 @@ Outcome for_each_line(const std::string& path, const ReadLimits& limits, F&& f) 
   if (!file) return file.error();
   std::string_view text(reinterpret_cast<const char*>(file.value().data()), file.value().size());
   for (std::size_t number = 1; !text.empty(); ++number) {
-    const std::size_t end = text.find_first_of("\r\n");
+    const std::size_t end = text.find('\n');
     std::string_view line = text.substr(0, end);
+    if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
     text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
     const std::string_view keyword = next_word(line);
     if (keyword.empty()) continue;
