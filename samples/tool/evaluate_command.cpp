@@ -14,6 +14,7 @@
 #include "figures.hpp"
 #include "loading.hpp"
 #include "mesh_report.hpp"
+#include "night_stages.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/atomic_file.hpp"
@@ -132,6 +133,7 @@ namespace {
           {"labels", std::move(labels)},
           {"mesh", std::move(meshes)},
           {"lamps", std::move(lamps)},
+          {"nights", to_json(e.stages)},
           {"night_of_simplified_mesh", e.night ? to_json(*e.night) : OrderedJson()},
           {"costs", std::move(costs)},
           {"notes", scene.notes}};
@@ -204,6 +206,7 @@ void print_table(const Evaluation& e, const io::Scene& scene, const EvaluateOpti
   }
   for (const LampErrors& l : e.lamps) print_table(l);
   if (e.night) print_table(*e.night);
+  if (!e.stages.empty()) print_table(e.stages);
 }
 
 }  // namespace
@@ -237,7 +240,18 @@ int run_evaluate(const EvaluateOptions& options) {
     return fail(
         io::Error{scene.file, "truth.depth", "is known on no pixel of a surface that has depth, expected some"});
   }
-  if (options.night) {
+  if (!options.true_night.empty()) {
+    const io::Expected<TrueNight> night = read_true_night(scene, options.true_night);
+    if (!night) return fail(night.error());
+    NightParams own = params;
+    own.seed = options.night_seed;
+    own.photograph = photograph_key(scene.image.view());
+    NightPictures pictures;
+    const Status judged =
+        night_stages(own, scene.view(), truth, night.value(), pool, console, evaluation.stages, pictures);
+    if (!judged.ok()) return fail(options.scene, judged);
+  }
+  if (options.simplified) {
     NightChange change;
     const Status rendered = night_change(params, scene.view(), pool, console, change);
     if (!rendered.ok()) return fail(options.scene, rendered);

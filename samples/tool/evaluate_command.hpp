@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// npsim evaluate: the depth steps and the scene mesh on a scene with ground truth, as tables and as JSON.
+// npsim evaluate: the depth steps, the scene mesh and the nights on a scene with ground truth, as tables and as JSON.
 #ifndef NPSIM_SAMPLES_TOOL_EVALUATE_COMMAND_HPP
 #define NPSIM_SAMPLES_TOOL_EVALUATE_COMMAND_HPP
 
+#include <cstdint>
 #include <string>
 
 namespace npsim::tool {
@@ -13,7 +14,9 @@ struct EvaluateOptions {
   std::string preset = "default";
   int threads = 0;
   std::string size;
-  bool night = false;  // render with all faces and with fewer
+  std::string true_night;        // as `npsim truth` wrote it; empty: nights are not judged
+  std::uint64_t night_seed = 0;  // of the night that it shows
+  bool simplified = false;       // render with all faces and with fewer
   bool quiet = false;
 };
 

@@ -16,8 +16,8 @@
 #include "console.hpp"
 #include "lamp_evaluation.hpp"
 #include "mesh_evaluation.hpp"
-#include "mesh_truth.hpp"
 #include "night_change.hpp"
+#include "night_stages.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/labels/cityscapes.hpp"
@@ -25,6 +25,7 @@
 #include "npsim/metrics/edge_errors.hpp"
 #include "npsim/metrics/normal_errors.hpp"
 #include "npsim/pipeline/night.hpp"
+#include "scene_truth.hpp"
 
 namespace npsim::tool {
 
@@ -69,15 +70,8 @@ struct Evaluation {
   MaskOverlap uncertain_near_edges;           // first: within a window of a true edge
   std::vector<MeshErrors> meshes;             // of the refined depth, of the true depth
   std::vector<LampErrors> lamps;              // the same, where the truth has any
+  std::vector<NightErrors> stages;            // of nights against the true one, when asked for
   std::optional<NightChange> night;           // when asked for
-};
-
-struct Truth {
-  io::Image<float> depth;
-  io::Image<Vec3f> normals;           // may be empty
-  io::Image<float> background_depth;  // behind the foreground; may be empty
-  MeshTruth mesh;                     // may be empty
-  std::vector<io::TrueEmitter> emitters;  // may be empty
 };
 
 // Runs the depth steps on the scene and judges what each of them leaves.

@@ -7,16 +7,16 @@
 #include <vector>
 
 #include "console.hpp"
+#include "figures.hpp"
 #include "night_command.hpp"
+#include "night_stages.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/atomic_file.hpp"
-#include "npsim/io/pfm.hpp"
 #include "npsim/io/png_jpeg.hpp"
 #include "options.hpp"
 #include "pictures.hpp"
 #include "scene_truth.hpp"
 #include "street_command.hpp"
-#include "true_lamps.hpp"
 #include "truth_command.hpp"
 
 namespace npsim::tool {
@@ -64,21 +64,6 @@ struct StreetFiles {
 }
 
 }  // namespace
-
-io::Expected<TrueNight> read_true_night(const io::Scene& scene, const std::string& pfm) {
-  TrueNight night;
-  io::Expected<io::Image<Vec3f>> light = io::read_pfm_rgb(pfm);
-  if (!light) return light.error();
-  night.luminance = std::move(light.value());
-  if (const io::Outcome o = io::expect_shape(pfm, night.luminance.shape(), scene.shape(), "the scene"); !o) {
-    return o.error();
-  }
-  io::Expected<TrueLamps> lamps = read_true_lamps(scene);
-  if (!lamps) return lamps.error();
-  night.lamps = std::move(lamps.value().emitters);
-  night.ground = lamps.value().ground;
-  return night;
-}
 
 int run_judge(const JudgeOptions& options) {
   if (options.first > options.last) return fail(io::Error{"", "--last", "expected a seed that is not before --first"});

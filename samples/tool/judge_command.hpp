@@ -6,8 +6,6 @@
 #include <cstdint>
 #include <string>
 
-#include "night_stages.hpp"
-
 namespace npsim::tool {
 
 struct JudgeOptions {
@@ -21,9 +19,6 @@ struct JudgeOptions {
 };
 
 [[nodiscard]] int run_judge(const JudgeOptions& options);  // an exit status
-
-// The true night of a scene as `npsim truth` wrote it, with the true lamps. size: as for --size.
-[[nodiscard]] io::Expected<TrueNight> read_true_night(const io::Scene& scene, const std::string& pfm);
 
 }  // namespace npsim::tool
 

@@ -178,8 +178,13 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   evaluate_app->add_option("--size", evaluate.size, "Work at WIDTHxHEIGHT; default: the image's size");
+  evaluate_app->add_option("--night", evaluate.true_night,
+                           "True night, as `npsim truth` wrote it: compare nights with it, stage by stage");
+  evaluate_app->add_option("--seed", evaluate.night_seed, "Seed of the night that was drawn for the true night")
+      ->check(whole_number)
+      ->capture_default_str();
   evaluate_app->add_flag(
-      "--night", evaluate.night,
+      "--simplified", evaluate.simplified,
       "Render one night with all faces of the mesh and one with the simplified ones, and compare them");
   evaluate_app->add_flag("--quiet", evaluate.quiet, "No progress and no notes");
 

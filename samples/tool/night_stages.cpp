@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "engine.hpp"
+#include "mesh_evaluation.hpp"
 #include "npsim/io/memory.hpp"
 #include "npsim/metrics/flip.hpp"
 #include "npsim/pipeline/photograph.hpp"

@@ -14,15 +14,14 @@
 #include <vector>
 
 #include "console.hpp"
-#include "evaluation.hpp"
 #include "figures.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/light/emitter.hpp"
 #include "npsim/metrics/luminance_errors.hpp"
 #include "npsim/metrics/picture_errors.hpp"
 #include "npsim/pipeline/night.hpp"
+#include "scene_truth.hpp"
 
 namespace npsim::tool {
 
@@ -35,13 +34,6 @@ struct NightErrors {
   std::array<std::optional<LuminanceErrors>, kJudgedLabels.size()> by_label;
   PictureErrors picture;
   double flip = 0;
-};
-
-// What a night is judged by; all of the scene's size.
-struct TrueNight {
-  io::Image<Vec3f> luminance;    // linear RGB, luminance() in cd/m2, lamps and sky included
-  std::vector<Emitter> lamps;    // all of them, those of the own car included
-  GroundPlane ground;
 };
 
 // Pictures to look at, of the true night and of one of ours.

@@ -2,9 +2,11 @@
 #include "scene_truth.hpp"
 
 #include "loading.hpp"
+#include "npsim/io/pfm.hpp"
 #include "npsim/io/scene_resize.hpp"
 #include "options.hpp"
 #include "outputs.hpp"
+#include "true_lamps.hpp"
 
 namespace npsim::tool {
 
@@ -65,6 +67,21 @@ io::Expected<std::pair<io::Scene, Truth>> load_with_truth(const std::string& fol
     if (!truth.normals.empty()) truth.normals = io::resized_nearest(truth.normals, size);
   }
   return std::pair<io::Scene, Truth>(std::move(s), std::move(truth));
+}
+
+io::Expected<TrueNight> read_true_night(const io::Scene& scene, const std::string& pfm) {
+  TrueNight night;
+  io::Expected<io::Image<Vec3f>> light = io::read_pfm_rgb(pfm);
+  if (!light) return light.error();
+  night.luminance = std::move(light.value());
+  if (const io::Outcome o = io::expect_shape(pfm, night.luminance.shape(), scene.shape(), "the scene"); !o) {
+    return o.error();
+  }
+  io::Expected<TrueLamps> lamps = read_true_lamps(scene);
+  if (!lamps) return lamps.error();
+  night.lamps = std::move(lamps.value().emitters);
+  night.ground = lamps.value().ground;
+  return night;
 }
 
 }  // namespace npsim::tool

@@ -186,7 +186,7 @@ TEST_CASE("tool: evaluate judges every step by the truth, and says the same on a
 
 TEST_CASE("tool: evaluate renders a night of the simplified mesh when asked to") {
   const std::string file = fixture().out("night_change.json");
-  const Run run = run_tool("evaluate '" + fixture().street + "' --night --size 160x90 --quiet -o '" + file + "'");
+  const Run run = run_tool("evaluate '" + fixture().street + "' --simplified --size 160x90 --quiet -o '" + file + "'");
   REQUIRE_MESSAGE(run.status == 0, run.output);
   const nlohmann::json night = json_of(file)["night_of_simplified_mesh"];
   CHECK(night["faces_after"] < night["faces_before"]);
