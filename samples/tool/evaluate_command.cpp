@@ -20,6 +20,7 @@
 #include "npsim/io/atomic_file.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "options.hpp"
+#include "outputs.hpp"
 #include "scene_truth.hpp"
 
 namespace npsim::tool {
@@ -220,6 +221,17 @@ int run_evaluate(const EvaluateOptions& options) {
   for (const std::string& note : scene.notes) {
     if (!options.quiet) std::fprintf(stderr, "  note: %s\n", note.c_str());
   }
+  std::optional<TrueNight> night;
+  if (!options.true_night.empty()) {
+    InputFiles inputs(scene);
+    inputs.add(options.true_night, "--night");
+    if (const io::Outcome apart = inputs.expect_none_of({options.output}); !apart && !options.output.empty()) {
+      return fail(apart.error());
+    }
+    io::Expected<TrueNight> read = read_true_night(scene, options.true_night);
+    if (!read) return fail(read.error());
+    night = std::move(read.value());
+  }
   if (!options.output.empty()) {
     const std::filesystem::path folder = std::filesystem::path(options.output).parent_path();
     if (const io::Outcome made = folder.empty() ? io::Done{} : make_folder(folder.string()); !made) {
@@ -240,15 +252,12 @@ int run_evaluate(const EvaluateOptions& options) {
     return fail(
         io::Error{scene.file, "truth.depth", "is known on no pixel of a surface that has depth, expected some"});
   }
-  if (!options.true_night.empty()) {
-    const io::Expected<TrueNight> night = read_true_night(scene, options.true_night);
-    if (!night) return fail(night.error());
+  if (night) {
     NightParams own = params;
     own.seed = options.night_seed;
     own.photograph = photograph_key(scene.image.view());
     NightPictures pictures;
-    const Status judged =
-        night_stages(own, scene.view(), truth, night.value(), pool, console, evaluation.stages, pictures);
+    const Status judged = night_stages(own, scene.view(), truth, *night, pool, console, evaluation.stages, pictures);
     if (!judged.ok()) return fail(options.scene, judged);
   }
   if (options.simplified) {

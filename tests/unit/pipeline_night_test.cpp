@@ -464,3 +464,41 @@ TEST_CASE("night: an observer that cancels stops the run with that status") {
   Keeper keeper;
   CHECK(engine::make_nights(params, scene.view, workspace, serial, observer, keeper).code() == StatusCode::cancelled);
 }
+
+TEST_CASE("night: the depth of refine_depth and the lamps of placement, handed in, give the same bits") {
+  struct Lamps : Keeper {
+    std::vector<Emitter> emitters;
+    Status reconstructed(const RefinedDepth& depth, const SceneMesh& mesh, const Relighting& light) {
+      emitters.assign(light.emitters.begin(), light.emitters.end());
+      return Keeper::reconstructed(depth, mesh, light);
+    }
+  };
+  const SceneView view = view_of(small_street());
+  NightParams params = default_night_params();
+  NullObserver observer;
+  ThreadPool pool(2);
+  io::HostMemory memory(night_workspace_bytes(params, view.shape(), view.lights.size()));
+  Lamps whole;
+  {
+    Workspace workspace = memory.workspace();
+    REQUIRE(engine::make_nights(params, view, workspace, pool, observer, whole).ok());
+  }
+  npsim_test::Scratch scratch(refine_depth_workspace_bytes(params.depth, view.shape()));
+  RefinedDepth refined;
+  REQUIRE(engine::refine_depth(params.depth, view, scratch.workspace(), pool, observer, refined).ok());
+  params.relight.lamps = Span<const Emitter>(whole.emitters.data(), whole.emitters.size());
+  params.relight.ego_headlamps = false;  // they are among the lamps
+  Keeper parts;
+  Workspace workspace = memory.workspace();
+  REQUIRE(engine::make_nights_of_depth(params, view, refined, workspace, pool, observer, parts).ok());
+  for (int y = 0; y < view.shape().height; ++y) {
+    REQUIRE(std::memcmp(whole.nights[0].view().row(y), parts.nights[0].view().row(y),
+                        sizeof(Vec3f) * static_cast<std::size_t>(view.shape().width)) == 0);
+  }
+  whole.emitters[0].mark = static_cast<std::uint16_t>(view.lights.size() + 1);
+  CHECK(engine::make_nights_of_depth(params, view, refined, workspace, pool, observer, parts).code() ==
+        StatusCode::invalid_argument);
+  refined.uncertain = {};
+  CHECK(engine::make_nights_of_depth(params, view, refined, workspace, pool, observer, parts).code() ==
+        StatusCode::shape_mismatch);
+}

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// `npsim judge` and `npsim evaluate --night`: nights against the true night.
+#include <doctest/doctest.h>
+
+#include <string>
+
+#include "tool_fixture.hpp"
+
+using namespace tool_test;
+
+TEST_CASE("tool: judge makes streets, true nights, pictures and a table; evaluate finds the same figures") {
+  const std::string folder = fixture().out("judge");
+  const std::string command = "judge '" + folder + "' --first 3 --last 3 --size 96x54 --samples 8 --quiet";
+  const Run run = run_tool(command);
+  REQUIRE_MESSAGE(run.status == 0, run.output);
+  CHECK(run.output.find("mesh of the true depth") != std::string::npos);
+  CHECK(fs::exists(folder + "/night_3.png"));
+  const nlohmann::json judged = json_of(folder + "/judge.json");
+  REQUIRE(judged.at("3").size() >= 8);
+  for (const nlohmann::json& row : judged.at("3")) {
+    CHECK(row.at("log2_luminance").at("median").get<double>() > 0);
+    CHECK(row.at("flip").get<double>() > 0);
+    CHECK(row.at("flip").get<double>() < 1);
+    CHECK(row.at("ssim").get<double>() < 1);
+  }
+  CHECK(judged.at("mean") == judged.at("3"));  // of one street
+
+  const std::string figures = fixture().out("stages.json");
+  const Run evaluated = run_tool("evaluate '" + folder + "/street_3' --night '" + folder +
+                                 "/truth_3.pfm' --seed 3 --quiet -o '" + figures + "'");
+  REQUIRE_MESSAGE(evaluated.status == 0, evaluated.output);
+  CHECK(json_of(figures).at("nights") == judged.at("3"));
+
+  // What is there is kept: the true night is not computed again.
+  const std::string truth = bytes_of(folder + "/truth_3.pfm");
+  REQUIRE(run_tool(command).status == 0);
+  CHECK(bytes_of(folder + "/truth_3.pfm") == truth);
+}
+
+TEST_CASE("tool: a true night of another size, or none, is refused in one line") {
+  check_refused(run_tool("evaluate '" + fixture().street + "' --size 64x36 --night '" + fixture().street +
+                         "/truth/normals.pfm' --quiet"),
+                "normals.pfm");
+  check_refused(run_tool("evaluate '" + fixture().street + "' --size 64x36 --night nowhere.pfm --quiet"),
+                "nowhere.pfm");
+  check_refused(run_tool("judge '" + fixture().out("none") + "' --first 4 --last 2"), "--last");
+}
