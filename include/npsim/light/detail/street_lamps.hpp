@@ -217,7 +217,8 @@ template <class Visit>
   if (certain && width_px >= 3) return 0.0F;
   return std::min(1.2F, 4.0F * std::exp(-0.75F * static_cast<float>(width_px)));
 }
-// Standard deviation of ln z for a share c and a contrast ln(z_beside / z_seen): c is known to half of itself. [default]
+// Standard deviation of ln z for a share c and a contrast ln(z_beside / z_seen): c is known to half of itself.
+// [default]
 [[nodiscard]] inline float mixing_error(float share, float contrast) noexcept {
   const float spread = share * (0.5F * contrast + 0.1F);
   return std::sqrt(kDepthError * kDepthError + spread * spread);
@@ -389,8 +390,8 @@ template <class Wanted>
   return count;
 }
 
-// By the height on which most of the witnesses agree; where the lamp is one itself, of those that it agrees with. One of
-// them alone is taken for a hint.
+// By the height on which most of the witnesses agree; where the lamp is one itself, of those that it agrees with. One
+// of them alone is taken for a hint.
 [[nodiscard]] inline LogDepth depth_of_row(const LampView& lamp, const StreetLamp& l, std::size_t self,
                                            Span<const LampHeight> witnesses) noexcept {
   const float rise = lamp.rise(l.u, l.v);
