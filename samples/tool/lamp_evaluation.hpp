@@ -2,7 +2,8 @@
 // Placed lamps against the true ones, class by class.
 //
 // A lamp and its truth share a mark. Judged are those that the photograph shows: no reconstruction knows of the others.
-// Areas are those of an Emitter: of the faces for lit surfaces, of what the camera sees of them for lamps.
+// Areas are those of an Emitter: of the faces for lit surfaces, half of them where they go all round, and of what the
+// camera sees of them for lamps.
 #ifndef NPSIM_SAMPLES_TOOL_LAMP_EVALUATION_HPP
 #define NPSIM_SAMPLES_TOOL_LAMP_EVALUATION_HPP
 

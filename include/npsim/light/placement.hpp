@@ -269,7 +269,7 @@ inline void outline_surfaces(Placing& all, Span<PlaneSample> samples) noexcept {
 [[nodiscard]] inline Outline whole_outline(const Placing& all, std::size_t m) noexcept {
   const Span<const LightMark> marks = all.scene.marks;
   Outline o = all.outlines[m];
-  if (marks[m].cls == LightClass::window_building) {
+  if (marks[m].cls == LightClass::window_building || marks[m].cls == LightClass::window_transport) {
     const auto of_group = [&](std::size_t i) {
       return marks[i].cls == marks[m].cls && marks[i].group != 0 && marks[i].group == marks[m].group;
     };
