@@ -36,10 +36,11 @@ namespace {
     distance.push_back(length(off));
     range.push_back(ratio(length(vec_cast<double>(e->centre_m)), length(vec_cast<double>(t.centre_m))));
     height.push_back(dot(vec_cast<double>(up), off));
-    const double cosine = dot(vec_cast<double>(e->axis), vec_cast<double>(t.normal));
+    const double cosine = dot(vec_cast<double>(e->axis), vec_cast<double>(t.axis));
     axis.push_back(std::acos(std::clamp(cosine, -1.0, 1.0)) * 57.29577951308232);
-    const double true_area = 4.0 * static_cast<double>(t.half_extents_m.x) * static_cast<double>(t.half_extents_m.y);
-    area.push_back(ratio(static_cast<double>(e->area_m2), true_area));
+    const float one_side = t.closed ? 0.5F * t.area_m2 : t.area_m2;
+    const float true_area = e->profile == EmissionProfile::lambert ? one_side : t.seen_area_m2;
+    area.push_back(ratio(static_cast<double>(e->area_m2), static_cast<double>(true_area)));
   }
   errors.distance_m = quartiles(std::move(distance));
   errors.range = quartiles(std::move(range));

@@ -2,8 +2,8 @@
 // Placed lamps against the true ones, class by class.
 //
 // A lamp and its truth share a mark. Judged are those that the photograph shows: no reconstruction knows of the others.
-// The true area is that of the rectangle which the true faces span; for a lamp that shines to all sides (lantern, cabin
-// windows of a car) it is no measure, and its normal is only the direction to the camera.
+// Areas are those of an Emitter: of the faces for lit surfaces, half of them where they go all round, and of what the
+// camera sees of them for lamps.
 #ifndef NPSIM_SAMPLES_TOOL_LAMP_EVALUATION_HPP
 #define NPSIM_SAMPLES_TOOL_LAMP_EVALUATION_HPP
 
@@ -30,7 +30,7 @@ struct LampClassErrors {
   Quartiles distance_m;  // between the centres
   Quartiles range;       // distance from the camera over the true one
   Quartiles height_m;    // above the true one, along the estimated upward direction
-  Quartiles axis_deg;    // to the true normal
+  Quartiles axis_deg;    // to the true one: of a vehicle's lamp its heading, of a surface its normal
   Quartiles area;        // over the true one
 };
 

@@ -18,7 +18,12 @@ TEST_CASE("errors of placed lamps: by class, only of those that are marked and p
   }
   std::vector<io::TrueEmitter> truth(4);
   std::vector<Emitter> placed(2);
-  for (std::size_t i = 0; i < 4; ++i) truth[i] = {{0, -2, 10}, {0, 0, -1}, {0.5F, 1.0F}, ids[i]};
+  for (std::size_t i = 0; i < 4; ++i) {
+    truth[i].centre_m = {0, -2, 10};
+    truth[i].axis = {0, 0, -1};
+    truth[i].area_m2 = 2;
+    truth[i].mark = ids[i];
+  }
   truth[3].mark = 0;  // seen by nobody
   placed[0].mark = 1;
   placed[0].centre_m = {0, -2, 10};

@@ -8,11 +8,11 @@
 // found: at the region's depth, along its mean normal.
 // Lamps of vehicles: at the median depth of the region (detail/lamp_depth.hpp), as high as such lamps are, pointing
 // along their vehicle (detail/vehicle_lamps.hpp), low beams 1 % down. Signals: towards the camera. Their patch is
-// parallel to the image and has the region's area.
-// All are pulled off their surface by offset_m along the axis, so that the surface does not shade them. Regions of which
-// no depth can be found, and marks that are groups, give no emitter. Order is that of the marks. Cost: two passes over
-// the image, and for each mark some over its surroundings. Memory: about 9 MB, see the bytes function. Error: that of
-// depth; `npsim evaluate` compares with the lamps of a generated street.
+// parallel to the image and has the region's area. All are pulled off their surface by offset_m along the axis, so that
+// the surface does not shade them. Regions of which no depth can be found, and marks that are groups, give no emitter.
+// Order is that of the marks. Cost: two passes over the image, and for each mark some over its surroundings. Memory:
+// about 9 MB, see the bytes function. Error: that of depth; `npsim evaluate` compares with the lamps of a generated
+// street.
 #ifndef NPSIM_LIGHT_PLACEMENT_HPP
 #define NPSIM_LIGHT_PLACEMENT_HPP
 
@@ -247,7 +247,7 @@ inline void look_at_street_lamps(Placing& all) noexcept {
 
 inline void outline_surfaces(Placing& all, Span<PlaneSample> samples) noexcept {
   const PlacementScene& scene = all.scene;
-  const PlaneSearch search{all.in, scene.instances, scene.camera, scene.ground, samples};
+  const PlaneSearch search{all.in, scene.instances, scene.camera, scene.ground, samples, all.scratch};
   for (std::size_t m = 0; m < scene.marks.size(); ++m) {
     all.outlines[m] = Outline{};
     const LightMark& mark = scene.marks[m];
@@ -269,7 +269,7 @@ inline void outline_surfaces(Placing& all, Span<PlaneSample> samples) noexcept {
 [[nodiscard]] inline Outline whole_outline(const Placing& all, std::size_t m) noexcept {
   const Span<const LightMark> marks = all.scene.marks;
   Outline o = all.outlines[m];
-  if (marks[m].cls == LightClass::window_building) {
+  if (marks[m].cls == LightClass::window_building || marks[m].cls == LightClass::window_transport) {
     const auto of_group = [&](std::size_t i) {
       return marks[i].cls == marks[m].cls && marks[i].group != 0 && marks[i].group == marks[m].group;
     };

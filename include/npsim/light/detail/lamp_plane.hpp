@@ -2,12 +2,13 @@
 // Lit surfaces that hang upright: windows, signs, posters, clocks. Their plane, and their outline on it.
 //
 // Plane: a region is small and seen obliquely, so its own depth and normals say little of how it faces; the wall around
-// it says much. With r = (x, y, 1) and X = z r, an upright plane is 1/z = a (e1 . r) + b (e2 . r), where e1, e2 span the
-// horizontal. a and b are those with the smallest truncated relative error over pairs of samples (RANSAC), then least
-// squares on their inliers, weighted by z^2 as the errors of depth are. Samples have the region's label, lie in it or
-// around it, and are certain where enough are. A plane that misses the region's own depth by more than kOffPlane is not
-// the one it hangs on.
-// Outline: the region's pixels on that plane, as a rectangle along its horizontal and vertical. What is hidden is added:
+// it says much. With r = (x, y, 1) and X = z r, an upright plane is 1/z = a (e1 . r) + b (e2 . r), where e1, e2 span
+// the horizontal. a and b are those with the smallest truncated relative error over pairs of samples (RANSAC), then
+// least squares on their inliers, weighted by z^2 as the errors of depth are. Samples have the region's label, lie in
+// it or around it, and are certain where enough are. A plane that misses the region's own depth by more than kOffPlane
+// is not the one it hangs on.
+// Outline: the region's pixels on that plane, as a rectangle along its horizontal and vertical. What is hidden is
+// added:
 //   reveal  a window stands reveal_m behind its wall, whose edge hides  reveal_m tan(angle)  of it on the side towards
 //           the camera, at most as much as is seen.
 //   group   where something stands before a side of it, a window is as wide (high) as those of its group, or else of its
@@ -39,10 +40,11 @@ inline constexpr std::size_t kPlanePairs = 48;  // half of the samples wrong: no
 inline constexpr std::size_t kFewestSamples = 12;
 inline constexpr float kPlaneTolerance = 0.04F;  // relative depth error of an inlier
 inline constexpr float kOffPlane = 0.15F;
-inline constexpr float kGrazing = 0.02F;   // cosine to the ray below which a plane gives no depth
-inline constexpr float kSticksOut = 0.7F;  // cosine between a sign's normal and its wall's below which it does
-inline constexpr float kEdgeOn = 2.5F;     // width over height of what may be seen on the wrong wall
-inline constexpr float kCutShare = 0.25F;  // of a side that something stands before
+inline constexpr float kGrazing = 0.02F;        // cosine to the ray below which a plane gives no depth
+inline constexpr float kSticksOut = 0.7F;       // cosine between a sign's normal and its wall's below which it does
+inline constexpr float kBeforeSurface = 0.03F;  // of the depth, by which a patch moves off its wall at most
+inline constexpr float kEdgeOn = 2.5F;          // width over height of what may be seen on the wrong wall
+inline constexpr float kCutShare = 0.25F;       // of a side that something stands before
 
 // What may stand before a window without being part of its wall.
 inline constexpr LabelSet kBeforeWall =
@@ -145,6 +147,7 @@ struct PlaneSearch {
   const Intrinsics& camera;
   const GroundPlane& ground;
   Span<PlaneSample> samples;
+  Span<float> scratch;
 };
 
 [[nodiscard]] constexpr bool is_wall(Label l) noexcept { return l == label::building || l == label::wall; }
@@ -204,6 +207,23 @@ inline void sample_plane(const PlaneSearch& at, int x0, int y0, int x1, int y1, 
     if (there > 0.0F && std::fabs(there - z) <= kOffPlane * z) return plane;
   }
   return {};
+}
+
+// By how much the plane must move towards its front so that three quarters of the surface that depth shows in the
+// region lie behind it, at most `limit`: a patch within the wall would be shaded by it.
+[[nodiscard]] inline float before_surface(const PlaneSearch& at, const LightRegion& r, std::uint16_t value,
+                                          const UprightPlane& plane, float limit) noexcept {
+  std::size_t count = 0;
+  for (int y = r.y0; y <= r.y1; ++y) {
+    for (int x = r.x0; x <= r.x1 && count < at.scratch.size(); ++x) {
+      if (at.in.light_index(x, y) != value || !is_surface(at.in, x, y)) continue;
+      at.scratch[count++] = dot(plane.normal, unproject_pixel(at.camera, x, y, at.in.depth(x, y))) - plane.offset;
+    }
+  }
+  if (count == 0) return 0.0F;
+  float* quarter = at.scratch.data() + 3 * (count - 1) / 4;
+  select_nth(at.scratch.data(), quarter, at.scratch.data() + count);
+  return clamp_to(*quarter, -limit, limit);
 }
 
 // Mean normal of the region, facing the camera; zero where there is none to trust.
@@ -319,14 +339,15 @@ inline void add_reveal(Outline& o, float reveal_m) noexcept {
 }
 
 // The outline of a region at depth z; not known where it shows no plane. `normal`: its own mean normal, or zero.
-// `on_wall`: it cannot stick out. At a corner the wall seen edge-on may win; it shows by an outline much wider than high
-// that the region's own normals contradict.
+// `on_wall`: it cannot stick out. At a corner the wall seen edge-on may win; it shows by an outline much wider than
+// high that the region's own normals contradict.
 [[nodiscard]] inline Outline surface_outline(const PlaneSearch& at, const LightRegion& r, std::uint16_t value, float z,
                                              const Vec3f& normal, bool on_wall) noexcept {
   const Vec3f centre = unproject(at.camera, static_cast<float>(r.mean_x()), static_cast<float>(r.mean_y()), z);
   UprightPlane plane = region_plane(at, r, value, z);
-  if (plane.known() && !on_wall) plane = across_wall(plane, normal, centre, at.ground);
   if (!plane.known()) return {};
+  plane.offset += before_surface(at, r, value, plane, kBeforeSurface * z);
+  if (!on_wall) plane = across_wall(plane, normal, centre, at.ground);
   const Outline o = region_outline(at.in, r, value, plane, at.camera, at.ground);
   const bool edge_on = o.u1 - o.u0 > kEdgeOn * (o.v1 - o.v0);
   const bool contradicted = dot(normal, normal) > 0.5F && dot(normal, plane.normal) < 0.5F;

@@ -3,7 +3,7 @@
 // their poles are so thin that depth mixes them with what is behind. So every piece of evidence gives ln z with the
 // error that is to be expected of it, and they are combined by their inverse variances:
 //   foot   where the pole's lowest pixel touches the ground: z = (camera height - height of the ground there) / fall.
-//          A row's error dv gives dz/z = z dv / (f camera height).
+//          A row's error dv gives dz/z = z dv / (f camera height), and so does a tilt of the plane for f times it.
 //   pole   depth of the pole's pixels. A thing w pixels wide keeps a share of itself in a blurred depth, the rest is
 //          what is beside it: ln z = ln z_seen - c ln(z_beside / z_seen), with c falling with w; as much as c is not
 //          known, z is not. Depth that does not stand out from what is beside it says nothing of the pole.
@@ -48,12 +48,15 @@ inline constexpr float kOutlier = 2.0F;         // standard deviations
 inline constexpr float kDepthError = 0.05F;     // relative, of depth inside a surface [default]
 inline constexpr float kLostError = 0.35F;      // of a head that hangs on what is behind it, or is lost before it
 inline constexpr float kSkyError_px = 0.5F;     // over the width of a head before the sky: its relative error [default]
+inline constexpr float kBlurWidth_px = 480.0F;  // image width at which depth is blurred by about a pixel [default]
 inline constexpr float kFootError_px = 0.7F;    // of the row of a pole's foot
 inline constexpr float kWitness = 0.2F;         // relative error below which a lamp speaks for its row
-inline constexpr float kHeightSpread_m = 0.4F;  // between lamps of one class in one street [default]
-inline constexpr float kBehind = 1.15F;         // of what is seen around a head: a lamp further off is not before it
-inline constexpr float kVague = 0.15F;          // relative error above which the default height helps
-inline constexpr float kHeightGuess_m = 2.0F;   // standard deviation of default_height_m [default]
+inline constexpr float kPavement_m = 0.3F;      // above the road at most
+inline constexpr float kTiltError_rad = 0.003F;  // of the ground plane [default]
+inline constexpr float kHeightSpread_m = 0.4F;   // between lamps of one class in one street [default]
+inline constexpr float kBehind = 1.15F;          // of what is seen around a head: a lamp further off is not before it
+inline constexpr float kVague = 0.15F;           // relative error above which the default height helps
+inline constexpr float kHeightGuess_m = 2.0F;    // standard deviation of default_height_m [default]
 
 inline constexpr LabelSet kPoleLabels = LabelSet::of(label::pole, label::polegroup);
 inline constexpr LabelSet kSignLabels = LabelSet::of(label::traffic_light, label::traffic_sign);
@@ -211,13 +214,17 @@ template <class Visit>
   return best;
 }
 
-// Share c of a thing w pixels wide in  ln z = ln z_seen - c ln(z_beside / z_seen): about that of a box seen through a
-// Gaussian of a pixel. One of less than three pixels has no inside, so that no depth of it is certain. [default]
-[[nodiscard]] inline float mixed_share(int width_px, bool certain) noexcept {
-  if (certain && width_px >= 3) return 0.0F;
-  return std::min(1.2F, 4.0F * std::exp(-0.75F * static_cast<float>(width_px)));
+// Share c of a thing in  ln z = ln z_seen - c ln(z_beside / z_seen): about that of a box seen through a Gaussian of a
+// pixel of an image kBlurWidth_px wide, since networks see a picture at a size of their own. What is less than three of
+// them wide has no inside, so that no depth of it is certain. [default]
+[[nodiscard]] inline float mixed_share(const RegionInput& in, int width_px, bool certain) noexcept {
+  const float blur_px = std::max(1.0F, static_cast<float>(in.depth.width()) / kBlurWidth_px);
+  const float width = static_cast<float>(width_px) / blur_px;
+  if (certain && width >= 3.0F) return 0.0F;
+  return std::min(1.2F, 4.0F * std::exp(-0.75F * width));
 }
-// Standard deviation of ln z for a share c and a contrast ln(z_beside / z_seen): c is known to half of itself. [default]
+// Standard deviation of ln z for a share c and a contrast ln(z_beside / z_seen): c is known to half of itself.
+// [default]
 [[nodiscard]] inline float mixing_error(float share, float contrast) noexcept {
   const float spread = share * (0.5F * contrast + 0.1F);
   return std::sqrt(kDepthError * kDepthError + spread * spread);
@@ -259,7 +266,7 @@ inline void add_pole_depth(const LampView& lamp, const Pole& pole, Span<float> s
     if (!is_surface(in, nearest, y) || rows == of_pole.size()) return;
     const float seen = in.depth(nearest, y);
     const float beside = depth_beside(in, x0, x1, y);
-    const float share = mixed_share(x1 - x0 + 1, is_certain(in, nearest, y));
+    const float share = mixed_share(in, x1 - x0 + 1, is_certain(in, nearest, y));
     if (share > 0.0F && !(beside > 0.0F)) return;
     const float contrast = share > 0.0F ? std::log(beside / seen) : 0.0F;
     if (share > 0.0F && contrast < kContrast) return;
@@ -283,12 +290,16 @@ inline void add_foot(const LampView& lamp, const Pole& pole, Span<float> scratch
       in, pole.x - 3, below, pole.x + 3, below + 2,
       [&](int x, int y) { return kFloorLabels.contains(in.labels(x, y)) && is_surface(in, x, y); }, scratch));
   const float row = static_cast<float>(below);
-  const float raised =
-      height_above_ground(lamp.ground, unproject(lamp.camera, static_cast<float>(pole.x) + 0.5F, row + 1.5F, floor_z));
-  const float drop = lamp.ground.camera_height_m - (std::fabs(raised) < 0.3F ? raised : 0.0F);
-  const float z = -drop / lamp.rise(static_cast<float>(pole.x) + 0.5F, row);
+  const float u = static_cast<float>(pole.x) + 0.5F;
+  const float raised = height_above_ground(lamp.ground, unproject(lamp.camera, u, row + 1.5F, floor_z));
+  // The plane is known to a tilt, so to a height that grows with the distance.
+  const bool floor_known = floor_z > 0.0F && std::fabs(raised) < kPavement_m + kTiltError_rad * floor_z;
+  const float drop = lamp.ground.camera_height_m - (floor_known ? raised : 0.0F);
+  const float z = -drop / lamp.rise(u, row);
+  if (!(drop > 0.0F) || !(z > 0.0F)) return;
   const float row_error = z * kFootError_px / (lamp.camera.fy * drop);
-  if (drop > 0.0F && z > 0.0F) evidence.add(z, std::sqrt(kDepthError * kDepthError + row_error * row_error));
+  const float tilt_error = z * kTiltError_rad / drop;  // far roads are laid on the plane, so they share it
+  evidence.add(z, std::sqrt(kDepthError * kDepthError + row_error * row_error + tilt_error * tilt_error));
 }
 
 // Depth of the head itself; `alone`: without a pole, so that one that does not stand out hangs on what is behind it.
@@ -306,11 +317,12 @@ inline void add_head(const LampView& lamp, const LightRegion& r, std::uint16_t v
     if (own.size() < enough) continue;
     const float seen = robust_median(own);
     const int width = std::min(r.x1 - r.x0, r.y1 - r.y0) + 1;
-    const float share = mixed_share(width, certain);
+    const float share = mixed_share(in, width, certain);
     const float beside = in.labels.empty() ? 0.0F : depth_beside(in, r.x0, r.x1, (r.y0 + r.y1) / 2);
     const float contrast = beside > 0.0F ? std::log(beside / seen) : 0.0F;
     if (!(beside > 0.0F)) {
-      evidence.add(seen, kDepthError + std::max(kSkyError_px / static_cast<float>(width), mixed_share(width, false)));
+      evidence.add(seen,
+                   kDepthError + std::max(kSkyError_px / static_cast<float>(width), mixed_share(in, width, false)));
     } else if (contrast >= kContrast) {
       evidence.add(seen * std::exp(-share * contrast), mixing_error(share, contrast));
     } else if (alone) {
@@ -389,8 +401,8 @@ template <class Wanted>
   return count;
 }
 
-// By the height on which most of the witnesses agree; where the lamp is one itself, of those that it agrees with. One of
-// them alone is taken for a hint.
+// By the height on which most of the witnesses agree; where the lamp is one itself, of those that it agrees with. One
+// of them alone is taken for a hint.
 [[nodiscard]] inline LogDepth depth_of_row(const LampView& lamp, const StreetLamp& l, std::size_t self,
                                            Span<const LampHeight> witnesses) noexcept {
   const float rise = lamp.rise(l.u, l.v);

@@ -2,14 +2,16 @@
 // Where the lamps of vehicles point, and how high they are.
 //
 // A vehicle is a box. The horizontal directions of its normals, folded by a right angle (the mean of e^(4 i phi),
-// weighted by how horizontal they are), give the direction of its sides; the street's has a weight among them, so that it
-// is taken where they are few or scatter.
-// Along which of the two it heads: the street's, unless it is seen to be much longer across than any vehicle is wide.
-// At which of its ends a lamp sits is told by where it lies from the middle of what is seen of the vehicle; there its
-// axis points outwards. One that is seen from ahead or behind shows one end alone, which faces the camera.
+// weighted by how horizontal they are), give the direction of its sides; the street's has a weight among them, so that
+// it is taken where they are few or scatter.
+// Along which of the two it heads: the street's, unless it is seen to be longer across than any vehicle is wide.
+// Without instances several may be seen as one, and the lamp's own normal tells whether it points across. At which of
+// its ends a lamp sits is told by where it lies from the middle of what is seen of the vehicle; there its axis points
+// outwards. One that is seen from ahead or behind shows one end alone, which faces the camera.
 // The vehicle: pixels around the lamp of its instance, or without instances of its label at about its depth.
-// Height: lamps are between kLampLow_m and kLampHigh_m above the ground under the vehicle (UN R48: low beams .5 to 1.2 m,
-// stop lamps .35 to 2.1 m). Where depth has them elsewhere, and the ground under them is seen, they move along their ray.
+// Height: lamps are between kLampLow_m and kLampHigh_m above the ground under the vehicle (UN R48: low beams .5 to 1.2
+// m, stop lamps .35 to 2.1 m). Where depth has them elsewhere, and the ground under them is seen, they move along their
+// ray.
 #ifndef NPSIM_LIGHT_DETAIL_VEHICLE_LAMPS_HPP
 #define NPSIM_LIGHT_DETAIL_VEHICLE_LAMPS_HPP
 
@@ -32,7 +34,7 @@ namespace light_detail {
 
 inline constexpr float kVehicleLength_m = 5.0F;  // around a lamp, in which its vehicle is looked for
 inline constexpr float kVehicleWidth_m = 3.0F;   // what is seen to be longer across the street stands across it
-inline constexpr float kAcrossCosine = 0.3F;      // between a lamp's normal and the street, below which it points across
+inline constexpr float kAcrossCosine = 0.3F;     // of a lamp's normal to the street; below it the lamp points across
 inline constexpr float kFarEnd_m = 0.8F;         // behind the middle of what is seen: at the far end
 inline constexpr float kStreetPixels = 60.0F;    // weight of the street's direction among the normals of pixels
 inline constexpr float kStreetShare = 0.5F;      // and as a share of them
@@ -76,8 +78,8 @@ struct VehicleView {
   const GroundPlane& ground;
 };
 
-// Outwards from the end of the vehicle where a lamp at `at` sits, level; `normal`: its own mean normal, or zero. Along the street towards the camera where no
-// vehicle is seen.
+// Outwards from the end of the vehicle where a lamp at `at` sits, level; along the street towards the camera where no
+// vehicle is seen. `normal`: the lamp's own mean normal, or zero.
 [[nodiscard]] inline Vec3f vehicle_lamp_axis(const VehicleView& view, const LightRegion& r, const Vec3f& at,
                                              const Vec3f& normal) noexcept {
   const RegionInput& in = view.in;
