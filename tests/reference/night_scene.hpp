@@ -16,8 +16,10 @@
 #include <cstdint>
 #include <vector>
 
+#include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
+#include "npsim/light/activation.hpp"
 #include "npsim/light/emitter.hpp"
 #include "npsim/light/photometry.hpp"
 #include "npsim/light/sky.hpp"
@@ -243,6 +245,27 @@ struct NightScene {
     return normalized(cross(vec_cast<double>(vertices[f.b]) - a, vec_cast<double>(vertices[f.c]) - a));
   }
 };
+
+// The renderer's own scene, to judge its transport alone: a mesh with a material and a normal at each vertex, its lamps
+// as patches, and of each face the mark of the lamp that it is part of (render/visibility.hpp). Lamps that are not lit
+// are left out. `alpha`, `normal`, `albedo`: one per vertex; `face_mark`: one per face or none.
+[[nodiscard]] inline NightScene scene_of_points(const TriangleMeshView& mesh, Span<const Vec3f> normal,
+                                                Span<const Vec3f> albedo, Span<const float> alpha,
+                                                Span<const std::uint16_t> face_mark, Span<const Emitter> emitters,
+                                                Span<const Activation> activations, const SkyParams& sky, float f0) {
+  NightScene scene;
+  scene.vertices.assign(mesh.vertices.begin(), mesh.vertices.end());
+  scene.faces.assign(mesh.faces.begin(), mesh.faces.end());
+  scene.vertex_normals.assign(normal.begin(), normal.end());
+  scene.face_lamp.assign(face_mark.begin(), face_mark.end());
+  for (std::size_t v = 0; v < albedo.size(); ++v) scene.materials.push_back({albedo[v], alpha[v]});
+  for (std::size_t e = 0; e < emitters.size(); ++e) {
+    if (activations[e].lit) scene.lamps.push_back(lamp_of(emitters[e], activations[e].intensity_cd));
+  }
+  scene.sky = Sky(sky);
+  scene.f0 = static_cast<double>(f0);
+  return scene;
+}
 
 // What a ray sees at a hit; false where it meets the black back of a sheet.
 [[nodiscard]] inline bool surface_at(const NightScene& scene, const RayD& ray, const HitD& hit, SurfaceSample& out) {

@@ -5,7 +5,6 @@
 // and hold their triangles exactly, because corners are floats. A ray's passage through a box is computed in double and
 // widened by a part in 10^12, more than its rounding; triangles are tested in double after Moeller and Trumbore
 // (1997). Faces have two sides. What could be missed is a ray that passes an edge within 1e-15 of the scene's size.
-// Cost: about 25 boxes of four and 5 triangles a ray in a street of 450,000 faces.
 #ifndef NPSIM_TESTS_REFERENCE_TRIANGLE_TREE_HPP
 #define NPSIM_TESTS_REFERENCE_TRIANGLE_TREE_HPP
 

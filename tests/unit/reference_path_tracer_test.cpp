@@ -13,8 +13,10 @@
 #include "fixture.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/exec/thread_pool.hpp"
+#include "npsim/light/activation.hpp"
 #include "npsim/light/photometry.hpp"
 #include "npsim/material/bsdf.hpp"
+#include "npsim/render/direct.hpp"
 #include "reference/path_tracer.hpp"
 #include "reference/triangle_scan.hpp"
 
@@ -443,4 +445,81 @@ TEST_CASE("reference: materials and normals of vertices are interpolated, and th
   scene.vertex_normals.clear();
   REQUIRE(look({0, 2, 0}, {25, 0, 3}, at));
   CHECK(at.normal == Vec3d{0, 1, 0});
+}
+
+TEST_CASE("reference: from the renderer's own points and small lamps comes the renderer's direct light") {
+  // A rough floor whose vertices are the points, nothing in the way.
+  std::vector<Vec3f> position, normal, albedo;
+  std::vector<float> alpha;
+  std::vector<Face> faces;
+  constexpr std::uint32_t kSide = 8;
+  for (std::uint32_t j = 0; j < kSide; ++j) {
+    for (std::uint32_t i = 0; i < kSide; ++i) {
+      const auto x = static_cast<float>(i);
+      const auto z = static_cast<float>(j);
+      position.push_back({x - 4, 1.4F, 3 + 2 * z});
+      normal.push_back({0, -1, 0});
+      albedo.push_back({0.1F + 0.05F * x, 0.3F, 0.5F});
+      alpha.push_back(0.3F + 0.05F * z);
+      if (i + 1 == kSide || j + 1 == kSide) continue;
+      const std::uint32_t a = j * kSide + i;
+      faces.insert(faces.end(), {{a, a + 1, a + kSide + 1}, {a, a + kSide + 1, a + kSide}});
+    }
+  }
+  std::vector<Emitter> emitters;
+  std::vector<Activation> lit;
+  for (const EmissionProfile profile : {EmissionProfile::lambert, EmissionProfile::signal,
+                                        EmissionProfile::street_luminaire, EmissionProfile::low_beam}) {
+    Emitter e;
+    e.profile = profile;
+    e.centre_m = {1.5F * static_cast<float>(emitters.size()) - 2, -1, 20};
+    e.half_u_m = {0.01F, 0, 0};
+    e.half_v_m = {0, 0.01F, 0};
+    e.axis = profile == EmissionProfile::street_luminaire ? Vec3f{0, 1, 0} : Vec3f{0, 0, -1};
+    e.up = profile == EmissionProfile::street_luminaire ? Vec3f{0, 0, 1} : Vec3f{0, -1, 0};
+    e.area_m2 = 4e-4F;
+    emitters.push_back(e);
+    lit.push_back(make_activation(e, profile != EmissionProfile::signal, 1, 500, {0.4F, 0.4F}));
+  }
+  const Span<const Emitter> lamps(emitters.data(), emitters.size());
+  const Span<const Activation> activations(lit.data(), lit.size());
+  const Span<const Vec3f> positions(position.data(), position.size());
+  const std::vector<float> lift(position.size(), 0.0F);
+  SurfacePoints points;
+  points.position = positions;
+  points.normal = {normal.data(), normal.size()};
+  points.albedo = {albedo.data(), albedo.size()};
+  points.alpha = {alpha.data(), alpha.size()};
+  points.lift_m = {lift.data(), lift.size()};
+  const std::vector<std::uint8_t> visible(points.size() * lamps.size(), 255);
+  std::vector<Vec3f> illuminance(points.size()), luminance_out(points.size());
+  SerialExecutor serial;
+  REQUIRE(direct_light(points, lamps, activations, {visible.data(), visible.size()}, 0.04F,
+                       {illuminance.data(), illuminance.size()}, {luminance_out.data(), luminance_out.size()}, serial)
+              .ok());
+  const TriangleMeshView mesh{positions, {faces.data(), faces.size()}};
+  const NightScene scene =
+      scene_of_points(mesh, points.normal, points.albedo, points.alpha, {}, lamps, activations, SkyParams{}, 0.04F);
+  CHECK(scene.lamps.size() == 3);
+  const TriangleTree tree(scene.mesh());
+  std::vector<ViewedPoint> seen;
+  for (const Vec3f& p : position) {
+    const Vec3d inwards = Vec3d{0, 1.4, 10} - vec_cast<double>(p);  // points at the rim are not missed
+    const Vec3d at = vec_cast<double>(p) + inwards * 1e-9;
+    HitD hit;
+    ViewedPoint point;
+    const RayD ray{at - Vec3d{0, 1, 0}, {0, 1, 0}};
+    REQUIRE(tree.closest(ray, hit));
+    point.surface = surface_at(scene, ray, hit, point.at);
+    point.to_eye = normalized(-at);
+    seen.push_back(point);
+  }
+  PathParams params;
+  params.bounces = 0;
+  const std::vector<PixelSums> sums = trace_night(params, scene, tree, seen, 256, serial);
+  for (std::size_t p = 0; p < seen.size(); ++p) {
+    const Vec3d ours = sums[p].light / 256.0;
+    const Vec3d theirs = vec_cast<double>(luminance_out[p]);
+    CHECK(length(ours - theirs) < 0.01 * length(theirs) + 4 * standard_error(sums[p], 256));
+  }
 }
