@@ -257,7 +257,9 @@ int run_evaluate(const EvaluateOptions& options) {
     own.seed = options.night_seed;
     own.photograph = photograph_key(scene.image.view());
     NightPictures pictures;
-    const Status judged = night_stages(own, scene.view(), truth, *night, pool, console, evaluation.stages, pictures);
+    const Status judged = night_stages(own, scene.view(), truth, *night,
+                                       static_cast<std::uint64_t>(options.transport_samples), pool, console,
+                                       evaluation.stages, pictures);
     if (!judged.ok()) return fail(options.scene, judged);
   }
   if (options.simplified) {

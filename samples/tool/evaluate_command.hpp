@@ -16,6 +16,7 @@ struct EvaluateOptions {
   std::string size;
   std::string true_night;        // as `npsim truth` wrote it; empty: nights are not judged
   std::uint64_t night_seed = 0;  // of the night that it shows
+  int transport_samples = 0;     // paths a pixel by which transport is judged alone
   bool simplified = false;       // render with all faces and with fewer
   bool quiet = false;
 };

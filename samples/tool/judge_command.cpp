@@ -85,7 +85,9 @@ int run_judge(const JudgeOptions& options) {
     ThreadPool pool(thread_count(options.threads));
     scenes.emplace_back();
     NightPictures pictures;
-    const Status judged = night_stages(params, scene.view(), truth, night.value(), pool, console, scenes.back(), pictures);
+    const Status judged = night_stages(params, scene.view(), truth, night.value(),
+                                       static_cast<std::uint64_t>(options.transport_samples), pool, console,
+                                       scenes.back(), pictures);
     if (!judged.ok()) return fail(files.street, judged);
     json[std::to_string(seed)] = to_json(scenes.back());
     if (!options.quiet) {

@@ -183,6 +183,10 @@ int main(int argc, char** argv) {
   evaluate_app->add_option("--seed", evaluate.night_seed, "Seed of the night that was drawn for the true night")
       ->check(whole_number)
       ->capture_default_str();
+  evaluate_app->add_option("--transport", evaluate.transport_samples,
+                           "With --night: paths a pixel of the reference on our own mesh, to judge transport alone")
+      ->check(CLI::Range(0, 1 << 24))
+      ->capture_default_str();
   evaluate_app->add_flag(
       "--simplified", evaluate.simplified,
       "Render one night with all faces of the mesh and one with the simplified ones, and compare them");
@@ -225,6 +229,10 @@ int main(int argc, char** argv) {
   judge_app->add_option("--size", judge.size, "WIDTHxHEIGHT of the streets")->capture_default_str();
   judge_app->add_option("--samples", judge.samples, "Paths a pixel of the true nights")
       ->check(CLI::Range(2, 1 << 24))
+      ->capture_default_str();
+  judge_app->add_option("--transport", judge.transport_samples,
+                        "Paths a pixel of the reference on our own mesh, to judge transport alone; 0: not judged")
+      ->check(CLI::Range(0, 1 << 24))
       ->capture_default_str();
   judge_app->add_option("--threads", judge.threads, "0 = one per processor")
       ->check(CLI::Range(0, 1024))

@@ -11,6 +11,7 @@
 #include "npsim/io/memory.hpp"
 #include "npsim/metrics/flip.hpp"
 #include "npsim/pipeline/photograph.hpp"
+#include "transport_alone.hpp"
 
 namespace npsim::tool {
 namespace {
@@ -34,6 +35,15 @@ struct KeptDepth {
     copy_pixels(refined.normals, kept.normals.view());
     return kept;
   }
+  [[nodiscard]] RefinedDepth refined() {
+    RefinedDepth out = like;
+    out.depth = depth.view();
+    out.labels = labels.view();
+    out.surface = surface.view();
+    out.uncertain = uncertain.view();
+    out.normals = normals.view();
+    return out;
+  }
 };
 
 // Keeps the light of one night.
@@ -50,12 +60,7 @@ struct KeptLight : NullSink {
 [[nodiscard]] Status night_of(const NightParams& params, const SceneView& scene, const KeptDepth& depth,
                               ThreadPool& pool, Console& console, io::Image<Vec3f>& out) {
   KeptDepth own = depth;
-  RefinedDepth refined = depth.like;
-  refined.depth = own.depth.view();
-  refined.labels = own.labels.view();
-  refined.surface = own.surface.view();
-  refined.uncertain = own.uncertain.view();
-  refined.normals = own.normals.view();
+  const RefinedDepth refined = own.refined();
   io::HostMemory memory(night_workspace_bytes(params, scene.shape(), scene.lights.size()));
   Workspace workspace = memory.workspace();
   KeptLight sink(out);
@@ -178,10 +183,31 @@ class Judge {
   io::Image<Rgb8> true_picture_, own_picture_;
 };
 
+// The renderer against the reference on one and the same mesh, with the same materials and lamps.
+[[nodiscard]] Status judge_transport(NightParams params, const SceneView& scene, const Truth& truth, KeptDepth depth,
+                                     std::uint64_t samples, ThreadPool& pool, Console& console, NightErrors& out) {
+  params.mesh.simplify_faces = false;
+  io::Image<Vec3f> own;
+  TrueNight night;
+  NPSIM_RETURN_IF_ERROR(
+      transport_alone(params, scene, depth.refined(), samples, pool, console, own, night.luminance));
+  // The pictures shall differ by what surfaces show, not by lamps and sky.
+  for (int y = 0; y < own.height(); ++y) {
+    for (int x = 0; x < own.width(); ++x) {
+      const bool surface = is_valid_depth(truth.depth(x, y)) && !is_lamp(scene, x, y);
+      if (!surface || night.luminance(x, y) == Vec3f{}) night.luminance(x, y) = own(x, y);
+    }
+  }
+  Judge judge(params, scene, truth, night, pool);
+  NPSIM_RETURN_IF_ERROR(judge.start());
+  return judge.judge("transport alone", own, out);
+}
+
 }  // namespace
 
 Status night_stages(const NightParams& params, const SceneView& scene, const Truth& truth, const TrueNight& night,
-                    ThreadPool& pool, Console& console, std::vector<NightErrors>& out, NightPictures& pictures) {
+                    std::uint64_t transport_samples, ThreadPool& pool, Console& console, std::vector<NightErrors>& out,
+                    NightPictures& pictures) {
   NightParams placed = params;
   placed.variants = 1;
   NightParams known = placed;
@@ -224,6 +250,10 @@ Status night_stages(const NightParams& params, const SceneView& scene, const Tru
   Judge judge(params, scene, truth, night, pool);
   NPSIM_RETURN_IF_ERROR(judge.start());
   out.clear();
+  if (transport_samples > 0) {
+    out.emplace_back();
+    NPSIM_RETURN_IF_ERROR(judge_transport(known, scene, truth, exact, transport_samples, pool, console, out.back()));
+  }
   for (const Row& row : rows) {
     io::Image<Vec3f> own;
     NPSIM_RETURN_IF_ERROR(night_of(*row.params, *row.scene, *row.depth, pool, console, own));

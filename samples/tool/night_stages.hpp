@@ -9,6 +9,7 @@
 #define NPSIM_SAMPLES_TOOL_NIGHT_STAGES_HPP
 
 #include <array>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -42,10 +43,11 @@ struct NightPictures {
   io::Image<Rgb8> signed_error;  // blue: too dark, red: too bright, full colour at 3 stops; grey: not judged
 };
 
-// params.seed: that of the draw of lamps that the true night shows.
+// params.seed: that of the draw of lamps that the true night shows. transport_samples: paths a pixel of the reference on
+// the renderer's own mesh, by which transport is judged alone; 0: it is not.
 [[nodiscard]] Status night_stages(const NightParams& params, const SceneView& scene, const Truth& truth,
-                                  const TrueNight& night, ThreadPool& pool, Console& console,
-                                  std::vector<NightErrors>& out, NightPictures& pictures);
+                                  const TrueNight& night, std::uint64_t transport_samples, ThreadPool& pool,
+                                  Console& console, std::vector<NightErrors>& out, NightPictures& pictures);
 
 // Means over scenes, row by row; a row or label that a scene lacks does not count.
 [[nodiscard]] std::vector<NightErrors> mean_of(const std::vector<std::vector<NightErrors>>& scenes);

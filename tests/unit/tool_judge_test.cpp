@@ -10,7 +10,7 @@ using namespace tool_test;
 
 TEST_CASE("tool: judge makes streets, true nights, pictures and a table; evaluate finds the same figures") {
   const std::string folder = fixture().out("judge");
-  const std::string command = "judge '" + folder + "' --first 3 --last 3 --size 96x54 --samples 8 --quiet";
+  const std::string command = "judge '" + folder + "' --first 3 --last 3 --size 96x54 --samples 8 --transport 4 --quiet";
   const Run run = run_tool(command);
   REQUIRE_MESSAGE(run.status == 0, run.output);
   CHECK(run.output.find("mesh of the true depth") != std::string::npos);
@@ -27,7 +27,7 @@ TEST_CASE("tool: judge makes streets, true nights, pictures and a table; evaluat
 
   const std::string figures = fixture().out("stages.json");
   const Run evaluated = run_tool("evaluate '" + folder + "/street_3' --night '" + folder +
-                                 "/truth_3.pfm' --seed 3 --quiet -o '" + figures + "'");
+                                 "/truth_3.pfm' --seed 3 --transport 4 --quiet -o '" + figures + "'");
   REQUIRE_MESSAGE(evaluated.status == 0, evaluated.output);
   CHECK(json_of(figures).at("nights") == judged.at("3"));
 
