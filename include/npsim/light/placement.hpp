@@ -63,8 +63,6 @@ struct PlacementScene {
   ImageView<const Vec3f> normals;
 };
 
-inline constexpr float kDiscShare = 0.785F;  // pi / 4, of the square around a disc
-
 inline constexpr std::size_t kMaxLightMarks = 65535;  // an index plane can name no more
 
 [[nodiscard]] constexpr std::size_t placement_workspace_bytes(const PlacementParams&, Shape) noexcept {
@@ -207,6 +205,8 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
   e.mounting_height_m = std::max(height_above_ground(ground, unproject(k, u, static_cast<float>(r.y1 + 1), z)), 0.0F);
   e.centre_m = unproject(k, u, static_cast<float>(r.y1 + 1), z) + down * p.offset_m;
 }
+
+inline constexpr float kDiscShare = 0.785F;  // pi / 4, of the square around a disc
 
 // What placing one mark needs to know of all of them.
 struct Placing {
