@@ -138,7 +138,7 @@ std::map<std::string, std::set<std::string>> allowed_includes() {
       {"material", {"core", "simd", "color", "labels"}},
       {"render", {"core", "simd", "color", "labels", "geometry", "trace", "light", "material"}},
       {"sensor", {"core", "simd", "color"}},
-      {"metrics", {"core", "simd"}},
+      {"metrics", {"core", "simd", "color"}},
       {"exec", {"core"}},
       // A reader fills the light-source set, and the whole in one call needs the pipeline and threads.
       {"io", {"core", "labels", "geometry", "depth", "light", "pipeline", "exec"}},
