@@ -56,9 +56,9 @@ inline void build_tall_lamp(Scene& scene, const FurniturePaints& f, const Pose& 
   scene.bar(last, p.point({0, height + 0.12F, reach}), 0.05F, 0.04F, 10, f.steel);
   const Pose head = p.moved({0, height + 0.12F, reach});
   scene.box(head, {-0.16F, -0.05F, -0.1F}, {0.16F, 0.07F, 0.62F}, f.steel);
-  scene.box(head, {-0.13F, -0.10F, 0.0F}, {0.13F, -0.051F, 0.58F},
-            f.lamp_lens.lit(f.lamp_lens.material,
-                            scene.aimed(scene.add_light(LightClass::street_light_ht), -p.y, p.x)));
+  scene.box(
+      head, {-0.13F, -0.10F, 0.0F}, {0.13F, -0.051F, 0.58F},
+      f.lamp_lens.lit(f.lamp_lens.material, scene.aimed(scene.add_light(LightClass::street_light_ht), -p.y, p.x)));
 }
 
 // Older lantern on a low post, the road along z: street_light_LT.

@@ -12,8 +12,8 @@
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
-#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/labels/light_classes.hpp"
@@ -52,17 +52,17 @@ struct Emitter {
   LightClass cls = LightClass::none;
   SignalState state = SignalState::unknown;
   LightClass group_cls = LightClass::none;
-  std::uint32_t group = 0;  // emitters with the same number belong together; 0: alone
-  std::uint32_t mark = 0;   // position + 1 in Street::marks; 0: not annotated (out of sight or too small)
-  bool lit_by_day = false;  // the lit disc of a traffic light, burning brake lamps
-  Vec3f centre{};           // m
-  Vec3f normal{};           // unit
-  Vec2f half_extents{};     // m
-  float area_m2 = 0;        // of all its faces
-  float seen_area_m2 = 0;   // of those that face the camera, turned parallel to the image
-  bool closed = false;      // faces all round (a lantern, the windows of a car): has no direction of its own
-  Vec3f axis{};             // unit: where a lamp shines; of a glowing surface its normal
-  Vec3f up{};               // unit, normal to axis: of a street lamp along the road
+  std::uint32_t group = 0;      // emitters with the same number belong together; 0: alone
+  std::uint32_t mark = 0;       // position + 1 in Street::marks; 0: not annotated (out of sight or too small)
+  bool lit_by_day = false;      // the lit disc of a traffic light, burning brake lamps
+  Vec3f centre{};               // m
+  Vec3f normal{};               // unit
+  Vec2f half_extents{};         // m
+  float area_m2 = 0;            // of all its faces
+  float seen_area_m2 = 0;       // of those that face the camera, turned parallel to the image
+  bool closed = false;          // faces all round (a lantern, the windows of a car): has no direction of its own
+  Vec3f axis{};                 // unit: where a lamp shines; of a glowing surface its normal
+  Vec3f up{};                   // unit, normal to axis: of a street lamp along the road
   float mounting_height_m = 0;  // of a street lamp's centre above the road
 };
 

@@ -96,9 +96,10 @@ std::string emitters_json(const Street& s) {
          "\", \"mark\": " + std::to_string(e.mark) + ", \"lit_by_day\": " + (e.lit_by_day ? "true" : "false");
     if (e.state != SignalState::unknown) t += std::string(", \"state\": \"") + state_name(e.state) + "\"";
     t += ", \"centre\": " + vector_json(e.centre) + ", \"half_extents\": [" + number(e.half_extents.x) + ", " +
-         number(e.half_extents.y) + "], \"closed\": " + (e.closed ? "true" : "false") + ", \"area_m2\": " + number(e.area_m2) +
-         ", \"seen_area_m2\": " + number(e.seen_area_m2) + ", \"normal\": " + vector_json(e.normal) +
-         ", \"axis\": " + vector_json(e.axis) + ", \"up\": " + vector_json(e.up);
+         number(e.half_extents.y) + "], \"closed\": " + (e.closed ? "true" : "false") +
+         ", \"area_m2\": " + number(e.area_m2) + ", \"seen_area_m2\": " + number(e.seen_area_m2) +
+         ", \"normal\": " + vector_json(e.normal) + ", \"axis\": " + vector_json(e.axis) +
+         ", \"up\": " + vector_json(e.up);
     if (e.mounting_height_m > 0) t += ", \"mounting_height_m\": " + number(e.mounting_height_m);
     t += i + 1 < s.emitters.size() ? "},\n" : "}\n";
   }

@@ -72,12 +72,14 @@ static_assert(sizeof(reference::PixelSums) == 7 * sizeof(double), "sums are writ
     return io::Error{path, "", "is not what npsim truth keeps, expected no file or one of its own: move it away"};
   }
   if (of != print || bytes.size() - header.size() != pixels * sizeof(reference::PixelSums)) {
-    return io::Error{path, "", "was begun with another scene, night, seed or other settings: expected the same, or "
-                               "remove it to begin anew"};
+    return io::Error{path, "",
+                     "was begun with another scene, night, seed or other settings: expected the same, or "
+                     "remove it to begin anew"};
   }
   if (kept > samples || kept % reference::kBlock != 0) {
-    return io::Error{path, "--samples", "the file holds " + std::to_string(kept) +
-                                            " samples a pixel, expected to be asked for at least as many"};
+    return io::Error{
+        path, "--samples",
+        "the file holds " + std::to_string(kept) + " samples a pixel, expected to be asked for at least as many"};
   }
   sums.samples = kept;
   sums.pixels.resize(pixels);
@@ -150,7 +152,8 @@ int run_truth(const TruthOptions& options) {
   params.seed = options.seed;
   params.bounces = options.bounces;
   const std::uint64_t print = fingerprint(night.value(), params);
-  const std::uint64_t blocks = (static_cast<std::uint64_t>(options.samples) + reference::kBlock - 1) / reference::kBlock;
+  const std::uint64_t blocks =
+      (static_cast<std::uint64_t>(options.samples) + reference::kBlock - 1) / reference::kBlock;
   const std::uint64_t samples = std::max<std::uint64_t>(blocks, 2) * reference::kBlock;
   TruthSums sums;
   if (const io::Outcome resumed = resume(files.partial, print, night.value().seen.size(), samples, sums); !resumed) {

@@ -42,7 +42,8 @@ struct DrawnLamp {
                std::string("is ") + io::JsonObject::kind(*value.value()) + ", expected true or false"};
 }
 
-[[nodiscard]] Expected<DrawnLamp> drawn_lamp(const io::JsonObject& entry, const TrueLamps& lamps, std::size_t position) {
+[[nodiscard]] Expected<DrawnLamp> drawn_lamp(const io::JsonObject& entry, const TrueLamps& lamps,
+                                             std::size_t position) {
   const Emitter& lamp = lamps.emitters[position];
   DrawnLamp drawn;
   drawn.emitter = position;

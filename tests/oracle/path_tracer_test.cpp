@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The reference path tracer with its own tree and with Embree 3 in its place: the same night.
 //
-// The two share everything but the intersections. With the same random numbers their paths are the same but where a float
-// decides otherwise than a double, at edges; with others, their pictures differ by their noise, and by no more than it:
+// The two share everything but the intersections. With the same random numbers their paths are the same but where a
+// float decides otherwise than a double, at edges; with others, their pictures differ by their noise, and by no more than it:
 // within four standard errors of the difference on every pixel but one in a thousand.
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
@@ -161,6 +161,7 @@ TEST_CASE("the reference's night is that of Embree's rays") {
     const double a = luminance_of(first[p].light);
     same += std::fabs(a - luminance_of(second[p].light)) <= 1e-3 * a ? 1U : 0U;
   }
-  MESSAGE(same << " of " << first.size() << " pixels alike with the same random numbers, " << apart << " apart with others");
+  MESSAGE(same << " of " << first.size() << " pixels alike with the same random numbers, " << apart
+               << " apart with others");
   CHECK(same > first.size() * 9 / 10);
 }

@@ -67,7 +67,7 @@ enum class LampShape { triangles, disc, sphere, point };
 
 struct LampTriangle {
   Vec3d a, ab, ac;
-  Vec3d normal;         // unit; the front side of a glowing surface
+  Vec3d normal;           // unit; the front side of a glowing surface
   double area_up_to = 0;  // of this one and those before it
 };
 
@@ -75,13 +75,13 @@ struct Lamp {
   EmissionProfile profile = EmissionProfile::lambert;
   Vec3d axis{0, 0, 1};  // unit; also a disc's normal
   Vec3d up{0, -1, 0};
-  Vec3d colour{1, 1, 1};   // linear RGB of luminance 1
-  double peak_cd = 0;      // of any profile but lambert; of a lambert point
+  Vec3d colour{1, 1, 1};       // linear RGB of luminance 1
+  double peak_cd = 0;          // of any profile but lambert; of a lambert point
   double luminance_cd_m2 = 0;  // of a lambert shape
   LampShape shape = LampShape::point;
   std::vector<LampTriangle> triangles;
   Vec3d centre;
-  double radius = 0;     // of disc and sphere; of triangles: no corner is farther from the centre
+  double radius = 0;  // of disc and sphere; of triangles: no corner is farther from the centre
   double area_m2 = 0;
   std::uint32_t faces = 0;  // the faces of the scene with this number are its own; 0: none
 
@@ -220,11 +220,11 @@ struct SurfaceSample {
 struct NightScene {
   std::vector<Vec3f> vertices;
   std::vector<Face> faces;
-  std::vector<std::uint32_t> face_material;     // per face, into materials; empty: materials are per vertex
+  std::vector<std::uint32_t> face_material;  // per face, into materials; empty: materials are per vertex
   std::vector<SurfaceMaterial> materials;
-  std::vector<Vec3f> vertex_normals;            // per vertex or none. What is met from behind is black, as the back of a
-                                                // sheet; without them both sides of a face are alike
-  std::vector<std::uint32_t> face_lamp;         // Lamp::faces that each face belongs to; empty: none to any
+  std::vector<Vec3f> vertex_normals;     // per vertex or none. What is met from behind is black, as the back of a
+                                         // sheet; without them both sides of a face are alike
+  std::vector<std::uint32_t> face_lamp;  // Lamp::faces that each face belongs to; empty: none to any
   std::vector<Lamp> lamps;
   Sky sky;
   double f0 = 0.04;

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The true night: a path tracer in double precision, written to be right and read, not to be fast.
 //
-// The light that a point sends to the eye is the integral of f L cos over what it sees. Each sample of a pixel is a path
-// from the point that the pixel's centre shows: at each point of it one lamp is asked, one point on its true shape, one
-// shadow ray (next-event estimation; Kajiya 1986); then the path goes on in a direction drawn in proportion to the
-// reflection. A path ends after `bounces` reflections beyond the first surface, or in the sky, whose light it brings.
+// The light that a point sends to the eye is the integral of f L cos over what it sees. Each sample of a pixel is a
+// path from the point that the pixel's centre shows: at each point of it one lamp is asked, one point on its true
+// shape, one shadow ray (next-event estimation; Kajiya 1986); then the path goes on in a direction drawn in proportion
+// to the reflection. A path ends after `bounces` reflections beyond the first surface, or in the sky, whose light it
+// brings.
 // Lamps are met by shadow rays alone and the sky by paths alone, so nothing counts twice.
 //   L = lamps, reflected once (direct) + lamps and sky by way of up to `bounces` further points (sky: that many rays)
 // A number of bounces leaves out the light of longer paths and adds nothing; all else is exact in the mean.
@@ -50,11 +51,11 @@ struct ViewedPoint {
   Vec3d to_eye;  // unit
 };
 
-// What the centres of the pixels show, row by row, to a camera at the origin. A caller who knows better (whose planes say
-// what each pixel's material is, whose rays start elsewhere) changes the points, or makes his own.
+// What the centres of the pixels show, row by row, to a camera at the origin. A caller who knows better (whose planes
+// say what each pixel's material is, whose rays start elsewhere) changes the points, or makes his own.
 template <class Rays>
-[[nodiscard]] std::vector<ViewedPoint> viewed_points(const NightScene& scene, const Rays& rays, const Intrinsics& camera,
-                                                     Shape shape) {
+[[nodiscard]] std::vector<ViewedPoint> viewed_points(const NightScene& scene, const Rays& rays,
+                                                     const Intrinsics& camera, Shape shape) {
   std::vector<ViewedPoint> points(shape.pixels());
   auto point = points.begin();
   for (int y = 0; y < shape.height; ++y) {
@@ -73,7 +74,7 @@ template <class Rays>
 // Sums over the samples of a pixel, in cd/m2.
 struct PixelSums {
   Vec3d light;
-  Vec3d direct;       // of the lamps, reflected once
+  Vec3d direct;        // of the lamps, reflected once
   double squared = 0;  // of the blocks' mean luminances
 };
 
@@ -205,8 +206,8 @@ class PathTracer {
   LampGrid grid_;
 };
 
-// Adds samples [first, last), whole blocks, of every pixel. `cancelled` is asked before each chunk, which is then left out: sums that a
-// cancelled call has touched are of no use.
+// Adds samples [first, last), whole blocks, of every pixel. `cancelled` is asked before each chunk, which is then left
+// out: sums that a cancelled call has touched are of no use.
 template <class Rays, class Executor, class Cancelled>
 void add_samples(const PathTracer<Rays>& tracer, const std::vector<ViewedPoint>& seen, std::uint64_t first,
                  std::uint64_t last, std::vector<PixelSums>& sums, Executor& executor, Cancelled&& cancelled) {

@@ -2,7 +2,7 @@
 // The reflection of material/bsdf.hpp in double precision, and directions in proportion to it.
 //
 //   f(wi, wo) = (1 - E(n.wi)) (1 - E(n.wo)) / (1 - mean E) albedo / pi + D(h) V(wi, wo) F(wi.h)
-// with GGX's D, height-correlated Smith masking V, Schlick's F, and the same table of E: that table is part of the model.
+// with GGX's D, height-correlated Smith masking V, Schlick's F, and the same table of E, which is part of the model.
 // Directions: with probability p one of the visible microfacets' mirrors (Heitz, JCGT 2018), else one about the normal
 // with density cosine / pi; the weight f cos / density is bounded by 1 / min(p, 1 - p) times the albedo of its part.
 #ifndef NPSIM_TESTS_REFERENCE_ROUGH_DIELECTRIC_HPP
@@ -20,7 +20,9 @@ namespace npsim::reference {
 
 inline constexpr double kPi = 3.14159265358979323846;
 
-[[nodiscard]] constexpr double luminance_of(const Vec3d& rgb) { return 0.2126 * rgb.x + 0.7152 * rgb.y + 0.0722 * rgb.z; }
+[[nodiscard]] constexpr double luminance_of(const Vec3d& rgb) {
+  return 0.2126 * rgb.x + 0.7152 * rgb.y + 0.0722 * rgb.z;
+}
 
 // Two unit vectors that complete n to a frame (Duff et al., JCGT 2017).
 inline void complete_frame(const Vec3d& n, Vec3d& t, Vec3d& b) {

@@ -23,7 +23,7 @@ namespace npsim::reference {
 
 struct RayD {
   Vec3d origin;
-  Vec3d direction;  // unit
+  Vec3d direction;                                         // unit
   double t_max = std::numeric_limits<double>::infinity();  // hits lie in 0 < t < t_max
 };
 

@@ -72,11 +72,11 @@ Vec3d direction_of(RandomStream& random) {
 NightScene sphere_scene(int cuts, float radius, float albedo) {
   NightScene scene;
   const float g = 1.618034F;
-  scene.vertices = {{-1, g, 0}, {1, g, 0}, {-1, -g, 0}, {1, -g, 0}, {0, -1, g}, {0, 1, g},
-                    {0, -1, -g}, {0, 1, -g}, {g, 0, -1}, {g, 0, 1}, {-g, 0, -1}, {-g, 0, 1}};
-  scene.faces = {{0, 11, 5}, {0, 5, 1}, {0, 1, 7}, {0, 7, 10}, {0, 10, 11}, {1, 5, 9}, {5, 11, 4},
-                 {11, 10, 2}, {10, 7, 6}, {7, 1, 8}, {3, 9, 4}, {3, 4, 2}, {3, 2, 6}, {3, 6, 8},
-                 {3, 8, 9}, {4, 9, 5}, {2, 4, 11}, {6, 2, 10}, {8, 6, 7}, {9, 8, 1}};
+  scene.vertices = {{-1, g, 0},  {1, g, 0},  {-1, -g, 0}, {1, -g, 0}, {0, -1, g},  {0, 1, g},
+                    {0, -1, -g}, {0, 1, -g}, {g, 0, -1},  {g, 0, 1},  {-g, 0, -1}, {-g, 0, 1}};
+  scene.faces = {{0, 11, 5},  {0, 5, 1},  {0, 1, 7},  {0, 7, 10}, {0, 10, 11}, {1, 5, 9}, {5, 11, 4},
+                 {11, 10, 2}, {10, 7, 6}, {7, 1, 8},  {3, 9, 4},  {3, 4, 2},   {3, 2, 6}, {3, 6, 8},
+                 {3, 8, 9},   {4, 9, 5},  {2, 4, 11}, {6, 2, 10}, {8, 6, 7},   {9, 8, 1}};
   for (int cut = 0; cut < cuts; ++cut) {
     std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middles;
     const auto middle = [&](std::uint32_t a, std::uint32_t b) {
@@ -132,7 +132,8 @@ TEST_CASE("reference: the tree finds what a scan of all faces finds") {
       const double t = dot(n, a) / dot(n, ray.direction);
       const double sides[3] = {dot(ray.direction, cross(a, b)), dot(ray.direction, cross(b, c)),
                                dot(ray.direction, cross(c, a))};
-      const bool inside = (sides[0] > 0 && sides[1] > 0 && sides[2] > 0) || (sides[0] < 0 && sides[1] < 0 && sides[2] < 0);
+      const bool inside =
+          (sides[0] > 0 && sides[1] > 0 && sides[2] > 0) || (sides[0] < 0 && sides[1] < 0 && sides[2] < 0);
       if (inside && t > 0 && t < nearest) {
         nearest = t;
         face = f;
@@ -184,8 +185,8 @@ TEST_CASE("reference: profiles and reflection are those of the library") {
     const float alpha = random.uniform(0.05F, 1.0F);
     const Vec3f albedo{0.2F, 0.5F, 0.8F};
     const Vec3d ours = RoughDielectric(vec_cast<double>(albedo), static_cast<double>(alpha), 0.04).eval(n, wo, wi);
-    const Vec3d theirs = vec_cast<double>(
-        eval_bsdf(albedo, alpha, 0.04F, vec_cast<float>(n), vec_cast<float>(wo), vec_cast<float>(wi)));
+    const Vec3d theirs =
+        vec_cast<double>(eval_bsdf(albedo, alpha, 0.04F, vec_cast<float>(n), vec_cast<float>(wo), vec_cast<float>(wi)));
     worst = std::max(worst, length(ours - theirs) / (0.01 + length(theirs)));
   }
   CHECK(worst < 1e-3);
@@ -218,8 +219,8 @@ TEST_CASE("reference: a point, a disc, a rectangle and a sphere light a plane as
     lamp.luminance_cd_m2 = 40;
     scene.lamps = {lamp};
     // From x = -0.5 to 1.5 and z = -0.5 to 1 about the point.
-    const double lux = 40 * (corner_lux(0.5, 0.5, 2) + corner_lux(0.5, 1, 2) + corner_lux(1.5, 0.5, 2) +
-                             corner_lux(1.5, 1, 2));
+    const double lux =
+        40 * (corner_lux(0.5, 0.5, 2) + corner_lux(0.5, 1, 2) + corner_lux(1.5, 0.5, 2) + corner_lux(1.5, 1, 2));
     CHECK(light_of(scene, floor_point(0, 0), 1 << 20) == doctest::Approx(lux * share).epsilon(1e-3));
     // Its back is dark.
     scene.lamps[0].set_parallelogram({0.5, -2, 0.25}, {1, 0, 0}, {0, 0, 0.75});
@@ -239,7 +240,8 @@ TEST_CASE("reference: a point, a disc, a rectangle and a sphere light a plane as
   }
 }
 
-TEST_CASE("reference: a lamp whose intensity is given sends it, whatever its shape; others' faces block it, its own not") {
+TEST_CASE(
+    "reference: a lamp whose intensity is given sends it, whatever its shape; others' faces block it, its own not") {
   NightScene scene = floor_scene();
   Emitter e;
   e.profile = EmissionProfile::street_luminaire;
@@ -306,7 +308,7 @@ TEST_CASE("reference: in a uniform sky a surface reflects what its model says") 
 }
 
 TEST_CASE("reference: a white furnace stays white through many reflections") {
-  // Two thirds of a sphere, open at one side, all white in a white sky: whatever is looked at shows the sky's luminance.
+  // A sphere, open at one side, all white in a white sky: whatever is looked at shows the sky's luminance.
   NightScene scene = sphere_scene(2, 2, 1);
   for (std::size_t f = scene.faces.size(); f-- > 0;) {
     if (scene.vertices[scene.faces[f].a].z > 1) {
@@ -351,8 +353,9 @@ namespace {
 NightScene mixed_scene() {
   NightScene scene = floor_scene();
   scene.matt = false;
-  scene.vertices.insert(scene.vertices.end(), {{-1, -1, -1}, {1, -1, -1}, {1, -1, 1}, {-1, -1, 1},
-                                               {-3, 0, 3}, {3, 0, 3}, {3, -4, 3}, {-3, -4, 3}});
+  scene.vertices.insert(
+      scene.vertices.end(),
+      {{-1, -1, -1}, {1, -1, -1}, {1, -1, 1}, {-1, -1, 1}, {-3, 0, 3}, {3, 0, 3}, {3, -4, 3}, {-3, -4, 3}});
   scene.faces.insert(scene.faces.end(), {{4, 5, 6}, {4, 6, 7}, {8, 9, 10}, {8, 10, 11}});
   scene.face_material.resize(6, 0);
   Lamp window;
@@ -391,8 +394,10 @@ TEST_CASE("reference: the same bits for any number of threads and any interrupti
   std::size_t different = 0;
   double sum = 0;
   for (std::size_t i = 0; i < seen.size(); ++i) {
-    different += whole[i].light == parts[i].light && whole[i].direct == parts[i].direct &&
-                         whole[i].squared == parts[i].squared ? 0U : 1U;
+    different +=
+        whole[i].light == parts[i].light && whole[i].direct == parts[i].direct && whole[i].squared == parts[i].squared
+            ? 0U
+            : 1U;
     sum += luminance_of(whole[i].light);
   }
   CHECK(different == 0);

@@ -122,7 +122,8 @@ TEST_CASE("tool truth: a pass that is stopped half-way leaves the sums as they w
   CHECK(sums.samples == 16);
   std::size_t changed = 0;
   for (std::size_t p = 0; p < sums.pixels.size(); ++p) {
-    changed += sums.pixels[p].light == before.pixels[p].light && sums.pixels[p].squared == before.pixels[p].squared ? 0U : 1U;
+    changed +=
+        sums.pixels[p].light == before.pixels[p].light && sums.pixels[p].squared == before.pixels[p].squared ? 0U : 1U;
   }
   CHECK(changed == 0);
   npsim::reference::PathParams params;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The true mesh of a generated scene with what its faces are made of and which of them glow.
 //
-// The OBJ that truth.mesh names: triangles; a line "g e<id>" before the faces of emitter <id>, any other group for faces
-// of none; a line "usemtl" before those of a material. The material file beside it: "newmtl", "Kd" (diffuse albedo,
-// linear) and "Pr" (GGX alpha); other lines are left alone.
+// The OBJ that truth.mesh names: triangles; a line "g e<id>" before the faces of emitter <id>, any other group for
+// faces of none; a line "usemtl" before those of a material. The material file beside it: "newmtl", "Kd" (diffuse
+// albedo, linear) and "Pr" (GGX alpha); other lines are left alone.
 // Invariant: face_emitter and face_material have an element per face; every material exists; albedo and alpha are 0..1.
 // Cost: that of read_obj, and one pass more over the file.
 #ifndef NPSIM_IO_TRUTH_MESH_HPP
@@ -75,28 +75,30 @@ inline float take_share(std::string_view& line) {
 inline Outcome read_true_materials(const std::string& path, const ReadLimits& limits,
                                    std::map<std::string, std::uint32_t, std::less<>>& names,
                                    std::vector<TrueMaterial>& out) {
-  return for_each_line(
-      path, limits, [&](const std::string& at, std::string_view keyword, std::string_view line) -> Outcome {
-        if (keyword == "newmtl") {
-          names[std::string(next_word(line))] = static_cast<std::uint32_t>(out.size());
-          out.emplace_back();
-          return Done{};
-        }
-        if (keyword != "Kd" && keyword != "Pr") return Done{};
-        if (out.empty()) return Error{path, at, "stands before any newmtl, expected it within a material"};
-        const int count = keyword == "Kd" ? 3 : 1;
-        float values[3] = {};
-        for (int i = 0; i < count; ++i) {
-          values[i] = take_share(line);
-          if (values[i] < 0) return Error{path, at, "expected " + std::to_string(count) + " numbers from 0 to 1"};
-        }
-        if (count == 3) {
-          out.back().albedo = {values[0], values[1], values[2]};
-        } else {
-          out.back().alpha = values[0];
-        }
-        return Done{};
-      });
+  return for_each_line(path, limits,
+                       [&](const std::string& at, std::string_view keyword, std::string_view line) -> Outcome {
+                         if (keyword == "newmtl") {
+                           names[std::string(next_word(line))] = static_cast<std::uint32_t>(out.size());
+                           out.emplace_back();
+                           return Done{};
+                         }
+                         if (keyword != "Kd" && keyword != "Pr") return Done{};
+                         if (out.empty())
+                           return Error{path, at, "stands before any newmtl, expected it within a material"};
+                         const int count = keyword == "Kd" ? 3 : 1;
+                         float values[3] = {};
+                         for (int i = 0; i < count; ++i) {
+                           values[i] = take_share(line);
+                           if (values[i] < 0)
+                             return Error{path, at, "expected " + std::to_string(count) + " numbers from 0 to 1"};
+                         }
+                         if (count == 3) {
+                           out.back().albedo = {values[0], values[1], values[2]};
+                         } else {
+                           out.back().alpha = values[0];
+                         }
+                         return Done{};
+                       });
 }
 
 // The emitter that a group's name stands for; 0 where it is not of the form e<id>.
@@ -122,17 +124,20 @@ inline std::uint32_t emitter_of_group(std::string_view name) {
     std::uint32_t material = 0;
     const auto line = [&](const std::string& at, std::string_view keyword, std::string_view rest) -> Outcome {
       if (keyword == "mtllib") {
-        const std::filesystem::path file = std::filesystem::path(path).parent_path() / std::string(detail::next_word(rest));
+        const std::filesystem::path file =
+            std::filesystem::path(path).parent_path() / std::string(detail::next_word(rest));
         return detail::read_true_materials(file.string(), limits, names, out.materials);
       }
       if (keyword == "g") emitter = detail::emitter_of_group(detail::next_word(rest));
       if (keyword == "usemtl") {
         const auto named = names.find(detail::next_word(rest));
-        if (named == names.end()) return Error{path, at, "names a material that does not exist, expected one of its file"};
+        if (named == names.end())
+          return Error{path, at, "names a material that does not exist, expected one of its file"};
         material = named->second;
       }
       if (keyword == "f") {
-        if (out.materials.empty()) return Error{path, at, "a face without a material, expected mtllib and usemtl above"};
+        if (out.materials.empty())
+          return Error{path, at, "a face without a material, expected mtllib and usemtl above"};
         out.face_emitter.push_back(emitter);
         out.face_material.push_back(material);
       }

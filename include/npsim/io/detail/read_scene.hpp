@@ -255,8 +255,7 @@ Outcome read_material_plane(const JsonObject& entry, const ReadLimits& limits, R
   const Outcome same = expect_shape(path.value(), plane.value().shape(), scene.shape(), "the image");
   if (!same) return same;
   out = std::move(plane.value());
-  return check_unit_range(path.value(), components(out.data()), scene.shape().pixels() * channels, what,
-                          scene);
+  return check_unit_range(path.value(), components(out.data()), scene.shape().pixels() * channels, what, scene);
 }
 
 inline Outcome read_scene_albedo(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
@@ -483,9 +482,8 @@ inline Outcome read_emitter_geometry(const JsonObject& entry, TrueEmitter& emitt
   const Expected<Vec3f> centre = read_vector(entry, "centre");
   if (!centre) return centre.error();
   emitter.centre_m = centre.value();
-  for (const auto& [key, out] : {std::pair<const char*, Vec3f*>{"normal", &emitter.normal},
-                                 {"axis", &emitter.axis},
-                                 {"up", &emitter.up}}) {
+  for (const auto& [key, out] :
+       {std::pair<const char*, Vec3f*>{"normal", &emitter.normal}, {"axis", &emitter.axis}, {"up", &emitter.up}}) {
     const Expected<Vec3f> direction = read_direction(entry, key);
     if (!direction) return direction.error();
     *out = direction.value();
@@ -502,12 +500,13 @@ inline Outcome read_emitter_geometry(const JsonObject& entry, TrueEmitter& emitt
   emitter.closed = closed.value()->get<bool>();
   for (const auto& [key, out, needed] :
        {std::tuple<const char*, float*, bool>{"area_m2", &emitter.area_m2, true},
-        {"mounting_height_m", &emitter.mounting_height_m, emitter.cls == LightClass::street_light_ht ||
-                                                              emitter.cls == LightClass::street_light_lt}}) {
+        {"mounting_height_m", &emitter.mounting_height_m,
+         emitter.cls == LightClass::street_light_ht || emitter.cls == LightClass::street_light_lt}}) {
     if (!needed) continue;
     const Expected<double> value = entry.number(key);
     if (!value) return value.error();
-    if (!(value.value() > 0)) return Error{entry.file(), entry.field(key), "is not positive, expected a size in metres"};
+    if (!(value.value() > 0))
+      return Error{entry.file(), entry.field(key), "is not positive, expected a size in metres"};
     *out = static_cast<float>(value.value());
   }
   // A pane may be seen from behind, past the edge of what it stands before.
