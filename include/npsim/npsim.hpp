@@ -61,6 +61,7 @@
 #include "npsim/mesh/complete_foreground.hpp"
 #include "npsim/mesh/index.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
+#include "npsim/mesh/open_steps.hpp"
 #include "npsim/mesh/prune.hpp"
 #include "npsim/mesh/sheet.hpp"
 #include "npsim/mesh/simplify.hpp"

@@ -7,6 +7,8 @@
 #include "engine.hpp"
 #include "lamp_evaluation.hpp"
 #include "npsim/depth/uncertainty.hpp"
+#include "npsim/io/memory.hpp"
+#include "npsim/labels/cityscapes.hpp"
 #include "npsim/mesh/index.hpp"
 
 namespace npsim::tool {
@@ -40,6 +42,30 @@ struct LayerMesh {
   std::vector<unsigned char> memory(check_mesh_workspace_bytes(mesh.vertices.size(), mesh.faces.size()));
   Workspace workspace(memory.data(), memory.size());
   return check_mesh(mesh, workspace, report);
+}
+
+// The faces of a mesh, not simplified, that rays meet; background: how many of them are the background's.
+[[nodiscard]] std::vector<Face> traced_faces(const SceneMesh& mesh, std::size_t& background) {
+  std::vector<Face> faces;
+  faces.reserve(mesh.mesh.faces.size());
+  const auto width = static_cast<std::uint32_t>(mesh.visible_vertex.width());
+  for (std::size_t f = 0; f < mesh.background_faces; ++f) {
+    const Face face = mesh.mesh.faces[f];
+    const std::uint32_t pixels[3] = {mesh.vertex_pixel[face.a], mesh.vertex_pixel[face.b], mesh.vertex_pixel[face.c]};
+    std::uint32_t x = width;
+    std::uint32_t y = pixels[0] / width;
+    for (const std::uint32_t p : pixels) {
+      x = std::min(x, p % width);
+      y = std::min(y, p / width);
+    }
+    int corners_above = 0;
+    for (const std::uint32_t p : pixels) corners_above += p / width == y ? 1 : 0;
+    const std::uint8_t bit = corners_above == 2 ? kQuadUpperFace : kQuadLowerFace;
+    if ((mesh.open_background.quads(static_cast<int>(x), static_cast<int>(y)) & bit) != 0) faces.push_back(face);
+  }
+  background = faces.size();
+  for (std::size_t f = mesh.background_faces; f < mesh.solid_faces; ++f) faces.push_back(mesh.mesh.faces[f]);
+  return faces;
 }
 
 [[nodiscard]] BackgroundErrors background_errors(ImageView<const Vec3f> vertices, ImageView<const Label> labels,
@@ -101,17 +127,23 @@ Status evaluate_mesh(const ReconstructParams& params, const SceneView& scene, co
   NPSIM_RETURN_IF_ERROR(build_sheet(params.sheet, ImageView<const float>(refined.depth),
                                     ImageView<const std::uint8_t>(refined.surface), scene.camera, sheet, pool));
   NPSIM_RETURN_IF_ERROR(sheets[0].take(sheet, pool));
-  NPSIM_RETURN_IF_ERROR(
-      prune(params.prune, ImageView<const std::uint8_t>(refined.uncertain), refined.labels, sheet, pool));
+  {
+    const std::size_t bytes = doubt_workspace_bytes(params, shape);
+    io::HostMemory memory(bytes);
+    Workspace workspace = memory.workspace(bytes);
+    ImageView<const std::uint8_t> doubt;
+    NPSIM_RETURN_IF_ERROR(find_doubt(params, refined, workspace, pool, doubt));
+    NPSIM_RETURN_IF_ERROR(prune(params.prune, doubt, refined.labels, sheet, pool));
+  }
   NPSIM_RETURN_IF_ERROR(sheets[1].take(sheet, pool));
 
-  std::array<std::vector<unsigned char>, 2> memory;
+  const std::size_t most = reconstruct_workspace_bytes(params, shape);
+  std::array<io::HostMemory, 2> memory = {io::HostMemory(most), io::HostMemory(most)};
   std::array<SceneMesh, 2> meshes;  // with all faces, simplified
   for (std::size_t i = 0; i < meshes.size(); ++i) {
     ReconstructParams own = params;
     own.simplify_faces = i == 1;
-    memory[i].resize(reconstruct_workspace_bytes(own, shape));
-    Workspace workspace(memory[i].data(), memory[i].size());
+    Workspace workspace = memory[i].workspace();
     NPSIM_RETURN_IF_ERROR(engine::reconstruct(own, scene, refined, workspace, pool, console, meshes[i]));
   }
   const SceneMesh& mesh = meshes[0];
@@ -131,26 +163,36 @@ Status evaluate_mesh(const ReconstructParams& params, const SceneView& scene, co
       out.simplified_objects));
   NPSIM_RETURN_IF_ERROR(measure_mesh_steps(params, scene, refined, pool, out.steps));
   if (!judges.background_depth.empty() && !refined.labels.empty()) {
-    out.background = background_errors(mesh.background.vertices, refined.labels, params.foreground.foreground,
-                                       judges.background_depth);
+    out.background =
+        background_errors(mesh.background.vertices, refined.labels, kForegroundLabels, judges.background_depth);
   }
   if (judges.mesh == nullptr || !judges.mesh->known() || judges.true_normals.empty()) return {};
   const std::array<io::Image<float>, 2> shown = {shown_depth(meshes[0], shape), shown_depth(meshes[1], shape)};
   std::vector<Emitter> lamps;
   NPSIM_RETURN_IF_ERROR(placed_lamps(judges.placement, scene, refined, lamps));
-  std::vector<ShadowCaster> casters(kMeshStages);
+  std::vector<ShadowCaster> casters(kMeshStages + 1);
+  const auto cast = [&](const SceneMesh& stage, ImageView<const float> depth, ShadowCaster& caster) -> Status {
+    NPSIM_RETURN_IF_ERROR(caster.traced.build(stage.mesh));
+    caster.depth = depth;
+    return lamps_of_faces(scene, stage, lamps, caster.lamp_of_face);
+  };
   for (std::size_t i = 0; i < stages.size(); ++i) {
-    SceneMesh stage = meshes[i + 1 < kMeshStages ? 0 : 1];
+    const std::size_t which = i + 1 < kMeshStages ? 0 : 1;
+    SceneMesh stage = meshes[which];
     stage.mesh = stages[i];
     if (i < 2) {  // one sheet, all background
       stage.vertex_pixel = Span<const std::uint32_t>(sheets[i].pixels.data(), sheets[i].pixels.size());
       stage.background_faces = stage.sheet_faces = stage.mesh.faces.size();
     }
-    NPSIM_RETURN_IF_ERROR(casters[i].traced.build(stage.mesh));
-    NPSIM_RETURN_IF_ERROR(lamps_of_faces(scene, stage, lamps, casters[i].lamp_of_face));
-    casters[i].depth = i < 2 ? ImageView<const float>(refined.depth)
-                             : ImageView<const float>(shown[i + 1 < kMeshStages ? 0 : 1].view());
+    NPSIM_RETURN_IF_ERROR(
+        cast(stage, i < 2 ? ImageView<const float>(refined.depth) : ImageView<const float>(shown[which].view()),
+             casters[i]));
   }
+  SceneMesh traced = mesh;
+  const std::vector<Face> faces = traced_faces(mesh, traced.background_faces);
+  traced.mesh.faces = {faces.data(), faces.size()};
+  traced.sheet_faces -= mesh.background_faces - traced.background_faces;
+  NPSIM_RETURN_IF_ERROR(cast(traced, ImageView<const float>(shown[0].view()), casters.back()));
   out.shadows =
       shadow_errors(judges.shadows, *judges.mesh, judges.true_depth, judges.true_normals, scene.camera, casters, pool);
   return {};

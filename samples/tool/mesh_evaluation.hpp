@@ -3,7 +3,8 @@
 //
 // Done twice: for the mesh that the pipeline makes of the refined depth, and for the one it would make of the true
 // depth, which shows what the mesh steps alone do wrong. Five stages of each: the connected sheet, the sheet after
-// pruning, the completed layers, the layers with the backs of objects, and those simplified. Beside that the steps are
+// pruning, the completed layers, the layers with the backs of objects, and those simplified. Shadows are judged of these
+// and of what rays meet: the layers with backs, without the open steps of the background. Beside that the steps are
 // run one at a time (mesh_steps.hpp).
 #ifndef NPSIM_SAMPLES_TOOL_MESH_EVALUATION_HPP
 #define NPSIM_SAMPLES_TOOL_MESH_EVALUATION_HPP
@@ -32,6 +33,9 @@ inline constexpr std::array<const char*, kMeshStages> kMeshStageNames = {
     "connected sheet", "pruned sheet", "completed layers", "with backs of objects", "simplified"};
 inline constexpr std::array<const char*, kMeshStages> kMeshStageKeys = {"sheet", "pruned", "completed", "solid",
                                                                         "simplified"};
+// Besides: what the rays of a night meet, which is no mesh to be whole.
+inline constexpr const char* kTracedName = "as rays meet it";
+inline constexpr const char* kTracedKey = "traced";
 
 // Depth of the completed background on foreground pixels.
 struct BackgroundErrors {
@@ -48,7 +52,7 @@ struct MeshErrors {
   MeshReport simplified_objects;
   MeshSteps steps;
   std::optional<BackgroundErrors> background;
-  std::vector<ShadowErrors> shadows;  // one per stage, or none without a true mesh
+  std::vector<ShadowErrors> shadows;  // one per stage and of what rays meet, or none without a true mesh
 };
 
 // What the mesh is judged by; planes may be empty, and then so is what they are needed for.

@@ -104,7 +104,7 @@ void fill_parts(const LayeredMesh& mesh, std::size_t first_face, std::size_t las
     for (std::size_t v = 0; v < part.pixels.size() && !labels.empty(); ++v) {
       const std::uint32_t pixel = part.pixels[v];
       const Label label = labels(static_cast<int>(pixel % width), static_cast<int>(pixel / width));
-      if (!kForegroundLabels.contains(label)) continue;  // an object may reach over its outline by a pixel
+      if (!kStandingLabels.contains(label)) continue;  // an object may reach over its outline by a pixel
       part.name = without_spaces(kLabels[label].name) + "_" + std::to_string(i);
       break;
     }

@@ -48,7 +48,9 @@ namespace npsim::tool {
           {"wrongly_lit", share(e.wrongly_lit, e.pairs)},
           {"wrongly_dark", share(e.wrongly_dark, e.pairs)},
           {"leaks", e.leaks},
-          {"leak_rate", share(e.leaks, e.dark_by_seen)}};
+          {"leak_rate", share(e.leaks, e.dark_by_seen)},
+          {"by_illuminance",
+           {{"wrongly_lit", ratio(e.wrongly_lit_lx, e.all_lx)}, {"wrongly_dark", ratio(e.wrongly_dark_lx, e.all_lx)}}}};
 }
 
 [[nodiscard]] inline OrderedJson to_json(const LayerReport& r) {
@@ -93,6 +95,7 @@ namespace npsim::tool {
     stages[kMeshStageKeys[i]] = {{"mesh", to_json(e.report[i])},
                                  {"shadows", i < e.shadows.size() ? to_json(e.shadows[i]) : OrderedJson()}};
   }
+  if (!e.shadows.empty()) stages[kTracedKey] = {{"shadows", to_json(e.shadows.back())}};
   return {{"of", e.key},
           {"stages", std::move(stages)},
           {"simplified_parts",
@@ -119,19 +122,26 @@ inline void print_table(const NightChange& n) {
       n.faces[1], n.faces[0], 100 * n.mean_colour, n.rms_codes);
 }
 
+inline void print_shadows(const ShadowErrors& s) {
+  const auto percent = [](double part, double whole) { return whole > 0 ? 100 * part / whole : kNone; };
+  std::printf(" %7.2f%% %7.2f%% %7.2f%% %8.2f%% %8.3f%%", 100 * share(s.wrongly_lit, s.pairs),
+              100 * share(s.wrongly_dark, s.pairs), 100 * share(s.wrongly_lit + s.wrongly_dark, s.pairs),
+              percent(s.wrongly_lit_lx + s.wrongly_dark_lx, s.all_lx), 100 * share(s.leaks, s.dark_by_seen));
+}
+
 inline void print_table(const MeshErrors& e, const char* title) {
-  std::printf("\n%-30s %9s %6s %7s %9s %8s %8s %8s %9s\n", title, "faces", "parts", "loops", "manifold", "lit !",
-              "dark !", "wrong", "leaks");
+  std::printf("\n%-30s %9s %6s %7s %9s %8s %8s %8s %9s %9s\n", title, "faces", "parts", "loops", "manifold", "lit !",
+              "dark !", "wrong", "by lux", "leaks");
   for (std::size_t i = 0; i < kMeshStages; ++i) {
     const MeshReport& r = e.report[i];
     std::printf("%-30s %9zu %6zu %7zu %9s", kMeshStageNames[i], r.faces, r.components, r.boundary_loops,
                 r.oriented_manifold() ? "yes" : "NO");
-    if (i < e.shadows.size()) {
-      const ShadowErrors& s = e.shadows[i];
-      std::printf(" %7.2f%% %7.2f%% %7.2f%% %8.3f%%", 100 * share(s.wrongly_lit, s.pairs),
-                  100 * share(s.wrongly_dark, s.pairs), 100 * share(s.wrongly_lit + s.wrongly_dark, s.pairs),
-                  100 * share(s.leaks, s.dark_by_seen));
-    }
+    if (i < e.shadows.size()) print_shadows(e.shadows[i]);
+    std::printf("\n");
+  }
+  if (!e.shadows.empty()) {
+    std::printf("%-30s %34s", kTracedName, "");
+    print_shadows(e.shadows.back());
     std::printf("\n");
   }
   std::printf("the simplified parts: background %s, objects %s; the layers: background %s, objects %s\n",

@@ -14,6 +14,7 @@
 #include "npsim/mesh/complete_background.hpp"
 #include "npsim/mesh/complete_foreground.hpp"
 #include "npsim/mesh/index.hpp"
+#include "npsim/mesh/open_steps.hpp"
 #include "npsim/mesh/prune.hpp"
 #include "npsim/mesh/sheet.hpp"
 #include "npsim/mesh/simplify.hpp"
@@ -68,6 +69,7 @@ Status measure_mesh_steps(const ReconstructParams& params, const SceneView& scen
   io::Image<std::uint8_t> quads(quad_shape(shape));
   io::Image<Vec3f> front_vertices(shape);
   io::Image<std::uint8_t> front_quads(quad_shape(shape));
+  io::Image<std::uint8_t> open_quads(quad_shape(shape));
   io::Image<std::uint8_t> state(shape);
   io::Image<std::uint32_t> object(shape);
   const SheetLayer background{vertices.view(), quads.view()};  // the sheet at first: it is completed in place
@@ -88,24 +90,32 @@ Status measure_mesh_steps(const ReconstructParams& params, const SceneView& scen
     return {};
   };
 
+  io::HostMemory doubt_memory(doubt_workspace_bytes(params, shape));
+  Workspace doubt_workspace = doubt_memory.workspace(doubt_workspace_bytes(params, shape));
+  ImageView<const std::uint8_t> doubt;
+  NPSIM_RETURN_IF_ERROR(timed("outlines", params.outline_px == 0 ? 0 : shape.pixels(),
+                              [&](Workspace&) { return find_doubt(params, refined, doubt_workspace, pool, doubt); }));
   NPSIM_RETURN_IF_ERROR(timed("sheet", layer_bytes, [&](Workspace&) {
     return build_sheet(params.sheet, refined.depth, refined.surface, scene.camera, background, pool);
   }));
   NPSIM_RETURN_IF_ERROR(timed("prune", quad_shape(shape).pixels(), [&](Workspace&) {
-    return prune(params.prune, refined.uncertain, refined.labels, background, pool);
+    return prune(params.prune, doubt, refined.labels, background, pool);
   }));
   NPSIM_RETURN_IF_ERROR(timed("complete_background", layer_bytes + shape.pixels(), [&](Workspace& workspace) {
     return complete_background(params.background,
-                               {background.vertices, refined.labels, refined.uncertain, refined.surface, scene.camera},
-                               background, state.view(), workspace, pool);
+                               {background.vertices, refined.labels, doubt, refined.surface, scene.camera}, background,
+                               state.view(), workspace, pool);
   }));
   NPSIM_RETURN_IF_ERROR(
       timed("complete_objects", layer_bytes + shape.pixels() * sizeof(std::uint32_t), [&](Workspace& workspace) {
         return complete_foreground(params.foreground,
                                    {params.sheet, refined.depth, refined.surface, refined.labels, scene.instances,
-                                    refined.uncertain, state.view(), scene.camera},
+                                    doubt, state.view(), scene.camera},
                                    foreground, object.view(), workspace, pool);
       }));
+  NPSIM_RETURN_IF_ERROR(timed("open_steps", quad_shape(shape).pixels(), [&](Workspace&) {
+    return open_steps(params.open_steps, background, open_quads.view(), pool);
+  }));
   {
     Workspace workspace = memory.workspace(bytes);
     NPSIM_RETURN_IF_ERROR(check_background(background, state.view(), out.background));

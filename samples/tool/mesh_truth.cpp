@@ -2,9 +2,12 @@
 #include "mesh_truth.hpp"
 
 #include <algorithm>
+#include <map>
 #include <utility>
 
 #include "npsim/io/obj.hpp"
+#include "npsim/light/activation.hpp"
+#include "true_lamps.hpp"
 
 namespace npsim::tool {
 
@@ -19,9 +22,26 @@ io::Expected<MeshTruth> read_mesh_truth(const io::Scene& scene) {
   if (const Status built = truth.traced.build(truth.mesh.view()); !built.ok()) {
     return io::Error{scene.truth.mesh, "", std::string(built.message()) + ", expected a mesh that can be traced"};
   }
+  std::map<std::uint32_t, Emitter> lights;
+  if (scene.truth.ground) {
+    const io::Expected<TrueLamps> known = read_true_lamps(scene);
+    if (!known) return known.error();
+    for (const Emitter& e : known.value().emitters) {
+      if (e.mark != 0) lights[scene.lights[e.mark - 1U].id] = e;
+    }
+  }
   for (const io::TrueEmitter& e : emitters.value()) {
     if (e.mark == 0) continue;
-    truth.lamps.push_back({e.centre_m, e.normal, std::max(e.half_extents_m.x, e.half_extents_m.y), e.mark});
+    TrueLamp lamp;
+    lamp.centre_m = e.centre_m;
+    lamp.normal = e.normal;
+    lamp.extent_m = std::max(e.half_extents_m.x, e.half_extents_m.y);
+    lamp.mark = e.mark;
+    if (const auto light = lights.find(e.mark); light != lights.end()) {
+      lamp.light = light->second;
+      lamp.peak_cd = strongest_intensity_cd(ActivationParams{}, lamp.light);
+    }
+    truth.lamps.push_back(lamp);
   }
   return truth;
 }

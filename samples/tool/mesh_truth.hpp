@@ -13,6 +13,7 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/io/mesh.hpp"
 #include "npsim/io/scene.hpp"
+#include "npsim/light/emitter.hpp"
 #include "npsim/trace/bvh.hpp"
 
 namespace npsim::tool {
@@ -23,6 +24,8 @@ struct TrueLamp {
   Vec3f normal;            // unit; light leaves on this side
   float extent_m = 0;      // the larger half side
   std::uint32_t mark = 0;  // id of its annotation
+  Emitter light;           // the same as the renderer takes it,
+  float peak_cd = 0;       // with the most that its class may be lit with; 0 where the scene does not tell
 };
 
 // A mesh with its tree. Moving keeps the tree valid: its bytes stay where they are.

@@ -7,6 +7,7 @@
 // Faces that are part of the lamp (pipeline/relight.hpp) do not block it.
 // A leak is a pair that is dark in the true scene because of a surface which the camera sees, and lit by the mesh:
 // light came through an edge, or a surface, that is closed.
+// Every pair counts alike, and once more by the light at stake: a lamp far away matters less than one overhead.
 #ifndef NPSIM_SAMPLES_TOOL_SHADOW_ERRORS_HPP
 #define NPSIM_SAMPLES_TOOL_SHADOW_ERRORS_HPP
 
@@ -20,7 +21,7 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/exec/thread_pool.hpp"
-#include "npsim/render/surface_points.hpp"
+#include "npsim/render/visibility.hpp"
 
 namespace npsim::tool {
 
@@ -41,6 +42,10 @@ struct ShadowErrors {
   std::size_t wrongly_lit = 0;
   std::size_t wrongly_dark = 0;
   std::size_t leaks = 0;  // of dark_by_seen, lit by the mesh
+  // Pairs by the illuminance that the point would have without shadows, lx; 0 where the lamps' strength is not known.
+  double all_lx = 0;
+  double wrongly_lit_lx = 0;
+  double wrongly_dark_lx = 0;
 
   void add(const ShadowErrors& o) {
     pairs += o.pairs;
@@ -49,6 +54,9 @@ struct ShadowErrors {
     wrongly_lit += o.wrongly_lit;
     wrongly_dark += o.wrongly_dark;
     leaks += o.leaks;
+    all_lx += o.all_lx;
+    wrongly_lit_lx += o.wrongly_lit_lx;
+    wrongly_dark_lx += o.wrongly_dark_lx;
   }
 };
 
@@ -119,9 +127,12 @@ namespace shadow_detail {
       const bool dark = closest_hit(truth.traced.tree, ray, hit);
       const bool dark_by_seen =
           dark && shadow_detail::seen(params, camera, truth.mesh, true_depth, true_normals, ray, hit);
+      Vec3f to_light;
+      const auto lx = static_cast<double>(lamp.peak_cd * illuminance_per_cd(lamp.light, point, normal, to_light));
       for (std::size_t m = 0; m < meshes.size(); ++m) {
         const ShadowCaster& mesh = meshes[m];
-        const Vec3f own = shadow_detail::pulled_out(unproject_pixel(camera, x, y, mesh.depth(x, y)), normal, params.relative_bias);
+        const Vec3f own =
+            shadow_detail::pulled_out(unproject_pixel(camera, x, y, mesh.depth(x, y)), normal, params.relative_bias);
         if (!shadow_detail::ray_to_lamp(params, own, lamp, ray)) continue;
         const bool lit =
             !occluded(mesh.traced.tree, ray, [&](std::uint32_t face) { return mesh.lamp_of_face[face] != lamp.mark; });
@@ -132,6 +143,9 @@ namespace shadow_detail {
         sum.wrongly_lit += dark && lit ? 1U : 0U;
         sum.wrongly_dark += !dark && !lit ? 1U : 0U;
         sum.leaks += dark_by_seen && lit ? 1U : 0U;
+        sum.all_lx += lx;
+        sum.wrongly_lit_lx += dark && lit ? lx : 0.0;
+        sum.wrongly_dark_lx += !dark && !lit ? lx : 0.0;
       }
     }
   };

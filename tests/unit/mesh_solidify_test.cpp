@@ -220,7 +220,7 @@ TEST_CASE("solidify: a back stays before the background of its pixel and above t
   Solid s = solid_of(p);
   for (const Vec3f& v : s.backs.vertices) CHECK(v.z <= 16.0F * (1 - 4e-3F));
   p.rectangle(0, 0, 119, 79, label::building, 70.0F);
-  p.rectangle(40, 25, 70, 35, label::car, 15.0F);
+  p.rectangle(40, 25, 70, 35, label::trailer, 15.0F);
   p.run();
   SolidifyScene scene = scene_of(p);
   scene.camera_height_m = 1.6F;  // the lowest row stands 0.05 m above the ground
@@ -241,6 +241,32 @@ TEST_CASE("solidify: a back stays before the background of its pixel and above t
   for (std::size_t v = 0; v < s.backs.vertices.size(); ++v) {
     CHECK(s.backs.vertices[v].z == doctest::Approx(static_cast<double>(s.front.vertices[v].z) * 1.001).epsilon(1e-5));
   }
+}
+
+TEST_CASE("solidify: light passes under a car") {
+  Picture p({120, 80});
+  p.intrinsics = {150, 150, 60, 20};
+  p.rectangle(0, 0, 119, 79, label::building, 70.0F);
+  p.rectangle(40, 25, 70, 35, label::car, 15.0F);
+  p.run();
+  SolidifyScene scene = scene_of(p);
+  scene.camera_height_m = 1.6F;  // the lowest row stands 0.05 m above the ground
+  SerialExecutor executor;
+  const float clearance = SolidifyParams{}.rules[label::car].clearance_m;
+  const Solid s = solidify_front(index(p.foreground.view()), {}, scene, executor);
+  REQUIRE(s.status.ok());
+  std::size_t at_the_front = 0;
+  bool touched = false;
+  for (std::size_t v = 0; v < s.backs.vertices.size(); ++v) {
+    const float above = scene.camera_height_m - s.backs.vertices[v].y;
+    if (above < clearance - 1e-3F) {  // a wheel or a bumper: as thin as can be
+      CHECK(s.backs.vertices[v].z < s.front.vertices[v].z * 1.0011F);
+      ++at_the_front;
+    }
+    touched = touched || std::fabs(above - clearance) < 1e-3F;
+  }
+  CHECK(at_the_front > 0);
+  CHECK(touched);
 }
 
 TEST_CASE("solidify: a pole one pixel wide becomes a solid two pixels thick at most") {

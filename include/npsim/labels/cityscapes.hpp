@@ -69,6 +69,10 @@ class LabelSet {
   }
   [[nodiscard]] constexpr bool contains(Label l) const noexcept { return l < 64 && ((bits_ >> l) & 1U) != 0; }
   [[nodiscard]] constexpr std::uint64_t bits() const noexcept { return bits_; }
+  [[nodiscard]] friend constexpr LabelSet operator|(LabelSet a, LabelSet b) noexcept {
+    a.bits_ |= b.bits_;
+    return a;
+  }
 
  private:
   std::uint64_t bits_ = 0;
@@ -79,6 +83,12 @@ inline constexpr LabelSet kForegroundLabels =
     LabelSet::of(label::pole, label::polegroup, label::traffic_light, label::traffic_sign, label::person, label::rider,
                  label::car, label::truck, label::bus, label::caravan, label::trailer, label::train, label::motorcycle,
                  label::bicycle);
+
+// What stands before the rest of a scene, which goes on behind it: the foreground, plants, fences, and the small things
+// of a street that have no class of their own (posts of advertisements, bins).
+inline constexpr LabelSet kStandingLabels =
+    kForegroundLabels | LabelSet::of(label::vegetation, label::fence, label::guard_rail, label::static_object,
+                                     label::dynamic_object);
 
 inline constexpr LabelSet kVehicleLabels = LabelSet::of(label::car, label::truck, label::bus, label::caravan,
                                                         label::trailer, label::train, label::motorcycle, label::bicycle);

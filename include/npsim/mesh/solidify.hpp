@@ -78,20 +78,22 @@ struct BackRule {
   float belt_m = 0.0F;
   float cabin_end_m = 0.0F;
   float cabin_side_m = 0.0F;
+  float clearance_m = 0.0F;  // between its underside and the ground, where the ground is known
 };
 
 struct SolidifyParams {
   // Typical sizes. Cars: mean length of new cars in Europe 4.4 to 4.5 m, width without mirrors 1.8 m (ICCT European
   // vehicle market statistics); windows from 1 m up, the roof 0.9 m shorter at the far end, which is bonnet as often as
-  // boot, and 0.2 m narrower on a side. Buses: 12 m x 2.55 m, the commonest city bus, at the width limit of EU
-  // directive 96/53; trucks in towns are shorter than that directive's 12 m: 8 m x 2.5 m. A car of a tram or
-  // train: 2.65 m wide, of which a street scene shows about 25 m. Motorcycle 2.1 m x 0.7 m, bicycle 1.8 m long and,
-  // being mostly air beside its handlebars, 0.3 m wide. Persons: shoulder breadth 0.4 to 0.5 m, depth 0.25 to 0.3 m
-  // (ISO 7250), so 0.4 m from an unknown side, and limbs as thick as wide. Signs are sheets on a 3 cm frame. A pole is
-  // round; 0.6 m bounds advertising columns and the heads of lamps.
+  // boot, and 0.2 m narrower on a side; the underside 0.15 m above the ground, as that of most cars. Buses: 12 m x
+  // 2.55 m, the commonest city bus, at the width limit of EU directive 96/53; trucks in towns are shorter than that
+  // directive's 12 m: 8 m x 2.5 m. A car of a tram or train: 2.65 m wide, of which a street scene shows about 25 m.
+  // Motorcycle 2.1 m x 0.7 m, bicycle 1.8 m long and, being mostly air beside its handlebars, 0.3 m wide. Persons:
+  // shoulder breadth 0.4 to 0.5 m, depth 0.25 to 0.3 m (ISO 7250), so 0.4 m from an unknown side, and limbs as thick as
+  // wide. Signs are sheets on a 3 cm frame, fences of 5 cm. A pole is round; 0.6 m bounds advertising columns and the
+  // heads of lamps.
   std::array<BackRule, kLabelCount> rules = [] {
     std::array<BackRule, kLabelCount> r{};
-    r[label::car] = {BackShape::box, 4.5F, 1.8F, 1.0F, 0.9F, 0.2F};
+    r[label::car] = {BackShape::box, 4.5F, 1.8F, 1.0F, 0.9F, 0.2F, 0.15F};
     r[label::truck] = {BackShape::box, 8.0F, 2.5F};
     r[label::bus] = {BackShape::box, 12.0F, 2.55F};
     r[label::caravan] = {BackShape::box, 6.0F, 2.3F};
@@ -103,13 +105,14 @@ struct SolidifyParams {
     r[label::pole] = r[label::polegroup] = {BackShape::round, 0.6F, 0.0F};
     r[label::traffic_light] = {BackShape::round, 0.35F, 0.0F};
     r[label::traffic_sign] = {BackShape::plate, 0.03F, 0.0F};
+    r[label::fence] = r[label::guard_rail] = {BackShape::plate, 0.05F, 0.0F};
     r[label::vegetation] = {BackShape::soft, 3.0F, 0.0F};
     r[label::terrain] = {BackShape::soft, 1.0F, 0.0F};
     return r;
   }();
   float min_relative = 1e-3F;    // a back lies at least this share of the depth behind its front
   float background_gap = 5e-3F;  // and ends this share of its depth before the background of its pixel
-  float ground_gap_m = 0.02F;    // and this far above the ground plane
+  float ground_gap_m = 0.02F;    // and this far above the ground plane, or its clearance
   float outlier_share = 0.01F;   // of a vehicle's vertices at either end of an extent, taken for errors of depth
   float full_side = 0.85F;       // a side seen over this share of its nominal size is taken to be all of it
   float street_weight = 0.05F;   // of the prior that vehicles stand along or across the street, see above
@@ -123,7 +126,7 @@ struct SolidifyParams {
   for (const BackRule& r : p.rules) {
     good = good && r.length_m >= 0.0F && r.length_m <= 1e3F && r.width_m >= 0.0F && r.width_m <= 1e3F &&
            r.belt_m >= 0.0F && r.belt_m <= 1e3F && r.cabin_end_m >= 0.0F && r.cabin_end_m <= 1e3F &&
-           r.cabin_side_m >= 0.0F && r.cabin_side_m <= 1e3F &&
+           r.cabin_side_m >= 0.0F && r.cabin_side_m <= 1e3F && r.clearance_m >= 0.0F && r.clearance_m <= 1e3F &&
            (r.shape != BackShape::box || (r.width_m > 0.0F && r.length_m >= r.width_m));
   }
   return good ? Status() : Status(StatusCode::invalid_argument, "solidify: a parameter lies outside its range");
@@ -469,7 +472,7 @@ template <class Executor>
         }
         const float sinking = -dot(scene.up, p);
         if (scene.camera_height_m > 0.0F && sinking > 0.0F) {
-          r = std::fmin(r, (scene.camera_height_m - params.ground_gap_m) / sinking);
+          r = std::fmin(r, (scene.camera_height_m - std::fmax(params.ground_gap_m, rule.clearance_m)) / sinking);
         }
         ratio[v] = std::fmax(r, 1.0F + params.min_relative);
       }

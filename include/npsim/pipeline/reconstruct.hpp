@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sections 3.3 and 3.5: from refined depth to the layered scene mesh.
 //
-// sheet (3.1) -> delete spurious faces -> complete the background behind objects -> complete the objects -> one indexed
-// mesh: background, objects as they are seen, and the objects' backs where these are wanted (the thesis has none). Each
-// pixel then knows the vertex that the camera sees: the object's where there is one, else the background's, never a
-// back; a pixel whose vertex got no face borrows the nearest one of its row.
+// outlines of objects -> sheet (3.1) -> delete spurious faces -> complete the background behind objects -> complete the
+// objects -> open the background's steps for rays -> one indexed mesh: background, objects as they are seen, and the
+// objects' backs where these are wanted (the thesis has none). Each pixel then knows the vertex that the camera sees: the
+// object's where there is one, else the background's, never a back; a pixel whose vertex got no face borrows the nearest
+// one of its row. Objects are all that stands before something: trees and posts as well as the thesis' foreground.
 // Two steps, because the mesh's size is known only when its layers are there: build_layers() and build_mesh();
 // reconstruct() is both. Memory: see the functions beside each; layers and mesh stay in the workspace.
 #ifndef NPSIM_PIPELINE_RECONSTRUCT_HPP
@@ -19,10 +20,12 @@
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/uncertainty.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/mesh/complete_background.hpp"
 #include "npsim/mesh/complete_foreground.hpp"
 #include "npsim/mesh/index.hpp"
+#include "npsim/mesh/open_steps.hpp"
 #include "npsim/mesh/prune.hpp"
 #include "npsim/mesh/sheet.hpp"
 #include "npsim/mesh/solidify.hpp"
@@ -36,7 +39,8 @@ inline constexpr std::uint32_t kNoVertex = 0xFFFFFFFFU;
 
 // What rays meet. Points of light are one per pixel either way.
 enum class TracedFaces {
-  layers,  // every face of both layers, and the objects' backs; slow where vertices lie off their pixels' rays
+  layers,  // those of both layers but the background's open steps, and the backs of objects but of leaves; slow where
+           // vertices lie off their pixels' rays
   mesh     // the faces of the indexed mesh, however few
 };
 
@@ -47,12 +51,24 @@ enum class TracedFaces {
   return params;
 }
 
+// Behind trees and posts the houses go on, as they do behind cars.
+[[nodiscard]] constexpr BackgroundParams default_background() noexcept {
+  BackgroundParams params;
+  params.foreground = kStandingLabels;
+  return params;
+}
+[[nodiscard]] constexpr ForegroundParams default_foreground() noexcept { return {kStandingLabels, true}; }
+
 struct ReconstructParams {
   SheetParams sheet;
   PruneParams prune;
-  BackgroundParams background;
-  ForegroundParams foreground;
-  bool backs = true;  // objects are solids, not shells
+  // At the outlines of objects depth is not trusted: where windows so many pixels wide fire in (3.3). Refined depth has
+  // its edges where the labels have theirs, so that few pixels do. 0: the depth's own uncertain map, as in the thesis.
+  int outline_px = 2;
+  BackgroundParams background = default_background();
+  ForegroundParams foreground = default_foreground();
+  OpenStepsParams open_steps;  // of the background, where rays meet the layers
+  bool backs = true;           // objects are solids, not shells
   SolidifyParams solidify;
   bool simplify_faces = true;  // of the mesh: no more than these bounds need
   SimplifyParams simplify = default_simplification();
@@ -60,6 +76,7 @@ struct ReconstructParams {
 
   [[nodiscard]] static ReconstructParams thesis() noexcept {
     ReconstructParams params;
+    params.outline_px = 0;
     params.background = BackgroundParams::thesis();
     params.foreground = ForegroundParams::thesis();
     params.backs = false;
@@ -74,10 +91,14 @@ struct ReconstructParams {
   if (params.traced != TracedFaces::layers && params.traced != TracedFaces::mesh) {
     return {StatusCode::invalid_argument, "reconstruct: rays meet the layers or the mesh"};
   }
+  if (params.outline_px < 0 || params.outline_px > 256) {
+    return {StatusCode::invalid_argument, "reconstruct: outlines are up to 256 pixels wide"};
+  }
   NPSIM_RETURN_IF_ERROR(validate(params.sheet));
   NPSIM_RETURN_IF_ERROR(validate(params.prune));
   NPSIM_RETURN_IF_ERROR(validate(params.background));
   NPSIM_RETURN_IF_ERROR(validate(params.foreground));
+  NPSIM_RETURN_IF_ERROR(validate(params.open_steps));
   NPSIM_RETURN_IF_ERROR(validate(params.solidify));
   return validate(params.simplify);
 }
@@ -87,12 +108,14 @@ struct ReconstructParams {
 struct SceneLayers {
   SheetLayer background;
   SheetLayer foreground;
+  ImageView<std::uint8_t> open_background;   // quads of the background without its open steps; those that rays meet
   ImageView<std::uint8_t> background_state;  // row_state of each pixel in the background
   ImageView<std::uint32_t> object;           // 0 = background, else the number of the object
 };
 
 // The scene as geometry; views over the workspace. Vertices and faces alike: the background's [0, background), the
-// objects' visible sides [background, sheet), the rest of the objects [sheet, size).
+// objects' visible sides [background, sheet), the rest of the objects [sheet, size). Of that rest, the faces from `solid`
+// on are the backs of leaves, which rays pass: the leaves in front have stopped their share of the light.
 struct SceneMesh {
   TriangleMeshView mesh;
   Span<const std::uint32_t> vertex_pixel;  // y * width + x of each vertex
@@ -100,18 +123,40 @@ struct SceneMesh {
   std::size_t background_faces = 0;
   std::size_t sheet_vertices = 0;
   std::size_t sheet_faces = 0;
-  SheetLayer background;  // what the indexed sheets were made from
+  std::size_t solid_faces = 0;  // from here on, the backs of what light passes: crowns
+  SheetLayer background;        // what the indexed sheets were made from
   SheetLayer foreground;
+  SheetLayer open_background;                      // the background without its open steps
   ImageView<const std::uint32_t> visible_vertex;   // per pixel, kNoVertex where no surface is seen
   ImageView<const std::uint8_t> background_state;  // row_state of each pixel in the background
   ImageView<const std::uint32_t> object;           // 0 = background, else the number of the object
 };
 
+[[nodiscard]] constexpr std::size_t doubt_workspace_bytes(const ReconstructParams& params, Shape shape) noexcept {
+  if (params.outline_px == 0) return kWorkspaceAlignment;
+  return allocation_bytes<std::uint8_t>(shape.pixels()) + uncertainty_workspace_bytes(UncertaintyParams{}, shape);
+}
+
+// Where the layers do not take over the depth; `out` lies in the workspace or in `refined`.
+template <class Executor>
+[[nodiscard]] Status find_doubt(const ReconstructParams& params, const RefinedDepth& refined, Workspace& workspace,
+                                Executor& executor, ImageView<const std::uint8_t>& out) {
+  out = refined.uncertain;
+  if (params.outline_px == 0) return {};
+  UncertaintyParams outlines;
+  outlines.window_px = params.outline_px;
+  outlines.foreground = params.foreground.foreground;
+  UncertaintyOutput at;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(refined.depth.shape(), at.mask));
+  out = at.mask;
+  return uncertainty(outlines, ImageView<const float>(refined.depth), refined.labels, at, workspace, executor);
+}
+
 // Layers and planes of an image, and on top of them what completing them takes.
 [[nodiscard]] constexpr std::size_t layers_workspace_bytes(const ReconstructParams& params, Shape shape) noexcept {
   const std::size_t pixels = shape.pixels();
-  return 2 * allocation_bytes<Vec3f>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
-         allocation_bytes<std::uint32_t>(pixels) +
+  return 2 * allocation_bytes<Vec3f>(pixels) + 4 * allocation_bytes<std::uint8_t>(pixels) +
+         allocation_bytes<std::uint32_t>(pixels) + doubt_workspace_bytes(params, shape) +
          std::max(complete_background_workspace_bytes(params.background, shape),
                   complete_foreground_workspace_bytes(params.foreground, shape)) +
          kWorkspaceAlignment;
@@ -149,8 +194,8 @@ struct SceneMeshSize {
                   simplify_faces_workspace_bytes(params.simplify, shape, size.foreground));
   }
   if (params.backs) {
-    step = std::max(
-        step, solidify_workspace_bytes(params.solidify, shape, size.foreground.vertices, size.foreground.faces));
+    step = std::max(step,
+                    solidify_workspace_bytes(params.solidify, shape, size.foreground.vertices, size.foreground.faces));
   }
   return allocation_bytes<std::uint32_t>(shape.pixels()) + allocation_bytes<Vec3f>(size.vertices()) +
          allocation_bytes<std::uint32_t>(size.vertices()) + allocation_bytes<Face>(size.faces()) + step +
@@ -223,15 +268,32 @@ template <class Executor>
   around.background = layers.background.vertices;
   around.up = refined.ground.up;
   around.camera_height_m = refined.ground.inlier_share > 0.0F ? refined.ground.camera_height_m : 0.0F;
-  const SolidifyFront seen{{buffers.vertices.sub(behind.vertices, front.vertices),
-                            buffers.faces.sub(behind.faces, front.faces)},
-                           buffers.pixels.sub(behind.vertices, front.vertices),
-                           static_cast<std::uint32_t>(behind.vertices)};
+  const SolidifyFront seen{
+      {buffers.vertices.sub(behind.vertices, front.vertices), buffers.faces.sub(behind.faces, front.faces)},
+      buffers.pixels.sub(behind.vertices, front.vertices),
+      static_cast<std::uint32_t>(behind.vertices)};
   const std::size_t vertices = behind.vertices + front.vertices;
   const MeshBuffers rest{buffers.vertices.sub(vertices, room.vertices),
                          buffers.faces.sub(behind.faces + front.faces, room.faces),
                          buffers.pixels.sub(vertices, room.vertices)};
   return solidify(params.solidify, seen, around, rest, backs, workspace, executor);
+}
+
+// Faces of the objects' backs from `first` on: those of leaves come last. Returns where they begin.
+[[nodiscard]] inline std::size_t leaves_last(const SolidifyParams& params, ImageView<const Label> labels,
+                                             Span<const std::uint32_t> pixel, std::size_t first, Span<Face> faces) {
+  const auto width = static_cast<std::uint32_t>(labels.width());
+  const auto of_leaves = [&](std::uint32_t vertex) {
+    const Label l = labels(static_cast<int>(pixel[vertex] % width), static_cast<int>(pixel[vertex] / width));
+    return l < kLabelCount && params.rules[l].shape == BackShape::soft;
+  };
+  for (std::size_t f = first; f < faces.size(); ++f) {
+    const Face face = faces[f];
+    if (of_leaves(face.a) || of_leaves(face.b) || of_leaves(face.c)) continue;
+    faces[f] = faces[first];
+    faces[first++] = face;
+  }
+  return first;
 }
 
 }  // namespace reconstruct_detail
@@ -247,24 +309,29 @@ Status build_layers(const ReconstructParams& params, const SceneView& scene, con
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, layer->vertices));
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(quad_shape(shape), layer->quads));
   }
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(quad_shape(shape), out.open_background));
   const SheetLayer& sheet = out.background;  // it is completed in place
+  const WorkspaceScope scope(workspace);
+  ImageView<const std::uint8_t> doubt;
+  NPSIM_RETURN_IF_ERROR(find_doubt(params, refined, workspace, executor, doubt));
 
   observer.begin(Stage::sheet);
   NPSIM_RETURN_IF_ERROR(build_sheet(params.sheet, refined.depth, refined.surface, scene.camera, sheet, executor));
   observer.end(Stage::sheet);
 
   observer.begin(Stage::prune);
-  NPSIM_RETURN_IF_ERROR(prune(params.prune, refined.uncertain, refined.labels, sheet, executor));
+  NPSIM_RETURN_IF_ERROR(prune(params.prune, doubt, refined.labels, sheet, executor));
   observer.end(Stage::prune);
 
   observer.begin(Stage::complete);
-  NPSIM_RETURN_IF_ERROR(complete_background(
-      params.background, {sheet.vertices, refined.labels, refined.uncertain, refined.surface, scene.camera}, sheet,
-      out.background_state, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(complete_background(params.background,
+                                            {sheet.vertices, refined.labels, doubt, refined.surface, scene.camera},
+                                            sheet, out.background_state, workspace, executor));
   NPSIM_RETURN_IF_ERROR(complete_foreground(params.foreground,
                                             {params.sheet, refined.depth, refined.surface, refined.labels,
-                                             scene.instances, refined.uncertain, out.background_state, scene.camera},
+                                             scene.instances, doubt, out.background_state, scene.camera},
                                             out.foreground, out.object, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(open_steps(params.open_steps, out.background, out.open_background, executor));
   observer.end(Stage::complete);
   return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while completing the layers") : Status();
 }
@@ -274,8 +341,7 @@ Status build_layers(const ReconstructParams& params, const SceneView& scene, con
   size.background = mesh_size(layers.background);
   size.foreground = mesh_size(layers.foreground);
   if (params.backs) {
-    size.backs = {size.foreground.vertices,
-                  back_faces(size.foreground.faces, rim_edge_count(layers.foreground))};
+    size.backs = {size.foreground.vertices, back_faces(size.foreground.faces, rim_edge_count(layers.foreground))};
   }
   return size;
 }
@@ -313,10 +379,13 @@ Status build_mesh(const ReconstructParams& params, const SceneView& scene, const
                                                         front, workspace, executor, backs));
   }
   workspace.shorten(buffers.faces, out.sheet_faces + backs.faces);
+  out.solid_faces =
+      reconstruct_detail::leaves_last(params.solidify, refined.labels, buffers.pixels, out.sheet_faces, buffers.faces);
   out.mesh = {buffers.vertices, buffers.faces};
   out.vertex_pixel = buffers.pixels;
   out.background = layers.background;
   out.foreground = layers.foreground;
+  out.open_background = {layers.background.vertices, layers.open_background};
   out.object = layers.object;
   out.background_state = layers.background_state;
   reconstruct_detail::find_visible(out, refined.labels, params.foreground.foreground, refined.surface, visible);

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The scene mesh made ready for rays: what they meet, which lamp a face is part of, and which point stands for a hit.
 //
-// LayerRays: both layers as they are, every face of them, in the structure for layers (trace/sheet.hpp), and the backs
-// of objects in a tree. Faces: two a quad of the background, two a quad of the foreground, then the backs. MeshRays:
-// the indexed mesh, however few its faces, in a tree. Faces: the mesh's. Both offer  scene  (trace/scene.hpp),
-// face_count(),  mark(...)  and  point_of(hit). Exact, given the faces. Cost: a few passes over the layers, or the
-// building of a tree. Memory: the workspace, which they point into.
+// LayerRays: both layers, the background without its open steps, in the structure for layers (trace/sheet.hpp), and the
+// backs of objects, but for those of leaves, in a tree. Faces: two a quad of the background, two a quad of the
+// foreground, then the backs. MeshRays: the indexed mesh, however few its faces, in a tree. Faces: the mesh's. Both
+// offer  scene  (trace/scene.hpp),  face_count(),  mark(...)  and  point_of(hit). Exact, given the faces. Cost: a few
+// passes over the layers, or the building of a tree. Memory: the workspace, which they point into.
 #ifndef NPSIM_PIPELINE_DETAIL_SCENE_RAYS_HPP
 #define NPSIM_PIPELINE_DETAIL_SCENE_RAYS_HPP
 
@@ -37,19 +37,19 @@ struct LayerRays {
                                    Executor& executor, LayerRays& out) {
     Span<SheetTrace> layers;
     NPSIM_RETURN_IF_ERROR(workspace.allocate(2, layers));
-    NPSIM_RETURN_IF_ERROR(build_sheet_trace(mesh.background, view.camera, workspace, layers[0], executor));
+    NPSIM_RETURN_IF_ERROR(build_sheet_trace(mesh.open_background, view.camera, workspace, layers[0], executor));
     NPSIM_RETURN_IF_ERROR(build_sheet_trace(mesh.foreground, view.camera, workspace, layers[1], executor));
     NPSIM_RETURN_IF_ERROR(join_layers(layers, out.scene.first));
     out.mesh = &mesh;
     NPSIM_RETURN_IF_ERROR(find_first_vertices(mesh, workspace, out.first));
-    const std::size_t backs = mesh.mesh.faces.size() - mesh.sheet_faces;
+    const std::size_t backs = mesh.solid_faces - mesh.sheet_faces;
     out.scene.second = Bvh{};
     if (backs == 0) return {};
     return build_bvh({mesh.mesh.vertices, mesh.mesh.faces.sub(mesh.sheet_faces, backs)}, workspace, out.scene.second);
   }
 
   [[nodiscard]] std::size_t face_count() const noexcept {
-    return npsim::face_count(scene.first) + mesh->mesh.faces.size() - mesh->sheet_faces;
+    return npsim::face_count(scene.first) + mesh->solid_faces - mesh->sheet_faces;
   }
   [[nodiscard]] Status mark(const SceneView& view, Span<const Emitter> emitters, Span<std::uint16_t> face_mark,
                             Workspace& workspace) const {
@@ -78,7 +78,9 @@ struct MeshRays {
                             Workspace& workspace) const {
     return mark_faces(view, *mesh, emitters, face_mark, workspace);
   }
-  [[nodiscard]] std::uint32_t point_of(const Hit& hit) const noexcept { return PointOfMeshHit{mesh, first, camera}(hit); }
+  [[nodiscard]] std::uint32_t point_of(const Hit& hit) const noexcept {
+    return PointOfMeshHit{mesh, first, camera}(hit);
+  }
 };
 
 // faces: of the mesh, `backs` of them of the objects' backs.
