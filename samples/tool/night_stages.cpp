@@ -186,6 +186,7 @@ class Judge {
 // The renderer against the reference on one and the same mesh, with the same materials and lamps.
 [[nodiscard]] Status judge_transport(NightParams params, const SceneView& scene, const Truth& truth, KeptDepth depth,
                                      std::uint64_t samples, ThreadPool& pool, Console& console, NightErrors& out) {
+  params.mesh.traced = TracedFaces::mesh;  // what the reference gets
   params.mesh.simplify_faces = false;
   io::Image<Vec3f> own;
   TrueNight night;
@@ -224,6 +225,9 @@ Status night_stages(const NightParams& params, const SceneView& scene, const Tru
   exact.like.ground = night.ground;
   sheet = given;
   for (std::uint8_t& u : sheet.uncertain.view().pixels()) u = 0;
+  NightParams connected = placed;  // nothing is deleted, nothing let through
+  connected.mesh.outline_px = 0;
+  connected.mesh.open_steps.min_step = 1e6F;
   NightParams thesis = thesis_night_params();
   thesis.seed = params.seed;
   thesis.photograph = params.photograph;
@@ -244,7 +248,7 @@ Status night_stages(const NightParams& params, const SceneView& scene, const Tru
       {"given depth alone", &known, &scene, &given},
       {"estimated materials alone", &known, &guessed, &exact},
       {"whole chain, depth as given", &placed, &scene, &given},
-      {"unrefined, unpruned sheet", &placed, &scene, &sheet},
+      {"unrefined, unpruned sheet", &connected, &scene, &sheet},
       {"thesis preset", &thesis, &scene, &by_thesis},
   };
   Judge judge(params, scene, truth, night, pool);
