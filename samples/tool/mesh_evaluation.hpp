@@ -35,7 +35,6 @@ inline constexpr std::array<const char*, kMeshStages> kMeshStageKeys = {"sheet",
                                                                         "simplified"};
 // Besides: what the rays of a night meet, which is no mesh to be whole.
 inline constexpr const char* kTracedName = "as rays meet it";
-inline constexpr const char* kTracedKey = "traced";
 
 // Depth of the completed background on foreground pixels.
 struct BackgroundErrors {

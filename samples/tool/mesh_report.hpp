@@ -95,9 +95,9 @@ namespace npsim::tool {
     stages[kMeshStageKeys[i]] = {{"mesh", to_json(e.report[i])},
                                  {"shadows", i < e.shadows.size() ? to_json(e.shadows[i]) : OrderedJson()}};
   }
-  if (!e.shadows.empty()) stages[kTracedKey] = {{"shadows", to_json(e.shadows.back())}};
   return {{"of", e.key},
           {"stages", std::move(stages)},
+          {"shadows_as_rays_meet_it", e.shadows.empty() ? OrderedJson() : to_json(e.shadows.back())},
           {"simplified_parts",
            {{"background", to_json(e.simplified_background)}, {"objects", to_json(e.simplified_objects)}}},
           {"layers", {{"background", to_json(e.steps.background)}, {"objects", to_json(e.steps.foreground)}}},
