@@ -2,7 +2,7 @@
 // Shadows cast by a reconstructed mesh against those of the true scene.
 //
 // Pairs of a visible point (on a regular grid of pixels) and a lamp that faces each other in the true scene. The ray
-// starts at the pixel's point of the mesh in question, pulled out along the true normal as the renderer does, and ends
+// starts at the pixel's point of the mesh in question, pulled out along the true normal by a share of its depth, and ends
 // `lamp_clearance_m` and the lamp's own extent before the lamp: whether lamps are placed right is another question.
 // Faces that are part of the lamp (pipeline/relight.hpp) do not block it.
 // A leak is a pair that is dark in the true scene because of a surface which the camera sees, and lit by the mesh:
@@ -29,7 +29,7 @@ struct ShadowErrorParams {
   int points_across = 80;  // judged points in a row of the image
   float max_distance_m = 60.0F;
   float lamp_clearance_m = 1.0F;  // frames and reliefs around a lamp are finer than pixels
-  float relative_bias = 3e-3F;    // of VisibilityParams
+  float relative_bias = 3e-3F;    // where rays start, as a share of the depth: a mesh is not blamed for its roughness
   // A blocker this close to the true depth of its pixel, with like normal, is what the camera sees there.
   float seen_tolerance = 0.005F;
   float seen_cosine = 0.9F;

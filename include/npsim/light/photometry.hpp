@@ -3,7 +3,7 @@
 //
 // Flux of a profile per candela of its peak, integral of relative_intensity over the sphere (exact but for low_beam):
 //   lambert pi;  signal 2 pi / 5;  street_luminaire (1 - g) 5 pi / 6 + 4 pi g;  low_beam 0.02188 (quadrature, 0.1 %)
-// Example: 10 klm of street_luminaire have their peak at 3708 cd and 1873 cd straight down, so 29 lx at 8 m.
+// Example: 10 klm of street_luminaire have their peak at 3680 cd and 1858 cd straight down, so 29 lx at 8 m.
 // Luminance that the camera sees: intensity towards it / luminous area seen, so that what a pixel shows and what glare
 // spreads agree with the intensity; for lambert this is the luminance itself. It is bounded by the luminance of the
 // bare light source, because annotated regions of two or three pixels have no reliable area.
