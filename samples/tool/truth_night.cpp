@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "truth_night.hpp"
 
-#include <atomic>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
@@ -267,20 +266,6 @@ std::uint64_t fingerprint(const TruthNight& night, const reference::PathParams& 
     hash.add(seen.at.alpha);
   }
   return hash.value();
-}
-
-bool TruthTracer::add(std::uint64_t last, TruthSums& sums, AnyExecutor executor, AnyObserver observer) const {
-  std::vector<reference::PixelSums> next = sums.pixels;
-  next.resize(night_.seen.size());
-  std::atomic<bool> stopped{false};
-  reference::add_samples(tracer_, night_.seen, sums.samples, last, next, executor, [&] {
-    if (observer.cancelled()) stopped.store(true, std::memory_order_relaxed);
-    return stopped.load(std::memory_order_relaxed);
-  });
-  if (stopped.load(std::memory_order_relaxed)) return false;
-  sums.pixels = std::move(next);
-  sums.samples = last;
-  return true;
 }
 
 }  // namespace npsim::tool
