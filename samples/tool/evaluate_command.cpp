@@ -223,10 +223,10 @@ int run_evaluate(const EvaluateOptions& options) {
   }
   std::optional<TrueNight> night;
   if (!options.true_night.empty()) {
-    InputFiles inputs(scene);
-    inputs.add(options.true_night, "--night");
-    if (const io::Outcome apart = inputs.expect_none_of({options.output}); !apart && !options.output.empty()) {
-      return fail(apart.error());
+    if (!options.output.empty()) {
+      InputFiles inputs;  // the scene's were asked when it was read
+      inputs.add(options.true_night, "--night");
+      if (const io::Outcome apart = inputs.expect_none_of({options.output}); !apart) return fail(apart.error());
     }
     io::Expected<TrueNight> read = read_true_night(scene, options.true_night);
     if (!read) return fail(read.error());

@@ -11,14 +11,12 @@
 
 namespace npsim::tool {
 
-io::Expected<MeshTruth> read_mesh_truth(const io::Scene& scene) {
+io::Expected<MeshTruth> read_mesh_truth(const io::Scene& scene, const std::vector<io::TrueEmitter>& emitters) {
   MeshTruth truth;
   if (scene.truth.mesh.empty() || scene.truth.emitters.empty()) return truth;
   io::Expected<io::Mesh> mesh = io::read_obj(scene.truth.mesh);
   if (!mesh) return mesh.error();
   truth.mesh = std::move(mesh.value());
-  const io::Expected<std::vector<io::TrueEmitter>> emitters = io::read_truth_emitters(scene);
-  if (!emitters) return emitters.error();
   if (const Status built = truth.traced.build(truth.mesh.view()); !built.ok()) {
     return io::Error{scene.truth.mesh, "", std::string(built.message()) + ", expected a mesh that can be traced"};
   }
@@ -30,7 +28,7 @@ io::Expected<MeshTruth> read_mesh_truth(const io::Scene& scene) {
       if (e.mark != 0) lights[scene.lights[e.mark - 1U].id] = e;
     }
   }
-  for (const io::TrueEmitter& e : emitters.value()) {
+  for (const io::TrueEmitter& e : emitters) {
     if (e.mark == 0) continue;
     TrueLamp lamp;
     lamp.centre_m = e.centre_m;

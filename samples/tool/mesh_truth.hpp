@@ -48,8 +48,9 @@ struct MeshTruth {
   [[nodiscard]] bool known() const { return !traced.tree.nodes.empty(); }
 };
 
-// A scene that names no true mesh or no emitters gives an empty truth, which is not an error.
-[[nodiscard]] io::Expected<MeshTruth> read_mesh_truth(const io::Scene& scene);
+// emitters: the scene's. A scene that names no true mesh or no emitters gives an empty truth, which is not an error.
+[[nodiscard]] io::Expected<MeshTruth> read_mesh_truth(const io::Scene& scene,
+                                                      const std::vector<io::TrueEmitter>& emitters);
 
 }  // namespace npsim::tool
 

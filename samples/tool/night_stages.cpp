@@ -82,11 +82,8 @@ struct KeptLight : NullSink {
                                ImageView<const float> depth, ImageView<const Vec3f> normals, ThreadPool& pool,
                                KeptDepth& out) {
   KeptDepth guide = like;
-  RefinedDepth refined = like.like;
-  refined.labels = guide.labels.view();
-  refined.normals = guide.normals.view();
   TrueDepthAsRefined taken;
-  NPSIM_RETURN_IF_ERROR(taken.take(scene, refined, depth, params.depth.uncertainty, pool));
+  NPSIM_RETURN_IF_ERROR(taken.take(scene, guide.refined(), depth, params.depth.uncertainty, pool));
   out = KeptDepth::of(taken.refined);
   if (!normals.empty()) copy_pixels(normals, out.normals.view());
   return {};

@@ -18,8 +18,7 @@ io::Expected<std::pair<io::Scene, Truth>> load_with_truth(const std::string& fol
     if (!parsed) return parsed.error();
     size = parsed.value();
   }
-  if (const io::Outcome good = expect_scene(folder); !good) return good.error();
-  io::Expected<io::Scene> scene = io::read_scene(folder);
+  io::Expected<io::Scene> scene = load_scene(folder, "");  // resized when all is read
   if (!scene) return scene.error();
   io::Scene& s = scene.value();
   if (!output.empty()) {
@@ -57,7 +56,7 @@ io::Expected<std::pair<io::Scene, Truth>> load_with_truth(const std::string& fol
     if (!emitters) return emitters.error();
     truth.emitters = std::move(emitters.value());
   }
-  io::Expected<MeshTruth> mesh = read_mesh_truth(s);
+  io::Expected<MeshTruth> mesh = read_mesh_truth(s, truth.emitters);
   if (!mesh) return mesh.error();
   truth.mesh = std::move(mesh.value());
   if (!at_size.empty()) {

@@ -212,6 +212,20 @@ TEST_CASE("solidify: above the belt a car's far end is that of its cabin, where 
   CHECK(solidify_detail::exit_ratio(box, rule, up, 1.4F, sinking) == doctest::Approx(1.45));
 }
 
+namespace {
+
+// An object at 15 m whose building stands far enough behind it not to matter.
+SolidifyScene object_before_building(Picture& p, Label object) {
+  p.rectangle(0, 0, 119, 79, label::building, 70.0F);
+  p.rectangle(40, 25, 70, 35, object, 15.0F);
+  p.run();
+  SolidifyScene scene = scene_of(p);
+  scene.camera_height_m = 1.6F;  // the lowest row stands 0.05 m above the ground
+  return scene;
+}
+
+}  // namespace
+
 TEST_CASE("solidify: a back stays before the background of its pixel and above the ground, its front permitting") {
   Picture p({120, 80});
   p.intrinsics = {150, 150, 60, 20};
@@ -219,11 +233,7 @@ TEST_CASE("solidify: a back stays before the background of its pixel and above t
   p.rectangle(40, 25, 70, 35, label::car, 15.0F);
   Solid s = solid_of(p);
   for (const Vec3f& v : s.backs.vertices) CHECK(v.z <= 16.0F * (1 - 4e-3F));
-  p.rectangle(0, 0, 119, 79, label::building, 70.0F);
-  p.rectangle(40, 25, 70, 35, label::trailer, 15.0F);
-  p.run();
-  SolidifyScene scene = scene_of(p);
-  scene.camera_height_m = 1.6F;  // the lowest row stands 0.05 m above the ground
+  SolidifyScene scene = object_before_building(p, label::trailer);
   SerialExecutor executor;
   s = solidify_front(index(p.foreground.view()), {}, scene, executor);
   REQUIRE(s.status.ok());
@@ -246,11 +256,7 @@ TEST_CASE("solidify: a back stays before the background of its pixel and above t
 TEST_CASE("solidify: light passes under a car") {
   Picture p({120, 80});
   p.intrinsics = {150, 150, 60, 20};
-  p.rectangle(0, 0, 119, 79, label::building, 70.0F);
-  p.rectangle(40, 25, 70, 35, label::car, 15.0F);
-  p.run();
-  SolidifyScene scene = scene_of(p);
-  scene.camera_height_m = 1.6F;  // the lowest row stands 0.05 m above the ground
+  const SolidifyScene scene = object_before_building(p, label::car);
   SerialExecutor executor;
   const float clearance = SolidifyParams{}.rules[label::car].clearance_m;
   const Solid s = solidify_front(index(p.foreground.view()), {}, scene, executor);
