@@ -468,9 +468,9 @@ TEST_CASE("night: an observer that cancels stops the run with that status") {
 TEST_CASE("night: the depth of refine_depth and the lamps of placement, handed in, give the same bits") {
   struct Lamps : Keeper {
     std::vector<Emitter> emitters;
-    Status reconstructed(const RefinedDepth& depth, const SceneMesh& mesh, const Relighting& light) {
+    Status reconstructed(const RefinedDepth& depth, const SceneMesh& scene, const Relighting& light) {
       emitters.assign(light.emitters.begin(), light.emitters.end());
-      return Keeper::reconstructed(depth, mesh, light);
+      return Keeper::reconstructed(depth, scene, light);
     }
   };
   const SceneView view = view_of(small_street());
