@@ -2,10 +2,12 @@
 // What the method starts from: one daytime photograph and everything known about it, as views over caller's memory.
 //
 // Only image, depth and camera are required. Empty labels: all is one class; empty instances: connected components of a
-// label stand for objects; empty normals, albedo, roughness: computed; empty lights: nothing is marked.
+// label stand for objects; empty normals, albedo, roughness: computed; empty lights: nothing is marked. An unknown depth
+// source is found from the depth.
 #ifndef NPSIM_CORE_SCENE_VIEW_HPP
 #define NPSIM_CORE_SCENE_VIEW_HPP
 
+#include <array>
 #include <cstdint>
 
 #include "npsim/core/annotation.hpp"
@@ -18,11 +20,23 @@
 namespace npsim {
 inline namespace NPSIM_ABI {
 
+// How the depth came about, which tells what may be changed about it.
+enum class DepthSource : std::uint8_t {
+  unknown,
+  network,  // dense and smooth, wrong by slowly varying factors, edges smeared
+  stereo,   // noise of some tenths of a pixel of disparity, so it grows with z squared; mismatches, shadows of occlusion
+  lidar,    // sparse, right to centimetres
+  exact     // rendered
+};
+inline constexpr std::array<const char*, 5> kDepthSourceNames = {"unknown", "network", "stereo", "lidar", "exact"};
+
 struct SceneView {
   Intrinsics camera;
   float camera_height_m = 0.0F;                  // above the road, where the depth is an estimate; 0: not known
   ImageView<const Rgb8> image;                   // sRGB
   ImageView<const float> depth;                  // z-depth, m; invalid where not finite or not positive
+  DepthSource depth_source = DepthSource::unknown;
+  float stereo_baseline_m = 0.0F;                // of the pair that the depth comes from; 0: not known
   ImageView<const Label> labels;                 // Cityscapes label ids
   ImageView<const std::uint16_t> instances;      // any ids; equal id and label = same object
   ImageView<const Vec3f> normals;                // unit, camera frame, facing the camera; zero = none
@@ -41,6 +55,9 @@ struct SceneView {
   }
   if (!(s.camera_height_m >= 0.0F) || !(s.camera_height_m <= 1e6F)) {
     return Status(StatusCode::invalid_argument, "the camera's height must be finite and not negative, 0 if not known");
+  }
+  if (!(s.stereo_baseline_m >= 0.0F) || !(s.stereo_baseline_m <= 1e3F)) {
+    return Status(StatusCode::invalid_argument, "the stereo baseline must be finite and not negative, 0 if not known");
   }
   const Shape shape = s.shape();
   const bool agree = s.depth.shape() == shape && (s.labels.empty() || s.labels.shape() == shape) &&

@@ -53,6 +53,7 @@ struct Scene {
   std::vector<SceneFile> files;  // scene.json and every file it names, also those that are read on demand
   Image<Rgb8> image;
   Image<float> depth;  // z-depth, m
+  DepthSource depth_source = DepthSource::unknown;
   Intrinsics intrinsics;
   double baseline_m = 0;             // of a stereo pair; 0 where unknown
   double camera_height_m = 0;        // above the road, to put estimated depth to scale; 0 where unknown or not needed
@@ -75,6 +76,8 @@ struct Scene {
     view.camera_height_m = static_cast<float>(camera_height_m);
     view.image = image.view();
     view.depth = depth.view();
+    view.depth_source = depth_source;
+    view.stereo_baseline_m = static_cast<float>(baseline_m);
     view.labels = labels.view();
     view.instances = instances.view();
     view.normals = normals.view();

@@ -48,8 +48,23 @@ inline Expected<std::string> named_file(const JsonObject& entry, const char* key
   return scene.files.back().path;
 }
 
+// A disparity is a stereo camera's unless the scene says otherwise.
+inline Outcome read_depth_source(const JsonObject& entry, DepthEncoding encoding, DepthSource& source) {
+  source = encoding == DepthEncoding::cityscapes_disparity ? DepthSource::stereo : DepthSource::unknown;
+  if (!entry.has("source")) return Done{};
+  const Expected<std::string> name = entry.text("source");
+  if (!name) return name.error();
+  for (std::size_t i = 1; i < kDepthSourceNames.size(); ++i) {
+    if (name.value() != kDepthSourceNames[i]) continue;
+    source = static_cast<DepthSource>(i);
+    return Done{};
+  }
+  return Error{entry.file(), entry.field("source"),
+               "is '" + name.value() + "', expected network, stereo, lidar or exact"};
+}
+
 inline Outcome read_scene_depth(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
-  const Outcome known = entry.allow_only({"file", "encoding", "scale"});
+  const Outcome known = entry.allow_only({"file", "encoding", "scale", "source"});
   if (!known) return known;
   const Expected<std::string> path = named_file(entry, "file", scene);
   if (!path) return path.error();
@@ -78,6 +93,7 @@ inline Outcome read_scene_depth(const JsonObject& entry, const ReadLimits& limit
     return Error{entry.file(), entry.field("scale"),
                  "stands beside encoding " + encoding.value() + ", expected it with uint16 only"};
   }
+  if (const Outcome source = read_depth_source(entry, format.encoding, scene.depth_source); !source) return source;
   DepthCounts counts;
   Expected<Image<float>> depth = read_depth(path.value(), format, limits, &counts);
   if (!depth) return depth.error();
