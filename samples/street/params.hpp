@@ -12,6 +12,7 @@
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/scene_view.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/io/image.hpp"
@@ -43,6 +44,8 @@ struct StreetParams {
   int sky_rays = 2;                  // hemisphere rays a sample, 0..16
   int light_min_px = 3;              // smaller lights are left out of the annotation (not out of the emitters)
   float sensor_noise = 1.0F;         // 1: noise of a small daytime sensor; 0: none
+  DepthSource depth = DepthSource::network;  // network: `degradation`; stereo, lidar: sensors.hpp, and no normals
+  bool materials = true;                     // whether the scene gives albedo and roughness
   Degradation degradation{};
 };
 
@@ -89,8 +92,8 @@ struct Street {
   io::Image<std::uint16_t> light_index;  // position + 1 in marks; 0: no light
   std::vector<LightMark> marks;          // sources and groups; ids are positions + 1
   std::vector<Emitter> emitters;
-  io::Image<float> est_depth;    // degraded
-  io::Image<Vec3f> est_normals;  // degraded
+  io::Image<float> est_depth;    // as StreetParams::depth has it
+  io::Image<Vec3f> est_normals;  // of a network; exact where the depth is
 
   // The true mesh, camera frame.
   std::vector<Vec3f> vertices;

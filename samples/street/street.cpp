@@ -15,6 +15,7 @@
 #include "plan.hpp"
 #include "render.hpp"
 #include "scene.hpp"
+#include "sensors.hpp"
 
 namespace npsim {
 namespace street {
@@ -29,6 +30,7 @@ namespace {
     return bad("street: field of view must lie in 0.1..2.8 rad");
   if (p.samples < 1 || p.samples > 64) return bad("street: samples must lie in 1..64");
   if (p.sky_rays < 0 || p.sky_rays > 16) return bad("street: sky rays must lie in 0..16");
+  if (p.depth == DepthSource::unknown) return bad("street: depth must be of network, stereo, lidar or exact");
   if (p.light_min_px < 1) return bad("street: light_min_px must be at least 1");
   const Degradation& g = p.degradation;
   for (const float s : {p.sensor_noise, g.edge_smear, g.scale_error, g.field_error, g.noise, g.sky_error, g.normal_blur,
@@ -70,8 +72,15 @@ Status make_street(const StreetParams& params, AnyExecutor executor, Street& str
   NPSIM_RETURN_IF_ERROR(render_background(stage, street, executor));
   collect_emitters(stage, street);
   annotate(stage, seen, street);
-  degrade_depth(street, executor);
-  degrade_normals(street, executor);
+  if (params.depth == DepthSource::network) {
+    degrade_depth(street, executor);
+    degrade_normals(street, executor);
+  } else {
+    street.est_depth = street.depth;
+    street.est_normals = street.normals;
+    if (params.depth == DepthSource::stereo) measure_stereo(street);
+    if (params.depth == DepthSource::lidar) measure_laser(stage, street);
+  }
 
   for (std::size_t i = 0; i < scene.faces.size(); ++i) {
     const FaceInfo& f = scene.info[i];

@@ -12,6 +12,7 @@
 #include "npsim/io/pfm.hpp"
 #include "npsim/io/png_jpeg.hpp"
 #include "npsim/labels/light_classes.hpp"
+#include "sensors.hpp"
 
 namespace npsim {
 namespace street {
@@ -38,19 +39,25 @@ std::string scene_json(const Street& s) {
   const Intrinsics& k = s.intrinsics;
   char camera[200];
   std::snprintf(camera, sizeof camera,
-                "{\"fx\": %.9g, \"fy\": %.9g, \"cx\": %.9g, \"cy\": %.9g, \"pixel_centre\": 0.5, \"height_m\": %.2f}",
+                "{\"fx\": %.9g, \"fy\": %.9g, \"cx\": %.9g, \"cy\": %.9g, \"pixel_centre\": 0.5, \"height_m\": %.2f",
                 static_cast<double>(k.fx), static_cast<double>(k.fy), static_cast<double>(k.cx),
                 static_cast<double>(k.cy), static_cast<double>(s.camera_height_m));
+  const DepthSource source = s.params.depth;
+  const bool normals = source != DepthSource::stereo && source != DepthSource::lidar;
   return std::string("{\n  \"npsim_scene\": 1,\n  \"name\": \"street\",\n  \"generator\": \"") + kGenerator +
          "\",\n  \"image\": \"image.png\",\n" +
-         "  \"depth\": {\"file\": \"depth.pfm\", \"encoding\": \"metres\"},\n  \"camera\": " + camera + ",\n" +
+         "  \"depth\": {\"file\": \"depth.pfm\", \"encoding\": \"metres\", \"source\": \"" +
+         kDepthSourceNames[static_cast<std::size_t>(source)] + "\"},\n  \"camera\": " + camera +
+         (source == DepthSource::stereo ? ", \"baseline\": " + number(kStereoBaseline_m) : "") + "},\n" +
          "  \"labels\": {\"file\": \"labels.png\", \"encoding\": \"cityscapes_label_ids\"},\n" +
          "  \"instances\": {\"file\": \"instances.png\", \"encoding\": \"cityscapes_instance_ids\"},\n" +
-         "  \"normals\": {\"file\": \"normals.pfm\", \"convention\": \"auto\"},\n" +
-         "  \"albedo\": {\"file\": \"albedo.pfm\"},\n  \"roughness\": {\"file\": \"roughness.pfm\"},\n" +
+         (normals ? "  \"normals\": {\"file\": \"normals.pfm\", \"convention\": \"auto\"},\n" : "") +
+         (s.params.materials
+              ? "  \"albedo\": {\"file\": \"albedo.pfm\"},\n  \"roughness\": {\"file\": \"roughness.pfm\"},\n"
+              : "") +
          "  \"lights\": {\"format\": \"segments_ai\", \"json\": \"lights.json\", \"bitmap\": \"lights.png\"},\n" +
          "  \"truth\": {\"depth\": \"truth/depth.pfm\", \"background_depth\": \"truth/background_depth.pfm\", " +
-         "\"normals\": \"truth/normals.pfm\", \"mesh\": \"truth/street.obj\", " +
+         "\"normals\": \"truth/normals.pfm\", \"albedo\": \"albedo.pfm\", \"mesh\": \"truth/street.obj\", " +
          "\"emitters\": \"truth/emitters.json\", \"ground\": {\"camera_height_m\": " + number(s.camera_height_m) +
          ", \"up\": " + vector_json(s.ground_up) + "}}\n}\n";
 }

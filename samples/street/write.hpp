@@ -3,8 +3,9 @@
 //
 //   scene.json image.png depth.pfm normals.pfm labels.png instances.png albedo.pfm roughness.pfm lights.json lights.png
 //   truth/depth.pfm truth/background_depth.pfm truth/normals.pfm truth/street.obj truth/street.mtl truth/emitters.json
-// depth.pfm and normals.pfm are the degraded estimates. Everything is in the camera frame (x right, y down, z
-// forward), metres. lights.json is a Segments.ai release; a pixel of lights.png holds id = R + 256 G + 65536 B.
+// depth.pfm and normals.pfm are the estimates; scene.json names normals, albedo and roughness only where the street is
+// asked to give them. Everything is in the camera frame (x right, y down, z forward), metres. lights.json is a
+// Segments.ai release; a pixel of lights.png holds id = R + 256 G + 65536 B.
 #ifndef NPSIM_SAMPLES_STREET_WRITE_HPP
 #define NPSIM_SAMPLES_STREET_WRITE_HPP
 

@@ -116,6 +116,14 @@ int main(int argc, char** argv) {
       ->check(whole_number)
       ->capture_default_str();
   street_app->add_option("--size", street.size, "WIDTHxHEIGHT")->capture_default_str();
+  street_app
+      ->add_option("--depth", street.depth,
+                   "How the depth is measured; with stereo and lidar the scene has no normals")
+      ->check(CLI::IsMember({"network", "stereo", "lidar", "exact"}))
+      ->capture_default_str();
+  street_app->add_option("--albedo", street.albedo, "Whether the scene gives albedo and roughness")
+      ->check(CLI::IsMember({"given", "none"}))
+      ->capture_default_str();
   street_app->add_option("--threads", street.threads, "0 = one per processor")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

@@ -12,6 +12,8 @@ struct StreetOptions {
   std::string output;
   std::uint64_t seed = 1;
   std::string size = "960x540";
+  std::string depth = "network";  // or stereo, lidar, exact
+  std::string albedo = "given";   // or none
   int threads = 0;
   bool quiet = false;
 };

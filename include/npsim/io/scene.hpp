@@ -35,6 +35,7 @@ struct TruthFiles {
   std::string depth;             // metres
   std::string background_depth;  // metres, with all foreground taken away; 0: sky
   std::string normals;           // canonical convention
+  std::string albedo;            // linear
   std::string mesh;              // OBJ
   std::string emitters;          // JSON
   std::optional<GroundPlane> ground;
@@ -116,6 +117,7 @@ struct TrueEmitter {
 [[nodiscard]] Expected<Image<float>> read_truth_background_depth(const Scene& scene, const ReadLimits& limits = {});
 // Canonical convention, zero where there is no surface.
 [[nodiscard]] Expected<Image<Vec3f>> read_truth_normals(const Scene& scene, const ReadLimits& limits = {});
+[[nodiscard]] Expected<Image<Vec3f>> read_truth_albedo(const Scene& scene, const ReadLimits& limits = {});
 [[nodiscard]] Expected<std::vector<TrueEmitter>> read_truth_emitters(const Scene& scene, const ReadLimits& limits = {});
 
 }  // namespace io

@@ -362,7 +362,7 @@ inline Expected<GroundPlane> read_truth_ground(const JsonObject& entry) {
 }
 
 inline Outcome read_truth_names(const JsonObject& entry, Scene& scene) {
-  const Outcome known = entry.allow_only({"depth", "background_depth", "normals", "mesh", "emitters", "ground"});
+  const Outcome known = entry.allow_only({"depth", "background_depth", "normals", "albedo", "mesh", "emitters", "ground"});
   if (!known) return known;
   if (entry.has("ground")) {
     const Expected<JsonObject> object = entry.object("ground");
@@ -374,6 +374,7 @@ inline Outcome read_truth_names(const JsonObject& entry, Scene& scene) {
   const std::pair<const char*, std::string*> names[] = {{"depth", &scene.truth.depth},
                                                         {"background_depth", &scene.truth.background_depth},
                                                         {"normals", &scene.truth.normals},
+                                                        {"albedo", &scene.truth.albedo},
                                                         {"mesh", &scene.truth.mesh},
                                                         {"emitters", &scene.truth.emitters}};
   for (const auto& [key, path] : names) {
@@ -585,6 +586,11 @@ inline Expected<Image<float>> read_truth_background_depth(const Scene& scene, co
 inline Expected<Image<Vec3f>> read_truth_normals(const Scene& scene, const ReadLimits& limits) {
   if (scene.truth.normals.empty()) return Error{scene.file, "truth.normals", "is missing, expected the name of a file"};
   return read_raw_normals(scene.truth.normals, limits);
+}
+
+inline Expected<Image<Vec3f>> read_truth_albedo(const Scene& scene, const ReadLimits& limits) {
+  if (scene.truth.albedo.empty()) return Error{scene.file, "truth.albedo", "is missing, expected the name of a file"};
+  return read_vec3_plane(scene.truth.albedo, limits);
 }
 
 inline Expected<std::vector<TrueEmitter>> read_truth_emitters(const Scene& scene, const ReadLimits& limits) {
