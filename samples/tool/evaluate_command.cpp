@@ -255,7 +255,7 @@ int run_evaluate(const EvaluateOptions& options) {
   if (night) {
     NightParams own = params;
     own.seed = options.night_seed;
-    own.photograph = photograph_key(scene.image.view());
+    own.photograph = scene.photograph;
     NightPictures pictures;
     const Status judged = night_stages(own, scene.view(), truth, *night,
                                        static_cast<std::uint64_t>(options.transport_samples), pool, console,

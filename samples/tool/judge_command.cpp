@@ -80,7 +80,7 @@ int run_judge(const JudgeOptions& options) {
     if (!night) return fail(night.error());
     NightParams params = default_night_params();
     params.seed = static_cast<std::uint64_t>(seed);
-    params.photograph = photograph_key(scene.image.view());
+    params.photograph = scene.photograph;
     Console console(true);
     ThreadPool pool(thread_count(options.threads));
     scenes.emplace_back();

@@ -246,7 +246,7 @@ int run_night(const NightOptions& options) {
   }
   NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
   params.seed = options.seed;
-  params.photograph = photograph_key(scene.image.view());
+  params.photograph = scene.photograph;
   params.variants = options.variants;
   if (options.mesh_error >= 0.0F) {
     params.mesh.simplify_faces = options.mesh_error > 0.0F;

@@ -48,6 +48,19 @@ struct SceneView {
   [[nodiscard]] constexpr Shape shape() const noexcept { return image.shape(); }
 };
 
+// A photograph's content as a number (FNV-1a), by which the random draws of its nights differ from those of others. A
+// photograph that is made smaller keeps the number of the whole one, so that the same lamps burn.
+[[nodiscard]] constexpr std::uint64_t photograph_key(ImageView<const Rgb8> image) noexcept {
+  std::uint64_t hash = 0xCBF29CE484222325U;
+  for (int y = 0; y < image.height(); ++y) {
+    for (int x = 0; x < image.width(); ++x) {
+      const Rgb8 c = image(x, y);
+      for (const std::uint8_t byte : {c.r, c.g, c.b}) hash = (hash ^ byte) * 0x100000001B3U;
+    }
+  }
+  return hash;
+}
+
 [[nodiscard]] inline Status validate(const SceneView& s) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(s.camera));
   if (s.image.empty() || s.depth.empty()) {

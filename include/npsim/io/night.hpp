@@ -52,7 +52,7 @@ namespace io {
                                                                     unsigned threads = 0) {
   const Expected<Scene> scene = read_scene(scene_folder);
   if (!scene) return scene.error();
-  params.photograph = photograph_key(scene.value().image.view());
+  params.photograph = scene.value().photograph;
   Expected<std::vector<Image<Rgb8>>> nights = make_nights(scene.value().view(), params, threads);
   if (!nights) return Error{scene.value().file, nights.error().field, nights.error().problem};
   return nights;

@@ -43,18 +43,6 @@ struct NightParams {
   int variants = 1;
 };
 
-// A photograph's content as a number (FNV-1a), for NightParams::photograph.
-[[nodiscard]] constexpr std::uint64_t photograph_key(ImageView<const Rgb8> image) noexcept {
-  std::uint64_t hash = 0xCBF29CE484222325U;
-  for (int y = 0; y < image.height(); ++y) {
-    for (int x = 0; x < image.width(); ++x) {
-      const Rgb8 c = image(x, y);
-      for (const std::uint8_t byte : {c.r, c.g, c.b}) hash = (hash ^ byte) * 0x100000001B3U;
-    }
-  }
-  return hash;
-}
-
 // One key of seed and photograph; different pairs give different keys with overwhelming probability.
 [[nodiscard]] constexpr std::uint64_t random_key(const NightParams& params) noexcept {
   const auto low = [](std::uint64_t v) { return static_cast<std::uint32_t>(v); };

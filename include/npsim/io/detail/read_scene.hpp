@@ -426,6 +426,7 @@ inline Expected<Scene> scene_from_json(const JsonObject& root, const ReadLimits&
   Expected<Image<Rgb8>> image = read_rgb8(image_file.value(), limits);
   if (!image) return image.error();
   scene.image = std::move(image.value());
+  scene.photograph = photograph_key(scene.image.view());
   scene.notes.push_back("image: " + size_text(scene.shape()));
   if (camera_entry.value().has("cityscapes")) {
     const Expected<std::string> camera_file = named_file(camera_entry.value(), "cityscapes", scene);
@@ -439,8 +440,8 @@ inline Expected<Scene> scene_from_json(const JsonObject& root, const ReadLimits&
   if (!camera.value().note.empty()) scene.notes.push_back(camera.value().note);
   const Outcome depth = read_scene_depth(depth_entry.value(), limits, scene);
   if (!depth) return depth.error();
-  // Stereo is to scale, and better than a height that changes with load and tyres.
-  if (const Expected<std::string> how = depth_entry.value().text("encoding"); how.value() == "cityscapes_disparity") {
+  // What was measured is to scale, and better than a height that changes with load and tyres.
+  if (scene.depth_source != DepthSource::unknown && scene.depth_source != DepthSource::network) {
     scene.camera_height_m = 0;
   } else if (scene.camera_height_m > 0) {
     scene.notes.push_back("camera: " + number_text("%.2f m", scene.camera_height_m) +
