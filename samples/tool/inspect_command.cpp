@@ -3,15 +3,25 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <cstddef>
 #include <cstdio>
+#include <filesystem>
 #include <string>
 #include <vector>
 
+#include "console.hpp"
 #include "loading.hpp"
 #include "npsim/core/camera.hpp"
+#include "npsim/geometry/ground.hpp"
+#include "npsim/io/memory.hpp"
+#include "npsim/io/png_jpeg.hpp"
+#include "npsim/io/scene_doubts.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/labels/light_classes.hpp"
 #include "options.hpp"
+#include "outputs.hpp"
+#include "overlay.hpp"
 
 namespace npsim::tool {
 namespace {
@@ -70,6 +80,39 @@ void print_lights(const io::Scene& scene) {
   std::printf("\n");
 }
 
+// The ground as the depth has it; inlier_share 0: not found.
+[[nodiscard]] GroundPlane ground_of(const SceneView& scene) {
+  GroundPlane ground;
+  const std::size_t bytes = ground_workspace_bytes({}, scene.shape());
+  io::HostMemory memory(bytes);
+  Workspace workspace = memory.workspace(bytes);
+  if (!estimate_ground({}, scene.depth, scene.labels, scene.camera, workspace, ground).ok()) ground.inlier_share = 0.0F;
+  return ground;
+}
+
+void print_ground(const GroundPlane& ground) {
+  if (!(ground.inlier_share > 0.0F)) {
+    std::printf("ground        not found: taken as level, %.2f m below the camera\n",
+                static_cast<double>(ground.camera_height_m));
+    return;
+  }
+  const double degrees = 180 / 3.14159265358979323846;
+  std::printf("ground        %.2f m below the camera, which looks down by %.1f degrees and leans by %.1f\n",
+              static_cast<double>(ground.camera_height_m), degrees * std::asin(static_cast<double>(-ground.up.z)),
+              degrees * std::atan2(static_cast<double>(ground.up.x), static_cast<double>(-ground.up.y)));
+}
+
+// Shows where labels, ground and lamps lie.
+[[nodiscard]] io::Outcome write_overlay(const io::Scene& scene, const GroundPlane& ground, const std::string& path) {
+  if (const io::Outcome apart = InputFiles(scene).expect_none_of({path}); !apart) return apart;
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  if (!folder.empty()) {
+    if (const io::Outcome made = make_folder(folder.string()); !made) return made;
+  }
+  const io::Image<Rgb8> picture = overlay_picture(scene.view(), ground);
+  return io::write_png(path, picture.view());
+}
+
 }  // namespace
 
 int run_inspect(const InspectOptions& options) {
@@ -89,7 +132,16 @@ int run_inspect(const InspectOptions& options) {
   std::printf("albedo        %s\n", present(!scene.albedo.empty(), "none: estimated from the photograph"));
   std::printf("roughness     %s\n", present(!scene.roughness.empty(), "none: by class"));
   print_lights(scene);
+  const GroundPlane ground = ground_of(scene.view());
+  print_ground(ground);
   for (const std::string& note : scene.notes) std::printf("note          %s\n", note.c_str());
+  for (const std::string& doubt : io::scene_doubts(scene)) std::printf("DOUBT         %s\n", doubt.c_str());
+  if (!options.output.empty()) {
+    if (const io::Outcome written = write_overlay(scene, ground, options.output); !written) {
+      return fail(written.error());
+    }
+    std::printf("%s\n", options.output.c_str());
+  }
   return kExitDone;
 }
 

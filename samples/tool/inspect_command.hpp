@@ -9,6 +9,7 @@ namespace npsim::tool {
 
 struct InspectOptions {
   std::string scene;
+  std::string output;  // PNG of overlay_picture(); empty: none
 };
 
 [[nodiscard]] int run_inspect(const InspectOptions& options);  // an exit status

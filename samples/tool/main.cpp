@@ -132,6 +132,8 @@ int main(int argc, char** argv) {
   InspectOptions inspect;
   CLI::App* inspect_app = app.add_subcommand("inspect", "Say what a scene holds, what is missing, ranges and shares");
   inspect_app->add_option("scene", inspect.scene, "Folder with a scene.json, or the scene.json itself")->required();
+  inspect_app->add_option("-o,--output", inspect.output,
+                          "PNG: the photograph with labels, horizon, ground and the marked lamps");
 
   ViewOptions view;
   CLI::App* view_app = app.add_subcommand("view", "Draw the mesh of a scene, or of an OBJ file, from any side");

@@ -25,6 +25,7 @@
 #include "npsim/io/memory.hpp"
 #include "npsim/io/pfm.hpp"
 #include "npsim/io/png_jpeg.hpp"
+#include "npsim/io/scene_doubts.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "options.hpp"
 #include "outputs.hpp"
@@ -146,6 +147,7 @@ class NightWriter {
           {"foreground_triangles", counts_.faces - counts_.background_faces}}},
         {"ground", {{"camera_height_m", ground_.camera_height_m}, {"up", {ground_.up.x, ground_.up.y, ground_.up.z}}}},
         {"emitters", counts_.emitters},
+        {"doubts", io::scene_doubts(scene_)},
         {"notes", scene_.notes}};
     return io::write_file(path("report.json"), report.dump(2) + "\n");
   }
@@ -243,6 +245,9 @@ int run_night(const NightOptions& options) {
   const io::Scene& scene = loaded.value();
   for (const std::string& note : scene.notes) {
     if (!options.quiet) std::fprintf(stderr, "  note: %s\n", note.c_str());
+  }
+  for (const std::string& doubt : io::scene_doubts(scene)) {
+    if (!options.quiet) std::fprintf(stderr, "  doubt: %s\n", doubt.c_str());
   }
   NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
   params.seed = options.seed;

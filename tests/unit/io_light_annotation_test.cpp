@@ -233,3 +233,62 @@ TEST_CASE("light annotation: a bitmap of another size or kind") {
   require_ok(io::write_png(folder / "lights.png", grey.view()));
   check_error(read(folder, segments(entry(5, LightClass::clock))), "lights.png", "grey");
 }
+
+TEST_CASE("light shapes: rectangles and polygons, the last one on top, a sliver between centres, groups by overlap") {
+  const TemporaryFolder folder;
+  const std::string path = folder / "lights.json";
+  put(path, R"({"lights": [
+    {"class": "windows_group", "id": 40, "rectangle": [0, 0, 8, 8]},
+    {"class": "window_building", "rectangle": [1, 1, 3, 4]},
+    {"class": "window_building", "polygon": [[4, 1], [8, 1], [8, 5]], "id": 7},
+    {"class": "street light_HT", "rectangle": [12.2, 3.1, 12.4, 3.3]},
+    {"class": "inferred object", "polygon": [[15, 0], [25, 0], [25, 4], [15, 4]], "state": "red"}]})");
+  const auto read = io::read_light_shapes(path, {20, 10});
+  require_ok(read);
+  const io::LightAnnotation& a = read.value();
+  REQUIRE(a.marks.size() == 5);
+  CHECK(a.marks[0].id == 40);
+  CHECK(a.marks[1].id == 2);
+  CHECK(a.marks[1].group == 1);
+  CHECK(a.marks[2].id == 7);
+  CHECK(a.marks[2].group == 1);
+  CHECK(a.marks[4].state == SignalState::red);
+  const auto count = [&](std::uint16_t position) {
+    int n = 0;
+    for (const std::uint16_t v : a.index.view().pixels()) n += v == position ? 1 : 0;
+    return n;
+  };
+  CHECK(count(2) == 6);
+  CHECK(a.index(1, 1) == 2);
+  CHECK(a.index(2, 3) == 2);
+  CHECK(a.index(3, 3) == 1);
+  CHECK(count(3) == 10);  // half of 4 x 4 and the centres on the slanted side, which count as right of it
+  CHECK(a.index(7, 2) == 3);
+  CHECK(a.index(4, 3) == 1);
+  CHECK(count(4) == 1);
+  CHECK(a.index(12, 3) == 4);
+  CHECK(count(5) == 20);  // cut at the image's border
+  CHECK(a.index(19, 3) == 5);
+}
+
+TEST_CASE("light shapes: bad input ends in one line that names it") {
+  const TemporaryFolder folder;
+  const std::string path = folder / "lights.json";
+  const auto refused = [&](const std::string& entry, const std::string& words) {
+    put(path, R"({"lights": [)" + entry + "]}");
+    check_error(io::read_light_shapes(path, {20, 10}), "lights.json", words);
+  };
+  refused(R"({"class": "clock"})", "rectangle");
+  refused(R"({"class": "clock", "rectangle": [1, 2, 3]})", "lights[0].rectangle");
+  refused(R"({"class": "clock", "rectangle": [1, 2, 3, "4"]})", "numbers");
+  refused(R"({"class": "clock", "rectangle": [1, 2, 3, 4], "polygon": []})", "one of the two");
+  refused(R"({"class": "clock", "polygon": [[1, 2], [3, 4]]})", "three corners");
+  refused(R"({"class": "clock", "polygon": [[1, 2], [3, 4], [5]]})", "polygon[2]");
+  refused(R"({"class": "clock", "polygon": [[1, 2], [3, 4], [1e300, 5]]})", "numbers");
+  refused(R"({"class": "lighthouse", "rectangle": [1, 2, 3, 4]})", "lighthouse");
+  refused(R"({"class": "clock", "rectangle": [1, 2, 3, 4], "colour": 1})", "colour");
+  refused(R"({"class": "clock", "id": 2, "rectangle": [1, 2, 3, 4]}, {"class": "clock", "rectangle": [1, 2, 3, 4]})",
+          "twice");
+  put(path, "{}");
+  check_error(io::read_light_shapes(path, {20, 10}), "lights.json", "lights");
+}

@@ -240,6 +240,70 @@ TEST_CASE("JPEG: baseline and progressive are read; every truncation is an error
   }
 }
 
+// An EXIF block that holds nothing but an orientation, in either order of bytes.
+std::string exif(int orientation, bool little, std::size_t directory = 8) {
+  const auto two = [&](unsigned v) {
+    const char low = static_cast<char>(v & 255U);
+    const char high = static_cast<char>(v >> 8U & 255U);
+    return little ? std::string{low, high} : std::string{high, low};
+  };
+  const auto four = [&](unsigned v) { return little ? two(v) + two(v >> 16U) : two(v >> 16U) + two(v & 0xFFFFU); };
+  return std::string(little ? "II" : "MM") + two(42) + four(static_cast<unsigned>(directory)) + two(1) + two(0x0112) +
+         two(3) + four(1) + two(static_cast<unsigned>(orientation)) + two(0) + four(0);
+}
+
+std::string with_exif(const std::string& jpeg, const std::string& tiff) {
+  const std::string body = std::string("Exif\0\0", 6) + tiff;
+  const std::size_t length = body.size() + 2;
+  return jpeg.substr(0, 2) + std::string{'\xFF', '\xE1', static_cast<char>(length >> 8U), static_cast<char>(length)} +
+         body + jpeg.substr(2);
+}
+
+TEST_CASE("EXIF: a picture lies as its orientation says; a broken block leaves it as it is") {
+  const TemporaryFolder folder;
+  const std::string whole = make_jpeg();
+  put(folder / "plain.jpg", whole);
+  const auto plain = io::read_rgb8(folder / "plain.jpg");
+  require_ok(plain);
+  const int w = plain.value().width();
+  const int h = plain.value().height();
+  REQUIRE(w != h);
+  // Where pixel (x, y) of the picture as it is looked at lies in the file, after the table of EXIF 2.3.
+  const auto source = [&](int orientation, int x, int y) -> Rgb8 {
+    switch (orientation) {
+      case 2: return plain.value()(w - 1 - x, y);
+      case 3: return plain.value()(w - 1 - x, h - 1 - y);
+      case 4: return plain.value()(x, h - 1 - y);
+      case 5: return plain.value()(y, x);
+      case 6: return plain.value()(y, h - 1 - x);
+      case 7: return plain.value()(w - 1 - y, h - 1 - x);
+      case 8: return plain.value()(w - 1 - y, x);
+      default: return plain.value()(x, y);
+    }
+  };
+  for (int orientation = 1; orientation <= 8; ++orientation) {
+    CAPTURE(orientation);
+    put(folder / "turned.jpg", with_exif(whole, exif(orientation, orientation % 2 == 0)));
+    const auto turned = io::read_rgb8(folder / "turned.jpg");
+    require_ok(turned);
+    REQUIRE(turned.value().shape() == (orientation < 5 ? Shape{w, h} : Shape{h, w}));
+    for (int y = 0; y < turned.value().height(); ++y) {
+      for (int x = 0; x < turned.value().width(); ++x) {
+        const Rgb8 expected = source(orientation, x, y);
+        REQUIRE(turned.value()(x, y).r == expected.r);
+        REQUIRE(turned.value()(x, y).g == expected.g);
+      }
+    }
+  }
+  for (const std::string& broken : {exif(9, true), exif(6, true, 5000), exif(6, true, 0xFFFFFFF0U),
+                                    exif(6, true).substr(0, 15), std::string("II"), std::string()}) {
+    put(folder / "broken.jpg", with_exif(whole, broken));
+    const auto read = io::read_rgb8(folder / "broken.jpg");
+    require_ok(read);
+    CHECK(read.value().shape() == Shape{w, h});
+  }
+}
+
 TEST_CASE("JPEG: a Huffman table with more symbols than there are is refused, one that is never defined does no harm") {
   const TemporaryFolder folder;
   const std::string whole = make_jpeg();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inactive-light-source annotations in (table 3.1): a Segments.ai release or COCO panoptic JSON, and its id bitmap.
+// Inactive-light-source annotations in (table 3.1): a Segments.ai release or COCO panoptic JSON, and its id bitmap; or a
+// plain list of rectangles and polygons.
 //
 // Marks come in the order of the file; the index plane holds position + 1, 0 is no light. Bitmap pixels spell ids as
 // R + 256 G + 65536 B, 0 = none, alpha ignored. Groups are marks of their own: their pixels are the parts of the
@@ -21,6 +22,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/io/detail/json_fields.hpp"
 #include "npsim/io/detail/light_entries.hpp"
+#include "npsim/io/detail/light_shapes.hpp"
 #include "npsim/io/detail/limits.hpp"
 #include "npsim/io/error.hpp"
 #include "npsim/io/image.hpp"
@@ -153,6 +155,70 @@ inline std::size_t join_groups(const std::vector<PixelBox>& boxes, std::vector<L
 
 }  // namespace detail
 
+namespace detail {
+
+// What is left when the index plane is filled: boxes, groups that are joined by them, and notes.
+inline void finish_annotation(LightAnnotation& out) {
+  std::vector<PixelBox> boxes(out.marks.size());
+  for (int y = 0; y < out.index.height(); ++y) {
+    for (int x = 0; x < out.index.width(); ++x) {
+      if (out.index(x, y) != 0) boxes[out.index(x, y) - 1U].include(x, y);
+    }
+  }
+  std::size_t groups = 0;
+  constexpr std::size_t kNamed = 8;
+  std::size_t without_pixels = 0;
+  std::string named;
+  for (std::size_t i = 0; i < out.marks.size(); ++i) {
+    groups += is_group(out.marks[i].cls) ? 1U : 0U;
+    if (boxes[i].right < boxes[i].left) {
+      if (++without_pixels <= kNamed) named += (named.empty() ? "" : ", ") + std::to_string(out.marks[i].id);
+    }
+  }
+  const std::size_t joined = join_groups(boxes, out.marks);
+  out.notes.insert(out.notes.begin(), "lights: " + std::to_string(out.marks.size() - groups) + " sources and " +
+                                          std::to_string(groups) + " groups");
+  if (joined > 0) {
+    out.notes.push_back("lights: " + std::to_string(joined) + " sources joined to the group that overlaps them");
+  }
+  if (without_pixels > 0) {
+    out.notes.push_back("lights: " + std::to_string(without_pixels) + " annotations without pixels: " + named +
+                        (without_pixels > kNamed ? ", ..." : ""));
+  }
+}
+
+// Position + 1 of the mark whose id each pixel of the bitmap spells.
+inline Outcome read_light_bitmap(const std::string& bitmap_path, const std::string& json_path,
+                                 const std::unordered_map<std::uint32_t, std::uint16_t>& positions,
+                                 const ReadLimits& limits, Image<std::uint16_t>& index) {
+  const Expected<Image<Rgba8>> bitmap = read_rgba8(bitmap_path, limits);
+  if (!bitmap) return bitmap.error();
+  const Outcome same = expect_shape(bitmap_path, bitmap.value().shape(), index.shape(), "the image");
+  if (!same) return same;
+  std::uint32_t last_id = 0;
+  std::uint16_t last_position = 0;
+  for (int y = 0; y < index.height(); ++y) {
+    for (int x = 0; x < index.width(); ++x) {
+      const Rgba8& p = bitmap.value()(x, y);
+      const std::uint32_t id = p[0] + 256U * p[1] + 65536U * p[2];
+      if (id == 0) continue;
+      if (id != last_id) {
+        const auto found = positions.find(id);
+        if (found == positions.end()) {
+          return Error{bitmap_path, "pixel (" + std::to_string(x) + ", " + std::to_string(y) + ")",
+                       "has id " + std::to_string(id) + ", expected 0 or an id with an entry in " + json_path};
+        }
+        last_id = id;
+        last_position = found->second;
+      }
+      index(x, y) = last_position;
+    }
+  }
+  return Done{};
+}
+
+}  // namespace detail
+
 inline Expected<LightAnnotation> read_light_annotation(LightAnnotationFormat format, const std::string& json_path,
                                                        const std::string& bitmap_path, Shape image_shape,
                                                        const ReadLimits& limits = {}) {
@@ -165,56 +231,36 @@ inline Expected<LightAnnotation> read_light_annotation(LightAnnotationFormat for
             : detail::coco_panoptic_entries(json_path, json.value(), bitmap_path);
     if (!entries) return entries.error();
     LightAnnotation out;
+    out.index = Image<std::uint16_t>(image_shape);
     std::unordered_map<std::uint32_t, std::uint16_t> positions;
     const Outcome made = detail::make_marks(json_path, entries.value(), positions, out);
     if (!made) return made.error();
+    const Outcome read = detail::read_light_bitmap(bitmap_path, json_path, positions, limits, out.index);
+    if (!read) return read.error();
+    detail::finish_annotation(out);
+    return out;
+  });
+}
 
-    const Expected<Image<Rgba8>> bitmap = read_rgba8(bitmap_path, limits);
-    if (!bitmap) return bitmap.error();
-    const Outcome same = expect_shape(bitmap_path, bitmap.value().shape(), image_shape, "the image");
-    if (!same) return same.error();
+// A list of rectangles and polygons; see detail/light_shapes.hpp.
+inline Expected<LightAnnotation> read_light_shapes(const std::string& json_path, Shape image_shape,
+                                                   const ReadLimits& limits = {}) {
+  return guarded(json_path, [&]() -> Expected<LightAnnotation> {
+    const Expected<Json> json = read_json(json_path, limits);
+    if (!json) return json.error();
+    const Expected<std::vector<detail::LightShape>> shapes = detail::light_shapes(json_path, json.value());
+    if (!shapes) return shapes.error();
+    std::vector<detail::LightEntry> entries;
+    for (const detail::LightShape& s : shapes.value()) entries.push_back(s.entry);
+    LightAnnotation out;
     out.index = Image<std::uint16_t>(image_shape);
-    std::vector<detail::PixelBox> boxes(out.marks.size());
-    std::uint32_t last_id = 0;
-    std::uint16_t last_position = 0;
-    for (int y = 0; y < image_shape.height; ++y) {
-      for (int x = 0; x < image_shape.width; ++x) {
-        const Rgba8& p = bitmap.value()(x, y);
-        const std::uint32_t id = p[0] + 256U * p[1] + 65536U * p[2];
-        if (id == 0) continue;
-        if (id != last_id) {
-          const auto found = positions.find(id);
-          if (found == positions.end()) {
-            return Error{bitmap_path, "pixel (" + std::to_string(x) + ", " + std::to_string(y) + ")",
-                         "has id " + std::to_string(id) + ", expected 0 or an id with an entry in " + json_path};
-          }
-          last_id = id;
-          last_position = found->second;
-        }
-        out.index(x, y) = last_position;
-        boxes[last_position - 1U].include(x, y);
-      }
+    std::unordered_map<std::uint32_t, std::uint16_t> positions;
+    const Outcome made = detail::make_marks(json_path, entries, positions, out);
+    if (!made) return made.error();
+    for (std::size_t i = 0; i < shapes.value().size(); ++i) {
+      detail::draw_shape(shapes.value()[i].corners, static_cast<std::uint16_t>(i + 1), out.index.view());
     }
-    std::size_t groups = 0;
-    constexpr std::size_t kNamed = 8;
-    std::size_t without_pixels = 0;
-    std::string named;
-    for (std::size_t i = 0; i < out.marks.size(); ++i) {
-      groups += is_group(out.marks[i].cls) ? 1U : 0U;
-      if (boxes[i].right < boxes[i].left) {
-        if (++without_pixels <= kNamed) named += (named.empty() ? "" : ", ") + std::to_string(out.marks[i].id);
-      }
-    }
-    const std::size_t joined = detail::join_groups(boxes, out.marks);
-    out.notes.insert(out.notes.begin(), "lights: " + std::to_string(out.marks.size() - groups) + " sources and " +
-                                            std::to_string(groups) + " groups");
-    if (joined > 0) {
-      out.notes.push_back("lights: " + std::to_string(joined) + " sources joined to the group that overlaps them");
-    }
-    if (without_pixels > 0) {
-      out.notes.push_back("lights: " + std::to_string(without_pixels) + " annotations without pixels in the bitmap: " +
-                          named + (without_pixels > kNamed ? ", ..." : ""));
-    }
+    detail::finish_annotation(out);
     return out;
   });
 }

@@ -4,7 +4,8 @@
 // Pictures (read_rgb8) take any PNG or JPEG: grey is spread over the channels, alpha is dropped, 16 bits are cut to 8.
 // Planes of numbers (read_u8, read_u16) take a single-channel PNG of 8 or 16 bits and nothing else: values are never
 // rescaled, and a file whose values would be changed by conversion is an error that says what it is.
-// Every file is checked for size, wholeness and (PNG) checksums before decoding. EXIF orientation is not applied.
+// Every file is checked for size, wholeness and (PNG) checksums before decoding. A picture lies as its EXIF orientation
+// says, planes of numbers as they are stored.
 // Memory while reading: the file, the decoder's buffers (about twice the image) and the image.
 #ifndef NPSIM_IO_PNG_JPEG_HPP
 #define NPSIM_IO_PNG_JPEG_HPP
@@ -18,10 +19,12 @@
 #include <memory>
 #include <string>
 #include <type_traits>
+#include <utility>
 
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/io/atomic_file.hpp"
+#include "npsim/io/detail/exif.hpp"
 #include "npsim/io/detail/file_bytes.hpp"
 #include "npsim/io/detail/limits.hpp"
 #include "npsim/io/detail/picture_structure.hpp"
@@ -110,6 +113,10 @@ inline Expected<Image<Rgb8>> read_rgb8(const std::string& path, const ReadLimits
     const Expected<Bytes> file = read_file_bytes(path, limits);
     if (!file) return file.error();
     const Bytes& bytes = file.value();
+    const auto turned = [](Expected<Image<Rgb8>> image, int orientation) -> Expected<Image<Rgb8>> {
+      if (!image) return image;
+      return detail::oriented(std::move(image.value()), orientation);
+    };
     if (detail::looks_like_jpeg(bytes)) {
       const Outcome whole = detail::check_jpeg_segments(path, bytes);  // before stb sees any of it
       if (!whole) return whole.error();
@@ -124,12 +131,13 @@ inline Expected<Image<Rgb8>> read_rgb8(const std::string& path, const ReadLimits
       }
       const Expected<Shape> shape = checked_shape(path, width, height, sizeof(Rgb8), limits);
       if (!shape) return shape.error();
-      return detail::decode<Rgb8>(path, bytes, shape.value(), 3);
+      return turned(detail::decode<Rgb8>(path, bytes, shape.value(), 3), detail::jpeg_orientation(bytes));
     }
     const auto header = detail::admitted_png(path, bytes, sizeof(Rgb8), limits, "a PNG or JPEG picture",
                                              [](const detail::PngHeader&) { return true; });
     if (!header) return header.error();
-    return detail::decode<Rgb8>(path, bytes, detail::shape_of(header.value()), 3);
+    return turned(detail::decode<Rgb8>(path, bytes, detail::shape_of(header.value()), 3),
+                  detail::png_orientation(bytes));
   });
 }
 

@@ -291,17 +291,23 @@ inline Outcome read_scene_lights(const JsonObject& entry, const ReadLimits& limi
   if (!known) return known;
   const Expected<std::string> format = entry.text("format");
   if (!format) return format.error();
-  if (format.value() != "segments_ai" && format.value() != "coco_panoptic") {
+  const bool shapes = format.value() == "shapes";
+  if (!shapes && format.value() != "segments_ai" && format.value() != "coco_panoptic") {
     return Error{entry.file(), entry.field("format"),
-                 "is '" + format.value() + "', expected segments_ai or coco_panoptic"};
+                 "is '" + format.value() + "', expected segments_ai, coco_panoptic or shapes"};
   }
   const Expected<std::string> json = named_file(entry, "json", scene);
   if (!json) return json.error();
-  const Expected<std::string> bitmap = named_file(entry, "bitmap", scene);
+  if (shapes && entry.has("bitmap")) {
+    return Error{entry.file(), entry.field("bitmap"), "stands beside format shapes, expected it with the others only"};
+  }
+  const Expected<std::string> bitmap = shapes ? std::string() : named_file(entry, "bitmap", scene);
   if (!bitmap) return bitmap.error();
-  Expected<LightAnnotation> lights = read_light_annotation(
-      format.value() == "segments_ai" ? LightAnnotationFormat::segments_ai : LightAnnotationFormat::coco_panoptic,
-      json.value(), bitmap.value(), scene.shape(), limits);
+  Expected<LightAnnotation> lights =
+      shapes ? read_light_shapes(json.value(), scene.shape(), limits)
+             : read_light_annotation(format.value() == "segments_ai" ? LightAnnotationFormat::segments_ai
+                                                                     : LightAnnotationFormat::coco_panoptic,
+                                     json.value(), bitmap.value(), scene.shape(), limits);
   if (!lights) return lights.error();
   scene.lights = std::move(lights.value().marks);
   scene.light_index = std::move(lights.value().index);
