@@ -28,6 +28,7 @@
 #include "npsim/light/placement.hpp"
 #include "npsim/light/sky.hpp"
 #include "npsim/pipeline/detail/lamp_faces.hpp"
+#include "npsim/pipeline/detail/own_car.hpp"
 #include "npsim/pipeline/detail/ray_starts.hpp"
 #include "npsim/pipeline/detail/scene_rays.hpp"
 #include "npsim/pipeline/detail/source_pixels.hpp"
@@ -116,9 +117,9 @@ struct RelightSize {
 [[nodiscard]] constexpr std::size_t variant_workspace_bytes(const RelightParams& params, Shape shape,
                                                             std::size_t points, std::size_t receivers) noexcept {
   return allocation_bytes<Vec3f>(shape.pixels()) +
-         std::max(allocation_bytes<Vec3f>(points) +
-                      std::max(allocation_bytes<Vec3f>(points), allocation_bytes<Vec3f>(receivers)),
-                  denoise_workspace_bytes(params.denoise, shape));
+         max_of(allocation_bytes<Vec3f>(points) +
+                    std::max(allocation_bytes<Vec3f>(points), allocation_bytes<Vec3f>(receivers)),
+                denoise_workspace_bytes(params.denoise, shape), show_own_car_workspace_bytes(shape));
 }
 
 // What prepare_relighting() and then relight() take.
@@ -397,7 +398,7 @@ inline void add_rest(const SceneView& scene, const Relighting& light, Span<const
     if (point != kNoPoint) {
       seen = seen + light.points.albedo[point] * irradiance(x, y) * kInversePi;
     } else if (scene.labels.empty() || scene.labels(x, y) == label::sky) {
-      // No surface: the sky above the horizon; what belongs to the camera's own car stays black.
+      // No surface: the sky above the horizon. The camera's own car mirrors what all this makes.
       const Vec3f direction = normalized(unproject_pixel(scene.camera, x, y, 1.0F));
       seen = sky_luminance(light.sky, raised_to_horizon(light.sky, direction));
     }
@@ -451,6 +452,7 @@ Status relight(const RelightParams& params, const SceneView& scene, const Religh
     }
   });
   relight_detail::continue_over_frame(scene.labels, out);
+  NPSIM_RETURN_IF_ERROR(show_own_car(scene, params.f0, out, workspace));
   return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while relighting") : Status();
 }
 
