@@ -45,6 +45,7 @@
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/fill.hpp"
 #include "npsim/depth/guiding_normals.hpp"
+#include "npsim/depth/kerb_faces.hpp"
 #include "npsim/depth/loss_gradient.hpp"
 #include "npsim/depth/losses.hpp"
 #include "npsim/depth/normal_convention.hpp"

@@ -2,8 +2,8 @@
 // Section 3.4: the depth refinement kernel, from the depth as given to one that a mesh can be built on.
 //
 //   fit the ground plane -> drop outliers, fill -> sharpen edges -> anchor ground -> cross-bilateral filter (3.2) -> uncertain map (3.3)
-//     -> normal-guided refinement (3.6 - 3.9)
-// The thesis has neither sharpening nor anchoring. The uncertain map is of the filtered depth: refinement moves
+//     -> normal-guided refinement (3.6 - 3.9) -> faces of kerbs
+// The thesis has neither sharpening nor anchoring, and no kerbs. The uncertain map is of the filtered depth: refinement moves
 // surfaces, not the edges between them. Without labels everything is one class and nothing is uncertain. Without given
 // normals those of the filtered depth, smoothed within each class, guide the refinement: it then flattens noise rather
 // than correcting shape. What each default is worth on generated streets stands in docs/evaluation.md.
@@ -26,6 +26,7 @@
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/fill.hpp"
 #include "npsim/depth/guiding_normals.hpp"
+#include "npsim/depth/kerb_faces.hpp"
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/depth/outliers.hpp"
 #include "npsim/depth/refine.hpp"
@@ -76,6 +77,7 @@ struct RefineDepthParams {
   // The U of the refinement: pixels whose neighbour belongs to another object that is farther or nearer by more than
   // this share. The slopes there lead from surface to surface, all others are a surface's own. 0: (3.3) as in the text.
   float border_jump = 0.02F;
+  KerbFaceParams kerbs;
 
   [[nodiscard]] static constexpr RefineDepthParams thesis() noexcept {
     RefineDepthParams params;
@@ -92,6 +94,7 @@ struct RefineDepthParams {
     params.normals.ground.enabled = false;
     params.refine = thesis_refine_params();
     params.border_jump = 0;
+    params.kerbs.enabled = false;
     return params;
   }
 };
@@ -174,6 +177,7 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.filter));
   NPSIM_RETURN_IF_ERROR(validate(params.uncertainty));
   NPSIM_RETURN_IF_ERROR(validate(params.normals));
+  NPSIM_RETURN_IF_ERROR(validate(params.kerbs));
   return validate(params.refine);
 }
 
@@ -199,7 +203,8 @@ namespace refine_detail {
       allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(pixels) + allocation_bytes<std::uint16_t>(pixels) +
           refine_detail::filter_workspace_bytes(params, shape),
       uncertainty_workspace_bytes(params.uncertainty, shape), guiding_normals_workspace_bytes(params.normals, shape),
-      refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels));
+      refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels),
+      kerb_faces_workspace_bytes(shape));
   return allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
          allocation_bytes<Vec3f>(pixels) + steps + kWorkspaceAlignment;
 }
@@ -396,7 +401,12 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
       },
       false));
   return step(
-      Stage::refine, [&] { return refine_detail::refine(params, scene, objects, workspace, executor, out); }, true);
+      Stage::refine,
+      [&] {
+        NPSIM_RETURN_IF_ERROR(refine_detail::refine(params, scene, objects, workspace, executor, out));
+        return kerb_faces(params.kerbs, scene.camera, out.ground, scene.labels, out.depth, out.normals, workspace);
+      },
+      true);
 }
 
 }  // namespace NPSIM_ABI
