@@ -102,6 +102,10 @@ Status hold_out(const HoldOut& params, const SceneView& scene, const RefineDepth
   }
   SceneView rest = scene;
   rest.depth = left.view();
+  if (rest.depth_source == DepthSource::unknown) {  // what is left would look sparser than it is
+    rest.depth_source = find_depth_source(steps.source, scene.depth, scene.labels);
+  }
+  out.source = rest.depth_source;
 
   const auto judge = [&](std::string name, std::string key, ImageView<const float> depth) {
     HoldOutRow row;
@@ -133,7 +137,8 @@ Status hold_out(const HoldOut& params, const SceneView& scene, const RefineDepth
 }
 
 void print_table(const HoldOutResult& result) {
-  std::printf("%zu measured pixels on surfaces, %zu of them left out (%.1f %%)\n\n", result.measured, result.left_out,
+  std::printf("depth from %s: %zu measured pixels on surfaces, %zu of them left out (%.1f %%)\n\n",
+              kDepthSourceNames[static_cast<std::size_t>(result.source)], result.measured, result.left_out,
               100 * share(result.left_out, result.measured));
   std::printf("%-30s %8s %8s %8s   %8s %8s %8s %8s\n", "relative error where left out", "mean", "median", "lost",
               "moved:", "mean", "median", "95th");
@@ -165,7 +170,7 @@ OrderedJson to_json(const HoldOutResult& result) {
     for (std::size_t g = 0; g < kHoldOutGroups.size(); ++g) errors[kHoldOutGroups[g].name] = to_json(r.errors[g]);
     steps.push_back({{"step", r.key}, {"left_out", std::move(errors)}, {"kept_moved", to_json(r.kept)}});
   }
-  return {{"measured", result.measured}, {"left_out", result.left_out}, {"steps", std::move(steps)}};
+  return {{"source", kDepthSourceNames[static_cast<std::size_t>(result.source)]}, {"measured", result.measured}, {"left_out", result.left_out}, {"steps", std::move(steps)}};
 }
 
 }  // namespace npsim::tool

@@ -68,6 +68,7 @@ struct HoldOutRow {
 };
 
 struct HoldOutResult {
+  DepthSource source = DepthSource::unknown;  // given, or found from all measured pixels
   std::size_t measured = 0;  // pixels of surfaces
   std::size_t left_out = 0;
   bool labelled = false;  // else the groups are all one

@@ -97,7 +97,8 @@ TEST_CASE("hold-out: leaves out the share asked for, at random or whole squares,
     CHECK(result.measured == 320U * 128U);  // the sky is not asked
     CHECK(std::fabs(static_cast<double>(result.left_out) / (320 * 128) - 0.2) < (blocks ? 0.1 : 0.01));  // of 160 squares
     if (blocks) CHECK(result.left_out % 256 == 0);
-    REQUIRE(result.rows.size() == 7);
+    REQUIRE(result.rows.size() >= 4);
+    CHECK(result.rows.back().key == "normal_guided_refinement");
     for (const tool::HoldOutRow& row : result.rows) CHECK(row.errors[0].pixels + row.errors[0].lost == result.left_out);
     CHECK(result.rows[1].kept.most == 0.0);
     CHECK(result.rows[1].errors[0].mean < result.rows[0].errors[0].mean);
