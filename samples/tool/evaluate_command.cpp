@@ -12,6 +12,7 @@
 #include "console.hpp"
 #include "evaluation.hpp"
 #include "figures.hpp"
+#include "hold_out.hpp"
 #include "loading.hpp"
 #include "mesh_report.hpp"
 #include "night_stages.hpp"
@@ -210,9 +211,45 @@ void print_table(const Evaluation& e, const io::Scene& scene, const EvaluateOpti
   if (!e.stages.empty()) print_table(e.stages);
 }
 
+// Before anything is computed, so that a folder that cannot be made is told at once.
+[[nodiscard]] io::Outcome make_folder_of(const std::string& file) {
+  const std::filesystem::path folder = std::filesystem::path(file).parent_path();
+  return folder.empty() ? io::Done{} : make_folder(folder.string());
+}
+
+int run_hold_out(const EvaluateOptions& options) {
+  Console console(options.quiet);
+  io::Expected<HoldOut> params = parse_hold_out(options.hold_out);
+  if (!params) return fail(params.error());
+  params.value().seed = options.hold_out_seed;
+  if (!options.true_night.empty() || options.simplified) {
+    return fail(io::Error{"", "--hold-out", "judges the depth alone, expected neither --night nor --simplified"});
+  }
+  const io::Expected<io::Scene> scene = console.timed("read scene", [&] { return load_scene(options.scene, options.size); });
+  if (!scene) return fail(scene.error());
+  if (!options.output.empty()) {
+    if (const io::Outcome apart = InputFiles(scene.value()).expect_none_of({options.output}); !apart) {
+      return fail(apart.error());
+    }
+  }
+  if (const io::Outcome made = make_folder_of(options.output); !made) return fail(made.error());
+  ThreadPool pool(thread_count(options.threads));
+  const NightParams night = options.preset == "thesis" ? thesis_night_params() : default_night_params();
+  HoldOutResult result;
+  const Status status = hold_out(params.value(), scene.value().view(), night.depth, pool, console, result);
+  if (!status.ok()) return fail(options.scene, status);
+  print_table(result);
+  if (options.output.empty()) return kExitDone;
+  OrderedJson json = {{"npsim", NPSIM_VERSION_STRING}, {"scene", scene.value().name}, {"hold_out", options.hold_out}};
+  json.update(to_json(result));
+  const io::Outcome written = io::write_file(options.output, json.dump(2) + "\n");
+  return written ? kExitDone : fail(written.error());
+}
+
 }  // namespace
 
 int run_evaluate(const EvaluateOptions& options) {
+  if (!options.hold_out.empty()) return run_hold_out(options);
   Console console(options.quiet);
   const io::Expected<std::pair<io::Scene, Truth>> loaded =
       console.timed("read scene and truth", [&] { return load_with_truth(options.scene, options.size, options.output); });
@@ -232,12 +269,7 @@ int run_evaluate(const EvaluateOptions& options) {
     if (!read) return fail(read.error());
     night = std::move(read.value());
   }
-  if (!options.output.empty()) {
-    const std::filesystem::path folder = std::filesystem::path(options.output).parent_path();
-    if (const io::Outcome made = folder.empty() ? io::Done{} : make_folder(folder.string()); !made) {
-      return fail(made.error());
-    }
-  }
+  if (const io::Outcome made = make_folder_of(options.output); !made) return fail(made.error());
   ThreadPool pool(thread_count(options.threads));
   const NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
   Evaluation evaluation;

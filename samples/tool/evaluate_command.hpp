@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// npsim evaluate: the depth steps, the scene mesh and the nights on a scene with ground truth, as tables and as JSON.
+// npsim evaluate: the depth steps, the scene mesh and the nights on a scene with ground truth, as tables and as JSON; or
+// the depth steps alone on a scene without, by measured pixels that are left out.
 #ifndef NPSIM_SAMPLES_TOOL_EVALUATE_COMMAND_HPP
 #define NPSIM_SAMPLES_TOOL_EVALUATE_COMMAND_HPP
 
@@ -17,6 +18,8 @@ struct EvaluateOptions {
   std::string true_night;        // as `npsim truth` wrote it; empty: nights are not judged
   std::uint64_t night_seed = 0;  // of the night that it shows
   int transport_samples = 0;     // paths a pixel by which transport is judged alone
+  std::string hold_out;          // SHARE or SHARE,blocks: judge the depth by measured pixels left out, without truth
+  std::uint64_t hold_out_seed = 1;
   bool simplified = false;       // render with all faces and with fewer
   bool quiet = false;
 };

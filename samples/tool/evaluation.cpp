@@ -7,32 +7,13 @@
 #include <cstdint>
 #include <utility>
 
+#include "depth_recorder.hpp"
 #include "engine.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/depth/normals.hpp"
 
 namespace npsim::tool {
 namespace {
-
-// Passes everything on to the console and keeps a copy of the depth after each step.
-class DepthRecorder {
- public:
-  explicit DepthRecorder(Console& console) : console_(console) {}
-  void begin(Stage stage) { console_.begin(stage); }
-  void progress(std::size_t done, std::size_t total) { console_.progress(done, total); }
-  void end(Stage stage) { console_.end(stage); }
-  void depth(Stage stage, const ImageView<const float>& depth) {
-    io::Image<float> copy(depth.shape());
-    copy_pixels(depth, copy.view());
-    kept_.emplace_back(stage, std::move(copy));
-  }
-  [[nodiscard]] bool cancelled() const { return console_.cancelled(); }
-  [[nodiscard]] const std::vector<std::pair<Stage, io::Image<float>>>& kept() const { return kept_; }
-
- private:
-  Console& console_;
-  std::vector<std::pair<Stage, io::Image<float>>> kept_;
-};
 
 // The measures of one image size, with their memory.
 class Judge {
@@ -114,13 +95,10 @@ template <class Holds>
   return n;
 }
 
-// "normal-guided refinement" is the key normal_guided_refinement.
 [[nodiscard]] StepErrors step_after(Stage stage) {
   StepErrors step;
   step.name = std::string("after ") + stage_name(stage);
-  step.key = stage_name(stage);
-  std::replace_if(
-      step.key.begin(), step.key.end(), [](char c) { return c == ' ' || c == '-'; }, '_');
+  step.key = stage_key(stage);
   return step;
 }
 

@@ -197,6 +197,12 @@ int main(int argc, char** argv) {
                            "With --night: paths a pixel of the reference on our own mesh, to judge transport alone")
       ->check(CLI::Range(0, 1 << 24))
       ->capture_default_str();
+  evaluate_app->add_option("--hold-out", evaluate.hold_out,
+                           "SHARE or SHARE,blocks: leave out that share of the measured pixels, at random or in squares "
+                           "of 16, and judge the depth there; needs no truth");
+  evaluate_app->add_option("--hold-out-seed", evaluate.hold_out_seed, "Of the pixels that are left out")
+      ->check(whole_number)
+      ->capture_default_str();
   evaluate_app->add_flag(
       "--simplified", evaluate.simplified,
       "Render one night with all faces of the mesh and one with the simplified ones, and compare them");

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Section 3.4: the depth refinement kernel, from the depth as given to one that a mesh can be built on.
 //
-//   fit the ground plane -> drop outliers, fill -> sharpen edges -> anchor ground -> cross-bilateral filter (3.2) -> uncertain map (3.3)
-//     -> normal-guided refinement (3.6 - 3.9) -> faces of kerbs
-// The thesis has neither sharpening nor anchoring, and no kerbs. The uncertain map is of the filtered depth: refinement moves
+//   find the source -> fit the ground plane -> drop outliers, fill -> sharpen edges -> anchor ground
+//     -> cross-bilateral filter (3.2) -> uncertain map (3.3) -> normal-guided refinement (3.6 - 3.9) -> faces of kerbs
+// The thesis has neither sharpening nor anchoring, and no kerbs. The first two, and the filter, mend what networks do
+// wrong and harm what was measured (docs/evaluation.md), so they are left out for stereo, laser and exact depth
+// (depth/depth_source.hpp), and what refinement does to such depth is held within what its source leaves open. The
+// uncertain map is of the filtered depth: refinement moves
 // surfaces, not the edges between them. Without labels everything is one class and nothing is uncertain. Without given
 // normals those of the filtered depth, smoothed within each class, guide the refinement: it then flattens noise rather
 // than correcting shape. What each default is worth on generated streets stands in docs/evaluation.md.
@@ -12,6 +15,7 @@
 #define NPSIM_PIPELINE_REFINE_DEPTH_HPP
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -24,6 +28,7 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/anchor_ground.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
+#include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/fill.hpp"
 #include "npsim/depth/guiding_normals.hpp"
 #include "npsim/depth/kerb_faces.hpp"
@@ -57,6 +62,8 @@ inline namespace NPSIM_ABI {
 }
 
 struct RefineDepthParams {
+  bool use_source = true;  // false: all depth is taken for a network's
+  DepthSourceParams source;
   bool drop_outliers = true;
   OutlierParams outliers;
   FillParams fill;
@@ -81,6 +88,7 @@ struct RefineDepthParams {
 
   [[nodiscard]] static constexpr RefineDepthParams thesis() noexcept {
     RefineDepthParams params;
+    params.use_source = false;
     params.drop_outliers = false;
     params.sharpen.radius_px = 0;
     params.anchor.enabled = false;
@@ -105,6 +113,10 @@ struct RefinedDepth {
   ImageView<std::uint8_t> surface;    // 1 where the pixel shows a surface of the scene
   ImageView<std::uint8_t> uncertain;  // U of (3.3)
   ImageView<Vec3f> normals;           // that guided the refinement: given or derived, smoothed, the ground's made plain
+  DepthSource source = DepthSource::network;  // given or found
+  DepthTrust trust;                   // by how much the filled depth may be changed
+  ImageView<float> filled;            // m; the depth before it was filtered and refined; empty where it moves freely
+  ImageView<float> confidence;        // 1 where measured, falling to 0 where made up far from it; empty likewise
   GroundPlane ground;                 // of the anchored depth; inlier_share 0: a guess
   RefineResult refinement;
 };
@@ -169,6 +181,7 @@ namespace refine_detail {
 
 [[nodiscard]] inline Status validate(const RefineDepthParams& params) noexcept {
   if (!(params.border_jump >= 0.0F)) return {StatusCode::invalid_argument, "refine_depth: border_jump is not negative"};
+  NPSIM_RETURN_IF_ERROR(validate(params.source));
   NPSIM_RETURN_IF_ERROR(validate(params.ground));
   NPSIM_RETURN_IF_ERROR(validate(params.outliers));
   NPSIM_RETURN_IF_ERROR(validate(params.fill));
@@ -205,7 +218,7 @@ namespace refine_detail {
       uncertainty_workspace_bytes(params.uncertainty, shape), guiding_normals_workspace_bytes(params.normals, shape),
       refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels),
       kerb_faces_workspace_bytes(shape));
-  return allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
+  return 3 * allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
          allocation_bytes<Vec3f>(pixels) + steps + kWorkspaceAlignment;
 }
 
@@ -215,6 +228,10 @@ namespace refine_detail {
 
 [[nodiscard]] inline Status allocate_planes(const SceneView& scene, Workspace& workspace, RefinedDepth& out) noexcept {
   const Shape shape = scene.shape();
+  if (out.trust.bounded) {
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.filled));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.confidence));
+  }
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.depth));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.surface));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.uncertain));
@@ -250,6 +267,30 @@ inline void mark_surface(ImageView<const float> given, ImageView<const Label> la
   }
 }
 
+// Confidence falls off as e^(-steps / reach), steps being those to the nearest measured pixel, along rows and columns.
+inline constexpr float kConfidenceReach_px = 8.0F;
+inline void rate_confidence(ImageView<const float> measured, float reach_px, ImageView<float> confidence) noexcept {
+  const Shape shape = confidence.shape();
+  const float step = std::exp(-1.0F / max_of(reach_px, 1.0F));
+  const auto spread = [&](int x, int y, int from_x, int from_y) {
+    const float from = confidence.contains(from_x, from_y) ? step * confidence(from_x, from_y) : 0.0F;
+    if (from > confidence(x, y)) confidence(x, y) = from;
+  };
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      confidence(x, y) = is_valid_depth(measured(x, y)) ? 1.0F : 0.0F;
+      spread(x, y, x - 1, y);
+      spread(x, y, x, y - 1);
+    }
+  }
+  for (int y = shape.height - 1; y >= 0; --y) {
+    for (int x = shape.width - 1; x >= 0; --x) {
+      spread(x, y, x + 1, y);
+      spread(x, y, x, y + 1);
+    }
+  }
+}
+
 template <class Executor>
 [[nodiscard]] Status complete_depth(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace,
                                     Executor& executor, RefinedDepth& out) {
@@ -271,7 +312,24 @@ template <class Executor>
       if (out.surface(x, y) == 0) out.depth(x, y) = 0.0F;
     }
   }
+  if (out.trust.bounded) {
+    copy_pixels(ImageView<const float>(out.depth), out.filled);
+    rate_confidence(measured, kConfidenceReach_px * reference_scale(params, shape), out.confidence);
+  }
   return {};
+}
+
+// What a step made of the depth, held within what its source leaves open.
+template <class Executor>
+void hold_depth(const RefinedDepth& out, Executor& executor) noexcept {
+  if (!out.trust.bounded) return;
+  executor.for_chunks(static_cast<std::size_t>(out.depth.height()), 16, [&](std::size_t begin, std::size_t end) {
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      for (int x = 0; x < out.depth.width(); ++x) {
+        out.depth(x, y) = out.trust.held(out.filled(x, y), out.depth(x, y), out.confidence(x, y));
+      }
+    }
+  });
 }
 
 template <class Executor>
@@ -376,21 +434,29 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
     return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while refining depth") : Status();
   };
   NPSIM_RETURN_IF_ERROR(workspace.ensure(refine_depth_workspace_bytes(params, scene.shape())));
+  out.source = scene.depth_source;
+  if (out.source == DepthSource::unknown) out.source = find_depth_source(params.source, scene.depth, scene.labels);
+  out.trust = depth_trust(params.source, params.use_source ? out.source : DepthSource::network, scene.camera,
+                          scene.stereo_baseline_m);
+  out.filled = {};
+  out.confidence = {};
   NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(scene, workspace, out));
   const bool labelled = !scene.labels.empty();
   const ObjectMap objects{scene.labels, labelled ? scene.instances : ImageView<const std::uint16_t>()};
 
   NPSIM_RETURN_IF_ERROR(step(
       Stage::fill, [&] { return refine_detail::complete_depth(params, scene, workspace, executor, out); }, true));
-  if (params.sharpen.radius_px > 0.0F) {
+  if (params.sharpen.radius_px > 0.0F && !out.trust.bounded) {
     NPSIM_RETURN_IF_ERROR(step(
         Stage::sharpen, [&] { return refine_detail::sharpen(params, objects, workspace, executor, out); }, true));
   }
-  NPSIM_RETURN_IF_ERROR(step(
-      Stage::ground, [&] { return refine_detail::anchor(params, scene, workspace, executor, out); },
-      params.anchor.enabled));
-  NPSIM_RETURN_IF_ERROR(step(
-      Stage::cross_bilateral, [&] { return refine_detail::filter(params, scene, workspace, executor, out); }, true));
+  if (!out.trust.bounded) {
+    NPSIM_RETURN_IF_ERROR(step(
+        Stage::ground, [&] { return refine_detail::anchor(params, scene, workspace, executor, out); },
+        params.anchor.enabled));
+    NPSIM_RETURN_IF_ERROR(step(
+        Stage::cross_bilateral, [&] { return refine_detail::filter(params, scene, workspace, executor, out); }, true));
+  }
   NPSIM_RETURN_IF_ERROR(step(
       Stage::uncertainty,
       [&] {
@@ -404,6 +470,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
       Stage::refine,
       [&] {
         NPSIM_RETURN_IF_ERROR(refine_detail::refine(params, scene, objects, workspace, executor, out));
+        refine_detail::hold_depth(out, executor);
         return kerb_faces(params.kerbs, scene.camera, out.ground, scene.labels, out.depth, out.normals, workspace);
       },
       true);

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "hold_out.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <system_error>
+#include <utility>
+
+#include "depth_recorder.hpp"
+#include "engine.hpp"
+#include "npsim/core/camera.hpp"
+#include "npsim/core/random.hpp"
+#include "npsim/io/image.hpp"
+#include "simple_fill.hpp"
+
+namespace npsim::tool {
+namespace {
+
+enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut };
+
+// What becomes of each pixel of the depth.
+[[nodiscard]] io::Image<std::uint8_t> draw_roles(const HoldOut& params, const SceneView& scene, HoldOutResult& out) {
+  const Shape shape = scene.shape();
+  io::Image<std::uint8_t> roles(shape);
+  const int across = shape.width / kHoldOutBlock_px + 1;
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      roles(x, y) = kUnjudged;
+      if (!is_valid_depth(scene.depth(x, y))) continue;
+      if (!scene.labels.empty() && kNoSurfaceLabels.contains(scene.labels(x, y))) continue;
+      const int key = params.blocks ? y / kHoldOutBlock_px * across + x / kHoldOutBlock_px : y * shape.width + x;
+      RandomStream random(params.seed, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(key), 0);
+      const bool out_of_it = static_cast<double>(random.uniform()) < params.share;
+      roles(x, y) = out_of_it ? kLeftOut : kKept;
+      ++out.measured;
+      out.left_out += out_of_it ? 1U : 0U;
+    }
+  }
+  return roles;
+}
+
+// Of all pixels of one role whose label belongs to the set.
+[[nodiscard]] DepthShift shift(ImageView<const float> depth, const SceneView& scene, const io::Image<std::uint8_t>& roles,
+                               Role role, LabelSet labels) {
+  DepthShift out;
+  std::vector<float> all;
+  double sum = 0;
+  for (int y = 0; y < depth.height(); ++y) {
+    for (int x = 0; x < depth.width(); ++x) {
+      if (roles(x, y) != role || !(scene.labels.empty() || labels.contains(scene.labels(x, y)))) continue;
+      if (!is_valid_depth(depth(x, y))) {
+        ++out.lost;
+        continue;
+      }
+      const double e = std::fabs(static_cast<double>(depth(x, y)) / static_cast<double>(scene.depth(x, y)) - 1);
+      sum += e;
+      all.push_back(static_cast<float>(e));
+    }
+  }
+  out.pixels = all.size();
+  if (all.empty()) return out;
+  const auto quantile = [&](double q) {
+    const auto nth = all.begin() + static_cast<std::ptrdiff_t>(q * static_cast<double>(all.size() - 1));
+    std::nth_element(all.begin(), nth, all.end());
+    return static_cast<double>(*nth);
+  };
+  out.mean = sum / static_cast<double>(all.size());
+  out.median = quantile(0.5);
+  out.most = quantile(0.95);
+  return out;
+}
+
+[[nodiscard]] OrderedJson to_json(const DepthShift& s) {
+  return {{"pixels", s.pixels}, {"lost", s.lost}, {"mean", s.mean}, {"median", s.median}, {"p95", s.most}};
+}
+
+}  // namespace
+
+io::Expected<HoldOut> parse_hold_out(const std::string& text) {
+  HoldOut out;
+  const std::size_t comma = text.find(',');
+  const std::string number = text.substr(0, comma);
+  const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), out.share);
+  out.blocks = comma != std::string::npos;
+  const bool form = !out.blocks || text.substr(comma) == ",blocks";
+  if (form && error == std::errc() && end == number.data() + number.size() && out.share > 0 && out.share < 1) {
+    return out;
+  }
+  return io::Error{"", "--hold-out", "expected a share between 0 and 1, or SHARE,blocks, got '" + text + "'"};
+}
+
+Status hold_out(const HoldOut& params, const SceneView& scene, const RefineDepthParams& steps, ThreadPool& pool,
+                Console& console, HoldOutResult& out) {
+  const Shape shape = scene.shape();
+  const io::Image<std::uint8_t> roles = draw_roles(params, scene, out);
+  out.labelled = !scene.labels.empty();
+  io::Image<float> left(shape);
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) left(x, y) = roles(x, y) == kLeftOut ? 0.0F : scene.depth(x, y);
+  }
+  SceneView rest = scene;
+  rest.depth = left.view();
+  if (rest.depth_source == DepthSource::unknown) {  // what is left would look sparser than it is
+    rest.depth_source = find_depth_source(steps.source, scene.depth, scene.labels);
+  }
+  out.source = rest.depth_source;
+
+  const auto judge = [&](std::string name, std::string key, ImageView<const float> depth) {
+    HoldOutRow row;
+    row.name = std::move(name);
+    row.key = std::move(key);
+    for (std::size_t g = 0; g < kHoldOutGroups.size(); ++g) {
+      row.errors[g] = shift(depth, scene, roles, kLeftOut, kHoldOutGroups[g].labels);
+    }
+    row.kept = shift(depth, scene, roles, kKept, LabelSet::all());
+    out.rows.push_back(std::move(row));
+  };
+  // The yardsticks may not draw on what has no surface either.
+  io::Image<float> samples(shape);
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) samples(x, y) = roles(x, y) == kKept ? scene.depth(x, y) : 0.0F;
+  }
+  judge("nearest neighbour", "nearest", filled_by_nearest(samples.view()).view());
+  judge("linear in 1/z", "linear", filled_linearly(samples.view()).view());
+
+  DepthRecorder recorder(console);
+  std::vector<unsigned char> memory(refine_depth_workspace_bytes(steps, shape));
+  Workspace workspace(memory.data(), memory.size());
+  RefinedDepth refined;
+  NPSIM_RETURN_IF_ERROR(engine::refine_depth(steps, rest, workspace, pool, recorder, refined));
+  for (const auto& [stage, depth] : recorder.kept()) {
+    judge(std::string("after ") + stage_name(stage), stage_key(stage), depth.view());
+  }
+  return {};
+}
+
+void print_table(const HoldOutResult& result) {
+  std::printf("depth from %s: %zu measured pixels on surfaces, %zu of them left out (%.1f %%)\n\n",
+              kDepthSourceNames[static_cast<std::size_t>(result.source)], result.measured, result.left_out,
+              100 * share(result.left_out, result.measured));
+  std::printf("%-30s %8s %8s %8s   %8s %8s %8s %8s\n", "relative error where left out", "mean", "median", "lost",
+              "moved:", "mean", "median", "95th");
+  for (const HoldOutRow& r : result.rows) {
+    std::printf("%-30s %8.5f %8.5f %8zu   %8s %8.5f %8.5f %8.5f\n", r.name.c_str(), r.errors[0].mean,
+                r.errors[0].median, r.errors[0].lost, "", r.kept.mean, r.kept.median, r.kept.most);
+  }
+  if (!result.labelled) return;
+  std::printf("\n%-30s", "mean by label");
+  for (std::size_t g = 1; g < kHoldOutGroups.size(); ++g) std::printf(" %8s", kHoldOutGroups[g].name);
+  std::printf("\n");
+  for (const HoldOutRow& r : result.rows) {
+    std::printf("%-30s", r.name.c_str());
+    for (std::size_t g = 1; g < kHoldOutGroups.size(); ++g) {
+      if (r.errors[g].pixels > 0) {
+        std::printf(" %8.5f", r.errors[g].mean);
+      } else {
+        std::printf(" %8s", "-");
+      }
+    }
+    std::printf("\n");
+  }
+}
+
+OrderedJson to_json(const HoldOutResult& result) {
+  OrderedJson steps = OrderedJson::array();
+  for (const HoldOutRow& r : result.rows) {
+    OrderedJson errors = OrderedJson::object();
+    for (std::size_t g = 0; g < kHoldOutGroups.size(); ++g) errors[kHoldOutGroups[g].name] = to_json(r.errors[g]);
+    steps.push_back({{"step", r.key}, {"left_out", std::move(errors)}, {"kept_moved", to_json(r.kept)}});
+  }
+  return {{"source", kDepthSourceNames[static_cast<std::size_t>(result.source)]}, {"measured", result.measured}, {"left_out", result.left_out}, {"steps", std::move(steps)}};
+}
+
+}  // namespace npsim::tool

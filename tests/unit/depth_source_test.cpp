@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "npsim/depth/depth_source.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+
+#include "fixture.hpp"
+#include "npsim/core/random.hpp"
+#include "npsim/pipeline/refine_depth.hpp"
+
+using namespace npsim;
+using npsim_test::Image;
+
+namespace {
+
+constexpr Shape kShape{320, 180};
+
+[[nodiscard]] float draw(int x, int y, std::uint32_t what) {
+  RandomStream random(5, RandomPurpose::test, what, 0, static_cast<std::uint32_t>(y * kShape.width + x), 0);
+  return random.uniform();
+}
+
+// A road and a wall over it; 1/z of either is linear in the image. noise: of 1/z, 1/m, half its range.
+[[nodiscard]] Image<float> street(float noise = 0.0F) {
+  Image<float> depth(kShape, 0.0F);
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      const float w = y < 100 ? 0.05F + 0.0001F * static_cast<float>(x)
+                              : 0.05F + 0.0001F * static_cast<float>(x) + 0.004F * static_cast<float>(y - 100);
+      depth(x, y) = 1.0F / (w + noise * (2.0F * draw(x, y, 0) - 1.0F));
+    }
+  }
+  return depth;
+}
+
+// Keeps a pixel where the predicate holds.
+template <class Keep>
+void thin_out(Image<float>& depth, const Keep& keep) {
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (!keep(x, y)) depth(x, y) = 0.0F;
+    }
+  }
+}
+
+[[nodiscard]] DepthSource source_of(const Image<float>& depth) { return find_depth_source({}, depth.cview(), {}); }
+
+}  // namespace
+
+TEST_CASE("a depth map's source is found from what is measured and how it scatters") {
+  CHECK(source_of(street()) == DepthSource::exact);
+  CHECK(source_of(street(0.002F)) == DepthSource::network);
+  Image<float> holes = street(0.002F);
+  thin_out(holes, [](int x, int y) { return x % 40 >= 6 || y % 30 >= 10; });
+  CHECK(source_of(holes) == DepthSource::stereo);
+  for (const float share : {0.03F, 0.2F, 0.5F}) {
+    Image<float> sparse = street();
+    thin_out(sparse, [&](int x, int y) { return draw(x, y, 1) < share; });
+    CHECK(source_of(sparse) == DepthSource::lidar);
+  }
+  Image<float> rows = street(0.0001F);  // of a scanner
+  thin_out(rows, [](int, int y) { return y > 60 && y % 4 == 0; });
+  CHECK(source_of(rows) == DepthSource::lidar);
+  CHECK(source_of(Image<float>(kShape, 0.0F)) == DepthSource::network);
+}
+
+TEST_CASE("missing sky is no hole, and a small map enlarged is not exact") {
+  Image<float> depth = street(0.002F);
+  thin_out(depth, [](int x, int y) { return y > 40 || (x > 90 && x < 150); });
+  CHECK(source_of(depth) == DepthSource::network);
+  Image<float> enlarged(kShape, 0.0F);  // twice, linearly in 1/z
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      const auto at = [](int i, int j) { return 0.1F + 0.02F * draw(i, j, 2); };
+      const float u = static_cast<float>(x % 2) / 2.0F;
+      const float v = static_cast<float>(y % 2) / 2.0F;
+      const int i = x / 2;
+      const int j = y / 2;
+      const float w = (1 - v) * ((1 - u) * at(i, j) + u * at(i + 1, j)) + v * ((1 - u) * at(i, j + 1) + u * at(i + 1, j + 1));
+      enlarged(x, y) = 1.0F / w;
+    }
+  }
+  CHECK(source_of(enlarged) == DepthSource::network);
+}
+
+TEST_CASE("what is proposed for a measured depth is held within its source's noise") {
+  const Intrinsics k{500, 500, 160, 90};
+  const DepthSourceParams params;
+  const DepthTrust stereo = depth_trust(params, DepthSource::stereo, k, 0.2F);
+  const float step = params.disparity_noise_px / 100.0F;
+  for (const float z : {2.0F, 20.0F, 200.0F}) {
+    CAPTURE(z);
+    CHECK(1.0F / stereo.held(z, 0.5F * z, 1.0F) == doctest::Approx(1.0F / z + step));
+    CHECK(stereo.held(z, 1.0F / (1.0F / z + 0.5F * step), 1.0F) == doctest::Approx(1.0F / (1.0F / z + 0.5F * step)));
+    const DepthTrust lidar = depth_trust(params, DepthSource::lidar, k, 0);
+    CHECK(std::fabs(lidar.held(z, 2 * z, 1.0F) - z) <= 1.01F * std::fmin(params.lidar_noise_m, params.lidar_noise * z));
+    CHECK(std::fabs(lidar.held(z, 2 * z, 0.0F) / z - 1) > 0.9F * params.made_up);  // made up: freer
+    const DepthTrust exact = depth_trust(params, DepthSource::exact, k, 0);
+    CHECK(exact.held(z, 1.1F * z, 1.0F) == z);
+    CHECK(exact.held(z, 1.1F * z, 0.0F) == z);
+    CHECK(depth_trust(params, DepthSource::network, k, 0).held(z, 2 * z, 1.0F) == 2 * z);
+  }
+  CHECK(stereo.held(0.0F, 3.0F, 1.0F) == 3.0F);
+  DepthSourceParams wrong;
+  CHECK(validate(wrong).ok());
+  wrong.disparity_noise_px = -1;
+  CHECK(!validate(wrong).ok());
+}
+
+TEST_CASE("the chain moves measured points by no more than their source leaves open, and reports the source") {
+  const Intrinsics k{300, 300, 160, 90};
+  Image<Rgb8> image(kShape, Rgb8{90, 100, 110});
+  Image<Label> labels(kShape, label::building);
+  for (int y = 100; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) labels(x, y) = label::road;
+  }
+  for (const DepthSource source : {DepthSource::stereo, DepthSource::lidar, DepthSource::exact}) {
+    CAPTURE(static_cast<int>(source));
+    Image<float> depth = street(source == DepthSource::exact ? 0.0F : 0.0005F);
+    thin_out(depth, [&](int x, int y) { return source != DepthSource::lidar || draw(x, y, 1) < 0.3F; });
+    SceneView scene;
+    scene.camera = k;
+    scene.image = image.cview();
+    scene.depth = depth.cview();
+    scene.labels = labels.cview();
+    scene.depth_source = source;
+    scene.stereo_baseline_m = 0.3F;
+    const RefineDepthParams params;
+    npsim_test::Scratch scratch(refine_depth_workspace_bytes(params, kShape));
+    SerialExecutor serial;
+    NullObserver observer;
+    RefinedDepth out;
+    REQUIRE(refine_depth(params, scene, scratch.workspace(), serial, observer, out).ok());
+    CHECK(out.source == source);
+    int moved = 0;
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        REQUIRE(is_valid_depth(out.depth(x, y)));
+        if (!is_valid_depth(depth(x, y))) continue;
+        CHECK(out.confidence(x, y) == 1.0F);
+        const float w = std::fabs(1.0F / out.depth(x, y) - 1.0F / depth(x, y));
+        CHECK(w <= 1.001F * out.trust.reach(depth(x, y), 1.0F) + 1e-6F);
+        moved += w > 1e-6F ? 1 : 0;
+      }
+    }
+    CHECK((moved > 0) == (source != DepthSource::exact));
+  }
+}
