@@ -3,7 +3,6 @@
 #include <doctest/doctest.h>
 
 #include <cstdint>
-#include <cstdlib>
 #include <memory>
 #include <string>
 #include <vector>
@@ -17,6 +16,7 @@
 #include "npsim/mesh/check.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "fixture.hpp"
+#include "real_scenes.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
 #include "tool/engine.hpp"
@@ -94,37 +94,8 @@ TEST_CASE("every generated street: layers without a hole, a mesh without a fault
 }
 
 TEST_CASE("real scenes, where the environment names them: whole as well") {
-  const char* const data = std::getenv("NPSIM_TEST_DATA");
-  if (data == nullptr || *data == '\0') {
-    MESSAGE("skipped: NPSIM_TEST_DATA is not set");
-    return;
-  }
-  const std::string root = std::string(data) + "/";
-  const auto cityscapes = [&](const std::string& name) {
-    const std::string d = root + "cityscapes/" + name;
-    const std::string ids =
-        "{\"file\": \"" + d + "_gtFine_instanceIds.png\", \"encoding\": \"cityscapes_instance_ids\"}";
-    return "{\"image\": \"" + d + "_leftImg8bit.png\", \"depth\": {\"file\": \"" + d +
-           "_disparity.png\", \"encoding\": \"cityscapes_disparity\"}, \"camera\": {\"cityscapes\": \"" + d +
-           "_camera.json\"}, \"labels\": " + ids + ", \"instances\": " + ids + "}";
-  };
-  const auto plain = [&](const std::string& image, const std::string& depth, const char* scale, const char* rest) {
-    return "{\"image\": \"" + root + image + "\", \"depth\": {\"file\": \"" + root + depth +
-           "\", \"encoding\": \"uint16\", \"scale\": " + scale + "}, " + rest + "}";
-  };
-  const std::string carla_labels =
-      "\"camera\": {\"fx\": 951.07, \"fy\": 951.07, \"cx\": 691, \"cy\": 256}, "
-      "\"labels\": {\"file\": \"" +
-      root + "carla/0183_labelIds_DERIVED.png\", \"encoding\": \"cityscapes_label_ids\"}";
-  const std::string scenes[] = {
-      cityscapes("dusseldorf_000020_000019"), cityscapes("aachen_000001_000019"),
-      plain("carla/0183_rgb.png", "carla/0183_depth_m_x256_DERIVED.png", "0.00390625", carla_labels.c_str()),
-      plain("kitti/0000000050_rgb.png", "kitti/0000000050_depth.png", "0.00390625",
-            R"("camera": {"fx": 707.0493, "fy": 707.0493, "cx": 604.0814, "cy": 180.5066})"),
-      plain("rgbd/frame-000000.color.jpg", "rgbd/frame-000000.depth.png", "0.001",
-            R"("camera": {"fx": 585, "fy": 585, "cx": 320, "cy": 240})")};
-  for (const std::string& text : scenes) {
-    CAPTURE(text);
+  for (const auto& [name, text] : npsim_test::real_scenes()) {
+    CAPTURE(name);
     const TemporaryFolder folder;
     put(folder / "scene.json", text);
     io::Expected<io::Scene> scene = io::read_scene(folder / "scene.json");
