@@ -81,7 +81,17 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, alpha));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, known));
   if (scene.albedo.empty()) {
-    NPSIM_RETURN_IF_ERROR(estimate_albedo(params.albedo, scene.image, refined.labels, workspace, albedo, executor));
+    AlbedoScene seen;
+    seen.image = scene.image;
+    seen.labels = scene.labels;
+    if (!scene.labels.empty()) seen.instances = scene.instances;
+    seen.depth = refined.depth;
+    seen.normals = refined.normals;
+    seen.camera = scene.camera;
+    seen.ground = refined.ground;
+    DaylightReport daylight;
+    NPSIM_RETURN_IF_ERROR(
+        estimate_albedo(params.albedo, seen, workspace, AlbedoEstimate{albedo, {}}, daylight, executor));
   } else {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
