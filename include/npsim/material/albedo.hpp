@@ -7,8 +7,9 @@
 // 3. Scale: asphalt in the sun meets the prior of detail/class_priors.hpp. All other ground, vehicles, people and things
 //    share this scale, so that a black car stays black; facades and plants, whose light differs by direction, meet
 //    their own priors.
-// 4. Standing things: detail/daylight/standing_light.hpp. Of an object no pixel is brighter than panes_limit times its
-//    median: that is the sky in its panes.
+// 4. Standing things: detail/daylight/standing_light.hpp. On cars panes and tyres are told from paint by where they are
+//    and how they differ. What is brighter than panes_limit times an object's median is half drawn in, because much of
+//    it is the sky that paint and panes show.
 // 5. Colour: the road's cast is divided out to the share that `cast_removal` states. What is saturated (a channel at or
 //    above saturated_level) or dark has no trustworthy colour and becomes grey; no channel leaves the bounds of paint.
 // 6. Bounds: a pixel further from its class's level than a factor of `free_ratio` is drawn in, by a slope, not cut, so
@@ -255,7 +256,12 @@ struct Light {
   constexpr float kLeastShare = 0.15F;  // of a channel in luminance
   constexpr float kMostShare = 3.0F;
   constexpr float kSlope = 0.35F;
-  constexpr float kPlantSlope = 0.5F;  // leaves shade each other, which a smooth skin of foliage will not do at night
+  constexpr float kPaneSlope = 1.2F;  // what is dark on a facade is panes and openings, brightened by what they mirror
+  constexpr float kObjectSlope = 0.5F;  // sky in panes and on paint is drawn in; plates, rims and lamps still show
+  // Of plants most differences are light: leaves in the sun and sky between them more than gaps, which a smooth skin of
+  // foliage would not have at night.
+  constexpr float kPlantSlope = 0.4F;
+  constexpr float kPlantSlopeBelow = 0.7F;
   const int most = max_of(static_cast<int>(seen.r), static_cast<int>(seen.g), static_cast<int>(seen.b));
   float lum = luminance(a);
   if (!(lum > 0.0F)) return {p.min_albedo, p.min_albedo, p.min_albedo};
@@ -272,10 +278,12 @@ struct Light {
   if (object != 0 && p.remove_light) {
     const float paint = c.objects.median[object];
     if (label == label::car) log_albedo = paint_or_glass(log_albedo, paint, down);
-    log_albedo = std::min(log_albedo, paint + log2_of(p.panes_limit));
+    const float over = log_albedo - paint - log2_of(p.panes_limit);
+    if (over > 0.0F) log_albedo -= (1.0F - kObjectSlope) * over;
   }
   float off = log_albedo - level;
-  if (label == label::vegetation) off *= kPlantSlope;
+  if (label == label::vegetation) off *= off > 0.0F ? kPlantSlope : kPlantSlopeBelow;
+  if (region_of(label) == kFacade && off < 0.0F) off *= kPaneSlope;
   if (off > bound) off = bound + kSlope * (off - bound);
   a *= exp2_of(off + level) / lum;
   const float brightest = max_of(a.x, a.y, a.z);
@@ -285,6 +293,35 @@ struct Light {
     return clamp_to(std::sqrt(v * v + p.min_albedo * p.min_albedo), p.min_albedo, p.max_albedo);
   };
   return {floored(a.x), floored(a.y), floored(a.z)};
+}
+
+// The photograph's pixel, or where it lies beside the sky the darker one further in: labels are loose by some pixels, and
+// what leaks in of the sky would be the brightest paint of the street.
+[[nodiscard]] inline Rgb8 without_sky(const Context& c, int x, int y) noexcept {
+  constexpr float kLoose_px = 3.0F;  // at 960 px width
+  constexpr int kSteps[8][2] = {{0, -1}, {-1, 0}, {1, 0}, {-1, -1}, {1, -1}, {0, 1}, {-1, 1}, {1, 1}};
+  const ImageView<const Label>& labels = c.scene.labels;
+  const Rgb8 own = c.scene.image(x, y);
+  if (labels.empty()) return own;
+  const int reach = c.picture.radius(kLoose_px) * c.picture.factor;
+  Rgb8 best = own;
+  float least = luminance(srgb_decode8(own));
+  for (const auto& step : kSteps) {
+    const int dx = step[0] * reach;
+    const int dy = step[1] * reach;
+    if (!labels.contains(x + dx, y + dy) || labels(x + dx, y + dy) != label::sky) continue;
+    // Thin things have sky on both sides: then the nearer half of the way.
+    for (const int part : {1, 2}) {
+      const int u = x - dx / part;
+      const int v = y - dy / part;
+      if (!labels.contains(u, v) || labels(u, v) != labels(x, y)) continue;
+      const float inner = luminance(srgb_decode8(c.scene.image(u, v)));
+      if (inner >= least) continue;
+      least = inner;
+      best = c.scene.image(u, v);
+    }
+  }
+  return best;
 }
 
 template <class Executor>
@@ -309,10 +346,11 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
       const float own = c.ground.shadow ? log_light(light.sun, ratio[i]) : 0.0F;
       gain[i] = exp2_of(-(common + own + c.params.cast_removal * c.cast[i]));
     }
-    const Vec3f a = srgb_decode8(s.image(x, y)) * Vec3f{gain[0], gain[1], gain[2]};
+    const Rgb8 seen = region < kGroundRegions ? s.image(x, y) : without_sky(c, x, y);
+    const Vec3f a = srgb_decode8(seen) * Vec3f{gain[0], gain[1], gain[2]};
     const std::size_t object = c.objects.of(s, x, y);
     const float row = (static_cast<float>(y) + 0.5F) / static_cast<float>(f) - 0.5F;
-    out.albedo(x, y) = bounded_albedo(c, a, s.image(x, y), label, object, c.objects.down(object, row));
+    out.albedo(x, y) = bounded_albedo(c, a, seen, label, object, c.objects.down(object, row));
     if (!out.sun.empty()) out.sun(x, y) = light.sun;
   });
 }

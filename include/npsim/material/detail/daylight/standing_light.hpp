@@ -2,8 +2,8 @@
 // Daylight on what stands on the ground: facades, plants, vehicles, people.
 //
 // Facades and plants: the class's faces of one direction share their light over the whole picture, and neighbours that
-// face alike share it more. Of both means, over the class's median, half is divided out; the rest is the albedo of whole
-// houses.
+// face alike share it more. Of both means, over the class's median, the larger part is divided out; the rest is the
+// albedo of whole houses.
 // Vehicles, people and other objects vary too much in albedo to tell it from light. Their light is that of the place
 // where they stand: of the ground below them, as faces of their direction receive it. So a black car stays black, and
 // one in the shadow is as bright as one in the sun.
@@ -31,10 +31,10 @@ inline namespace NPSIM_ABI {
 namespace daylight_detail {
 
 struct StandingLightParams {
-  float smooth_px = 64.0F;  // at 960 px width
-  float share = 0.5F;       // of the smooth part that is light
+  float smooth_px = 128.0F;  // at 960 px width
+  float share = 0.4F;        // of the smooth part that is light
   float wide_px = 512.0F;
-  float wide_share = 0.5F;  // of the mean of a direction
+  float wide_share = 0.7F;  // of the mean of a direction
   float place_px = 24.0F;
   // What stands in the shadow may rise out of it: between these heights its light becomes that of the sun.
   float low_m = 1.5F;
