@@ -85,6 +85,7 @@
 #include "npsim/light/sky.hpp"
 
 #include "npsim/material/albedo.hpp"
+#include "npsim/material/albedo_scene.hpp"
 #include "npsim/material/bsdf.hpp"
 #include "npsim/material/roughness.hpp"
 

@@ -135,6 +135,7 @@ namespace {
           {"labels", std::move(labels)},
           {"mesh", std::move(meshes)},
           {"lamps", std::move(lamps)},
+          {"albedo", e.albedo ? to_json(*e.albedo) : OrderedJson()},
           {"nights", to_json(e.stages)},
           {"night_of_simplified_mesh", e.night ? to_json(*e.night) : OrderedJson()},
           {"costs", std::move(costs)},
@@ -207,6 +208,7 @@ void print_table(const Evaluation& e, const io::Scene& scene, const EvaluateOpti
     print_table(m, m.key == "refined" ? "mesh of the refined depth" : "mesh of the true depth");
   }
   for (const LampErrors& l : e.lamps) print_table(l);
+  if (e.albedo) print_table(*e.albedo);
   if (e.night) print_table(*e.night);
   if (!e.stages.empty()) print_table(e.stages);
 }

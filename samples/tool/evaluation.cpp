@@ -223,6 +223,9 @@ Status evaluate(const SceneView& scene, const Truth& truth, const RefineDepthPar
     }
     out.labels.push_back(std::move(errors));
   }
+  if (!scene.albedo.empty()) {
+    NPSIM_RETURN_IF_ERROR(albedo_errors(AlbedoParams{}, scene, refined, pool, out.albedo.emplace()));
+  }
   return evaluate_meshes(scene, truth, params.uncertainty, mesh_params, refined, pool, console, out.meshes,
                          out.lamps);
 }

@@ -135,7 +135,7 @@ std::map<std::string, std::set<std::string>> allowed_includes() {
       {"mesh", {"core", "simd", "labels", "geometry"}},
       {"trace", {"core", "simd", "geometry"}},
       {"light", {"core", "simd", "color", "labels", "geometry"}},
-      {"material", {"core", "simd", "color", "labels"}},
+      {"material", {"core", "simd", "color", "labels", "geometry"}},
       {"render", {"core", "simd", "color", "labels", "geometry", "trace", "light", "material"}},
       {"sensor", {"core", "simd", "color"}},
       {"metrics", {"core", "simd", "color"}},

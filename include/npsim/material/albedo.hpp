@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// Albedo from the daytime photograph and its labels, where no inverse-rendering network supplies them.
+// Albedo and the sun's share from the daytime photograph, where no inverse-rendering network supplies them.
 //
-// 1. Linear: sRGB decoded (IEC 61966-2-1).
-// 2. Illuminant: grey world over road, pavement, building and wall, which are nearly neutral; its cast is divided out
-//    to the share that `cast_removal` states, at constant luminance.
-// 3. Shading: the ratio Y / (class median) of ground, buildings and plants is averaged over tiles; classes differ in
-//    albedo but share the light that falls on a place, so the smooth part of this ratio is light, not paint. It is
-//    divided out by half (square root), which halves the contrast of large cast shadows in log terms; their edges
-//    stay. Vehicles, people and signs vary too much to tell light from paint, and so does everything without labels:
-//    no step 3 there.
-// 4. Scale: per class, so that the median luminance meets the prior of detail/class_priors.hpp; texture in a class
-// stays.
-// 5. Bounds: luminance ratio to the prior at most max_ratio, values in [min_albedo, max_albedo]. Saturated pixels (a
-//    channel at or above saturated_level: sky in panes, lit lamps, sun glints) have no trustworthy colour: grey.
-// Invariant: output is finite and within the bounds; pixels without surface get the neutral prior. Without labels all
-// is one class. The median of a class meets its prior to 1 % where the bounds do not bite (histogram of 1024 bins).
-// It is an estimate up to an unknown factor per class, not a measurement: a white and a black car share one prior.
-// Cost: four passes. Memory: histograms (2.4 MB) and tile sums. Partial results are kept per chunk of
-// rows, with a number of chunks that is fixed, and combined in chunk order: the same bits for any thread count.
+// 1. Linear: sRGB decoded (IEC 61966-2-1); logarithms at a working size (detail/daylight/picture.hpp).
+// 2. Ground: sun and shadow, and the ratio of their lights per channel (detail/daylight/ground_light.hpp). Overcast
+//    scenes have one light, and stay as they are.
+// 3. Scale: asphalt in the sun meets the prior of detail/class_priors.hpp. All other ground, vehicles, people and things
+//    share this scale, so that a black car stays black; facades and plants, whose light differs by direction, meet
+//    their own priors.
+// 4. Standing things: detail/daylight/standing_light.hpp. On cars panes and tyres are told from paint by where they are
+//    and how they differ. What is brighter than panes_limit times an object's median is half drawn in, because much of
+//    it is the sky that paint and panes show.
+// 5. Colour: the road's cast is divided out to the share that `cast_removal` states. What is saturated (a channel at or
+//    above saturated_level) or dark has no trustworthy colour and becomes grey; no channel leaves the bounds of paint.
+// 6. Bounds: a pixel further from its class's level than a factor of `free_ratio` is drawn in, by a slope, not cut, so
+//    that what differs stays different; values in [min_albedo, max_albedo].
+// Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.
+// It is an estimate up to a factor that the road's prior sets, not a measurement.
+// Cost: some 90 passes over the working image. Memory: estimate_albedo_workspace_bytes(). The same bits for any thread
+// count.
 #ifndef NPSIM_MATERIAL_ALBEDO_HPP
 #define NPSIM_MATERIAL_ALBEDO_HPP
 
@@ -36,297 +36,403 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
+#include "npsim/material/albedo_scene.hpp"
 #include "npsim/material/detail/class_priors.hpp"
+#include "npsim/material/detail/daylight/ground_light.hpp"
+#include "npsim/material/detail/daylight/picture.hpp"
+#include "npsim/material/detail/daylight/standing_light.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
 
 struct AlbedoParams {
-  float cast_removal = 0.7F;   // 0 keeps the colour cast, 1 makes the reference classes grey on average
-  bool soften_shading = true;  // step 3
-  int tile_px = 32;            // 4..1024; of step 3, at any image size
-  int saturated_level = 250;   // 1..256; 256 switches the treatment off
-  float max_ratio = 4.0F;      // > 1: of luminance to the prior
-  float min_albedo = 0.02F;
+  float cast_removal = 0.7F;  // 0 keeps the colour cast, 1 makes sunlit road grey
+  bool remove_light = true;   // steps 2 and 4
+  int saturated_level = 250;  // 1..256; 256 switches the treatment off
+  float free_ratio = 4.0F;    // > 1: of luminance to the level of the class
+  float panes_limit = 1.2F;   // of an object's luminance to its median
+  float min_albedo = 0.015F;
   float max_albedo = 0.9F;
 };
 
 [[nodiscard]] inline Status validate(const AlbedoParams& p) noexcept {
-  const bool good = p.cast_removal >= 0.0F && p.cast_removal <= 1.0F && p.tile_px >= 4 && p.tile_px <= 1024 &&
-                    p.saturated_level >= 1 && p.saturated_level <= 256 && p.max_ratio > 1.0F &&
-                    std::isfinite(p.max_ratio) && p.min_albedo >= 0.0F && p.max_albedo > p.min_albedo &&
+  const bool good = p.cast_removal >= 0.0F && p.cast_removal <= 1.0F && p.saturated_level >= 1 &&
+                    p.saturated_level <= 256 && p.free_ratio > 1.0F && std::isfinite(p.free_ratio) &&
+                    p.panes_limit >= 1.0F && p.min_albedo >= 0.0F && p.max_albedo > p.min_albedo &&
                     p.max_albedo <= 1.0F;
   return good ? Status() : Status(StatusCode::invalid_argument, "albedo: a parameter lies outside its range");
 }
 
-inline constexpr std::size_t kAlbedoHistogramBins = 1024;
-inline constexpr std::size_t kAlbedoChunks = 16;  // partial histograms and sums; fixed, so never the thread count
-
-// Partial sums of one chunk of rows.
-struct AlbedoPartial {
-  double red = 0, green = 0, blue = 0;
-  std::uint64_t count = 0;
+// What was found of the day.
+struct DaylightReport {
+  bool shadow = false;        // sun and shadow on the ground are told apart
+  Vec3f ratio{1, 1, 1};       // sunlit over shadowed light, per channel
+  float sunlit_share = 1.0F;  // of the ground
+  float error_log2 = 0.0F;    // estimate: spread of the ground's albedo that its light leaves
 };
 
-[[nodiscard]] constexpr std::size_t albedo_tiles(int pixels, int tile) noexcept {
-  return pixels > 0 && tile > 0 ? static_cast<std::size_t>((pixels + tile - 1) / tile) : 0;
-}
-
-[[nodiscard]] constexpr std::size_t estimate_albedo_workspace_bytes(const AlbedoParams& p, Shape shape) noexcept {
-  const std::size_t tiles = albedo_tiles(shape.width, p.tile_px) * albedo_tiles(shape.height, p.tile_px);
-  constexpr auto kClasses = static_cast<std::size_t>(kLabelCount);
-  return allocation_bytes<AlbedoPartial>(kAlbedoChunks) +
-         allocation_bytes<std::uint32_t>(kAlbedoChunks * kClasses * kAlbedoHistogramBins) +
-         allocation_bytes<float>(kClasses) * 2 + 2 * allocation_bytes<float>(tiles) + kWorkspaceAlignment;
-}
+struct AlbedoEstimate {
+  ImageView<Vec3f> albedo;  // linear RGB
+  ImageView<float> sun;     // share of the direct sun, 0..1; 1 where none is known to be missing. May be empty
+};
 
 namespace albedo_detail {
 
-inline constexpr LabelSet kReferenceLabels =
-    LabelSet::of(label::road, label::sidewalk, label::parking, label::building, label::wall, label::ground);
-
-// Of step 3.
-inline constexpr LabelSet kShadingLabels = LabelSet::of(label::road, label::sidewalk, label::parking, label::building,
-                                                        label::wall, label::ground, label::vegetation, label::terrain);
+using namespace daylight_detail;
 
 struct Context {
   AlbedoParams params;
-  ImageView<const Rgb8> day;
-  ImageView<const Label> labels;
-  Vec3f gain{1.0F, 1.0F, 1.0F};
-  Span<const float> tiles;  // smoothed shading ratio; empty: none
-  int tiles_x = 0, tiles_y = 0;
+  AlbedoScene scene;
+  Picture picture;
+  GroundLight ground;
+  Objects objects;
+  float scale = 0.0F;  // log2 of the luminance of albedo 1 on sunlit level ground
+  float cast[3] = {};  // log2 of the sun's channels over its luminance
+  Plane light;         // log2 of luminance over albedo
+  Plane sun;           // share of the sun
 
-  [[nodiscard]] Label at(int x, int y) const noexcept {
-    if (labels.empty()) return label::unlabeled;
-    const Label l = labels(x, y);
+  [[nodiscard]] Label label_at(int x, int y) const noexcept {
+    if (scene.labels.empty()) return label::unlabeled;
+    const Label l = scene.labels(x, y);
     return l < kLabelCount ? l : label::unlabeled;
   }
-  [[nodiscard]] bool saturated(const Rgb8& c) const noexcept {
-    return max_of(static_cast<int>(c.r), static_cast<int>(c.g), static_cast<int>(c.b)) >= params.saturated_level;
+  // Of a working pixel.
+  [[nodiscard]] Label working_label(int x, int y) const noexcept {
+    return label_at(picture.middle_x(x, scene.image.width()), picture.middle_y(y, scene.image.height()));
   }
-  [[nodiscard]] Vec3f linear(int x, int y) const noexcept { return srgb_decode8(day(x, y)) * gain; }
-  // Bilinear between tile centres; the ends extend flat.
-  [[nodiscard]] float shading(int x, int y) const noexcept {
-    if (tiles.empty()) return 1.0F;
-    const float inverse = 1.0F / static_cast<float>(params.tile_px);
-    const float fx = clamp_to((static_cast<float>(x) + 0.5F) * inverse - 0.5F, 0.0F, static_cast<float>(tiles_x - 1));
-    const float fy = clamp_to((static_cast<float>(y) + 0.5F) * inverse - 0.5F, 0.0F, static_cast<float>(tiles_y - 1));
-    const int x0 = static_cast<int>(fx);
-    const int y0 = static_cast<int>(fy);
-    const int x1 = std::min(x0 + 1, tiles_x - 1);
-    const int y1 = std::min(y0 + 1, tiles_y - 1);
-    const float ax = fx - static_cast<float>(x0);
-    const float ay = fy - static_cast<float>(y0);
-    const auto t = [&](int i, int j) {
-      return tiles[static_cast<std::size_t>(j) * static_cast<std::size_t>(tiles_x) + static_cast<std::size_t>(i)];
-    };
-    const float top = t(x0, y0) + (t(x1, y0) - t(x0, y0)) * ax;
-    const float bottom = t(x0, y1) + (t(x1, y1) - t(x0, y1)) * ax;
-    return std::sqrt(top + (bottom - top) * ay);
+  [[nodiscard]] Vec3f working_normal(int x, int y) const noexcept {
+    if (scene.normals.empty()) return {};
+    return scene.normals(picture.middle_x(x, scene.image.width()), picture.middle_y(y, scene.image.height()));
+  }
+  [[nodiscard]] float working_height(int x, int y) const noexcept {
+    return height_m(scene, picture.middle_x(x, scene.image.width()), picture.middle_y(y, scene.image.height()));
   }
 };
 
-// Median luminance of each class after division by the shading; 0 for a class without pixels.
-template <class Executor>
-void class_medians(const Context& c, Span<std::uint32_t> histograms, Span<float> medians, Executor& executor) {
-  constexpr std::size_t kBins = kAlbedoHistogramBins;
-  constexpr auto kClasses = static_cast<std::size_t>(kLabelCount);
-  constexpr float kScale = 0.5F * static_cast<float>(kBins);  // bins are even in sqrt(Y), from 0 to 2
-  for (std::uint32_t& h : histograms) h = 0;
-  const auto height = static_cast<std::size_t>(c.day.height());
-  const std::size_t rows = chunk_count(height, kAlbedoChunks);  // rows of a chunk
-  executor.for_chunks(height, rows, [&](std::size_t begin, std::size_t end) {
-    std::uint32_t* own = histograms.data() + begin / rows * kClasses * kBins;
-    for (std::size_t row = begin; row < end; ++row) {
-      const int y = static_cast<int>(row);
-      for (int x = 0; x < c.day.width(); ++x) {
-        const Label l = c.at(x, y);
-        if (kNoSurfaceLabels.contains(l) || c.saturated(c.day(x, y))) continue;
-        const float root = std::sqrt(luminance(c.linear(x, y)) / c.shading(x, y));
-        const float bin = root * kScale;
-        ++own[l * kBins + (bin < static_cast<float>(kBins - 1) ? static_cast<std::size_t>(bin) : kBins - 1)];
+// Step 3: the level of sunlit ground, or of whatever there is instead.
+inline void find_scale(Context& c, Span<std::uint32_t> histogram) {
+  const Picture& picture = c.picture;
+  const auto median = [&](const auto& inside, const auto& value) {
+    return plane_quantile(picture.shape(), inside, value, 0.5F, histogram);
+  };
+  const auto any = [&](const auto& inside) {
+    for (int y = 0; y < picture.shape().height; ++y) {
+      for (int x = 0; x < picture.shape().width; ++x) {
+        if (inside(x, y)) return true;
       }
     }
-  });
-  for (std::size_t l = 0; l < kClasses; ++l) {
-    std::uint64_t total = 0;
-    for (std::size_t b = 0; b < kBins; ++b) {
-      for (std::size_t k = 1; k < kAlbedoChunks; ++k) {
-        histograms[l * kBins + b] += histograms[(k * kClasses + l) * kBins + b];
-      }
-      total += histograms[l * kBins + b];
+    return false;
+  };
+  const float ratio[3] = {c.ground.ratio.x, c.ground.ratio.y, c.ground.ratio.z};
+  const auto cast_of = [&](const auto& inside) {
+    for (int i = 0; i < 3; ++i) {
+      c.cast[i] = median(inside, [&](int x, int y) {
+        const float sun = c.ground.sun(x, y);
+        return picture.log_rgb[i](x, y) - picture.log_y(x, y) - log_light(sun, ratio[i]) +
+               log_light(sun, c.ground.ratio_y);
+      });
     }
-    medians[l] = 0.0F;
-    std::uint64_t below = 0;
-    for (std::size_t b = 0; b < kBins && total > 0; ++b) {
-      const std::uint64_t here = histograms[l * kBins + b];
-      if (2 * (below + here) >= total) {
-        const float inside =
-            here > 0 ? (0.5F * static_cast<float>(total) - static_cast<float>(below)) / static_cast<float>(here) : 0.5F;
-        const float root = (static_cast<float>(b) + clamp_to(inside, 0.0F, 1.0F)) / kScale;
-        medians[l] = std::max(root * root, 1e-5F);
-        break;
-      }
-      below += here;
-    }
+  };
+  // A road that lies in one light is of that light's level.
+  const auto road = [&](int x, int y) {
+    const float sun = c.ground.sun(x, y);
+    return picture.region(x, y) == kRoad && (sun > 0.9F || sun < 0.1F);
+  };
+  const auto paved = [&](int x, int y) { return picture.region(x, y) == kPavement || picture.region(x, y) == kFacade; };
+  const auto surface = [&](int x, int y) { return picture.region(x, y) != kNone; };
+  if (any(road)) {
+    const float level = median(road, [&](int x, int y) {
+      return picture.log_y(x, y) - c.ground.level(x, y) - log_light(c.ground.sun(x, y), c.ground.ratio_y);
+    });
+    c.scale = level - log2_of(surface_prior(label::road).albedo);
+    cast_of(road);
+  } else if (any(paved)) {
+    c.scale = median(paved, picture.log_y) - log2_of(surface_prior(label::building).albedo);
+    cast_of(paved);
+  } else if (any(surface)) {
+    c.scale = median(surface, picture.log_y) - log2_of(surface_prior(label::unlabeled).albedo);
+    cast_of(surface);
   }
 }
 
-// Grey-world gain of step 2.
+// Step 4 for facades and plants: `share` of what is smooth in a class is light.
 template <class Executor>
-[[nodiscard]] Vec3f cast_gain(const Context& c, Span<AlbedoPartial> partials, Executor& executor) {
-  for (AlbedoPartial& s : partials) s = AlbedoPartial{};
-  const auto height = static_cast<std::size_t>(c.day.height());
-  const std::size_t rows = chunk_count(height, kAlbedoChunks);
-  executor.for_chunks(height, rows, [&](std::size_t begin, std::size_t end) {
-    AlbedoPartial& own = partials[begin / rows];
-    for (std::size_t row = begin; row < end; ++row) {
-      const int y = static_cast<int>(row);
-      for (int x = 0; x < c.day.width(); ++x) {
-        if (!c.labels.empty() && !kReferenceLabels.contains(c.at(x, y))) continue;
-        if (c.saturated(c.day(x, y))) continue;
-        const Vec3f v = c.linear(x, y);
-        own.red += static_cast<double>(v.x);
-        own.green += static_cast<double>(v.y);
-        own.blue += static_cast<double>(v.z);
-        ++own.count;
-      }
-    }
-  });
-  AlbedoPartial all;
-  for (const AlbedoPartial& s : partials) {
-    all.red += s.red;
-    all.green += s.green;
-    all.blue += s.blue;
-    all.count += s.count;
-  }
-  if (all.count == 0) return {1.0F, 1.0F, 1.0F};
-  const double n = static_cast<double>(all.count);
-  const double mean[3] = {all.red / n, all.green / n, all.blue / n};
-  const double y = 0.2126 * mean[0] + 0.7152 * mean[1] + 0.0722 * mean[2];
-  const double share = static_cast<double>(c.params.cast_removal);
-  double gain[3];
-  // A channel may be changed by a factor of three at most: a street is not that blue.
-  for (int i = 0; i < 3; ++i) {
-    gain[i] = mean[i] > 0.0 && y > 0.0 ? 1.0 + share * (clamp_to(y / mean[i], 1.0 / 3.0, 3.0) - 1.0) : 1.0;
-  }
-  const double after = 0.2126 * gain[0] * mean[0] + 0.7152 * gain[1] * mean[1] + 0.0722 * gain[2] * mean[2];
-  const double keep = after > 0.0 ? y / after : 1.0;
-  return {static_cast<float>(gain[0] * keep), static_cast<float>(gain[1] * keep), static_cast<float>(gain[2] * keep)};
-}
-
-// Mean over each tile of sqrt(Y / class median), squared; then a 3 x 3 box over tiles.
-template <class Executor>
-void measure_shading(const Context& c, Span<const float> medians, Span<float> raw, Span<float> smooth,
+Status light_classes(const StandingLightParams& p, Context& c, Span<std::uint32_t> histogram, Workspace& workspace,
                      Executor& executor) {
-  const int tile = c.params.tile_px;
-  const int nx = c.tiles_x;
-  const int ny = c.tiles_y;
-  executor.for_chunks(static_cast<std::size_t>(ny), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t j = begin; j < end; ++j) {
-      for (int i = 0; i < nx; ++i) {
-        double sum = 0.0;
-        int n = 0;
-        const int y_end = std::min((static_cast<int>(j) + 1) * tile, c.day.height());
-        const int x_end = std::min((i + 1) * tile, c.day.width());
-        for (int y = static_cast<int>(j) * tile; y < y_end; ++y) {
-          for (int x = i * tile; x < x_end; ++x) {
-            const Label l = c.at(x, y);
-            if (!kShadingLabels.contains(l) || !(medians[l] > 0.0F)) continue;
-            const float ratio = luminance(c.linear(x, y)) / medians[l];
-            sum += static_cast<double>(std::sqrt(clamp_to(ratio, 0.02F, 8.0F)));
-            ++n;
-          }
-        }
-        const double mean = n > 0 ? sum / n : 0.0;
-        raw[j * static_cast<std::size_t>(nx) + static_cast<std::size_t>(i)] = static_cast<float>(mean * mean);
-      }
-    }
+  const WorkspaceScope scope(workspace);
+  const Picture& picture = c.picture;
+  Plane level, wide;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), level));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), wide));
+  for (const Region region : {kFacade, kPlant}) {
+    const auto inside = [&](int x, int y) { return picture.region(x, y) == region; };
+    const Label named = region == kFacade ? label::building : label::vegetation;
+    const float median = plane_quantile(picture.shape(), inside, picture.log_y, 0.5F, histogram);
+    const float prior = log2_of(surface_prior(named).albedo);
+    const auto normal = [&](int x, int y) { return c.working_normal(x, y); };
+    NPSIM_RETURN_IF_ERROR(smooth_by_facing(picture, region, p.smooth_px, median, normal, workspace, level, executor));
+    NPSIM_RETURN_IF_ERROR(smooth_by_facing(picture, region, p.wide_px, median, normal, workspace, wide, executor));
+    for_pixels(picture.shape(), executor, [&](int x, int y) {
+      if (!inside(x, y)) return;
+      c.light(x, y) =
+          median - prior + (c.params.remove_light ? p.share * level(x, y) + p.wide_share * wide(x, y) : 0.0F);
+      const float drop = c.ground.ratio_y;
+      c.sun(x, y) = drop > 0.0F ? clamp_to((c.light(x, y) - c.scale) / drop + 1.0F, 0.0F, 1.0F) : 1.0F;
+    });
+  }
+  return {};
+}
+
+// Step 4 for all that is neither ground nor facade nor plant.
+template <class Executor>
+Status light_objects(const StandingLightParams& p, Context& c, Workspace& workspace, Executor& executor) {
+  const Picture& picture = c.picture;
+  NPSIM_RETURN_IF_ERROR(list_objects(c.scene, picture, c.sun, workspace, c.objects));
+  for_pixels(picture.shape(), executor, [&](int x, int y) {
+    const std::uint8_t region = picture.region(x, y);
+    if (region != kVehicle && region != kOther) return;
+    const std::size_t slot =
+        c.objects.of(c.scene, picture.middle_x(x, c.scene.image.width()), picture.middle_y(y, c.scene.image.height()));
+    float sun = slot == 0 ? c.sun(x, y) : c.objects.sun[slot];
+    if (region == kOther)
+      sun += (1.0F - sun) * clamp_to((c.working_height(x, y) - p.low_m) / (p.high_m - p.low_m), 0.0F, 1.0F);
+    const float upward = clamp_to(dot(c.working_normal(x, y), c.scene.ground.up), 0.0F, 1.0F);
+    c.light(x, y) = c.scale + log_light(sun, c.ground.ratio_y) + (1.0F - upward) * p.upright;
+    c.sun(x, y) = sun;
   });
-  for (int j = 0; j < ny; ++j) {
-    for (int i = 0; i < nx; ++i) {
-      float sum = 0.0F;
-      int n = 0;
-      for (int y = std::max(j - 1, 0); y <= std::min(j + 1, ny - 1); ++y) {
-        for (int x = std::max(i - 1, 0); x <= std::min(i + 1, nx - 1); ++x) {
-          const float v = raw[static_cast<std::size_t>(y) * static_cast<std::size_t>(nx) + static_cast<std::size_t>(x)];
-          if (!(v > 0.0F)) continue;
-          sum += v;
-          ++n;
-        }
-      }
-      smooth[static_cast<std::size_t>(j) * static_cast<std::size_t>(nx) + static_cast<std::size_t>(i)] =
-          n > 0 ? clamp_to(sum / static_cast<float>(n), 0.05F, 8.0F) : 1.0F;
+  object_medians(c.scene, picture, c.light, c.objects);
+  return {};
+}
+
+// Of four working pixels around a pixel of the photograph, those of its own region.
+struct Light {
+  float level, sun;
+};
+
+[[nodiscard]] inline Light light_at(const Context& c, int x, int y, std::uint8_t region) noexcept {
+  const Picture& picture = c.picture;
+  if (picture.factor == 1) return {c.light(x, y), c.sun(x, y)};
+  const float inverse = 1.0F / static_cast<float>(picture.factor);
+  const float fx = (static_cast<float>(x) + 0.5F) * inverse - 0.5F;
+  const float fy = (static_cast<float>(y) + 0.5F) * inverse - 0.5F;
+  const int x0 = static_cast<int>(std::floor(fx));
+  const int y0 = static_cast<int>(std::floor(fy));
+  Light sum{};
+  float weight = 0.0F;
+  for (int j = 0; j < 2; ++j) {
+    for (int i = 0; i < 2; ++i) {
+      const int u = clamp_to(x0 + i, 0, picture.shape().width - 1);
+      const int v = clamp_to(y0 + j, 0, picture.shape().height - 1);
+      const float wx = 1.0F - std::fabs(fx - static_cast<float>(x0 + i));
+      const float wy = 1.0F - std::fabs(fy - static_cast<float>(y0 + j));
+      const float w = wx * wy * (picture.region(u, v) == region ? 1.0F : 1e-4F);
+      sum.level += w * c.light(u, v);
+      sum.sun += w * c.sun(u, v);
+      weight += w;
     }
   }
+  return {sum.level / weight, sum.sun / weight};
+}
+
+// log2 albedo of a vehicle's pixel, told apart into paint, glass and tyres: in the panes' band what differs from the
+// paint in luminance is glass, dark or with the sky in it; at the bottom what is darker is rubber.
+[[nodiscard]] inline float paint_or_glass(float log_albedo, float paint, float down) noexcept {
+  constexpr float kDarkParts = -4.6F;  // log2 of .04
+  constexpr float kAlike = 0.3F, kUnlike = 0.7F;
+  const float off = log_albedo - paint;
+  float unlike = 0.0F;
+  if (down > kPanesFrom && down < kPanesTo) unlike = std::fabs(off);
+  if (down > kTyresFrom) unlike = -off;
+  const float w = clamp_to((unlike - kAlike) / (kUnlike - kAlike), 0.0F, 1.0F);
+  return log_albedo + w * (std::min(kDarkParts, paint) - log_albedo);
+}
+
+// Steps 5 and 6 on one pixel whose luminance is free of light.
+[[nodiscard]] inline Vec3f bounded_albedo(const Context& c, Vec3f a, const Rgb8& seen, Label label, std::size_t object,
+                                          float down) {
+  const AlbedoParams& p = c.params;
+  // Codes below kDark are noise and compression more than colour.
+  constexpr float kDark = 40.0F;
+  constexpr float kLeastShare = 0.15F;  // of a channel in luminance
+  constexpr float kMostShare = 3.0F;
+  constexpr float kSlope = 0.35F;
+  constexpr float kPaneSlope = 1.2F;  // what is dark on a facade is panes and openings, brightened by what they mirror
+  constexpr float kObjectSlope = 0.5F;  // sky in panes and on paint is drawn in; plates, rims and lamps still show
+  // Of plants most differences are light: leaves in the sun and sky between them more than gaps, which a smooth skin of
+  // foliage would not have at night.
+  constexpr float kPlantSlope = 0.4F;
+  constexpr float kPlantSlopeBelow = 0.7F;
+  const int most = max_of(static_cast<int>(seen.r), static_cast<int>(seen.g), static_cast<int>(seen.b));
+  float lum = luminance(a);
+  if (!(lum > 0.0F)) return {p.min_albedo, p.min_albedo, p.min_albedo};
+  float trust = most >= p.saturated_level ? 0.0F : std::min(1.0F, static_cast<float>(most) / kDark);
+  const float low = std::min(a.x, std::min(a.y, a.z)) / lum;
+  const float high = max_of(a.x, a.y, a.z) / lum;
+  if (low < kLeastShare) trust = std::min(trust, (1.0F - kLeastShare) / (1.0F - low));
+  if (high > kMostShare) trust = std::min(trust, (kMostShare - 1.0F) / (high - 1.0F));
+  a = Vec3f{lum, lum, lum} + (a - Vec3f{lum, lum, lum}) * trust;
+
+  const float level = log2_of(surface_prior(label).albedo);
+  const float bound = log2_of(p.free_ratio);
+  float log_albedo = log2_of(lum);
+  if (object != 0 && p.remove_light) {
+    const float paint = c.objects.median[object];
+    if (label == label::car) log_albedo = paint_or_glass(log_albedo, paint, down);
+    const float over = log_albedo - paint - log2_of(p.panes_limit);
+    if (over > 0.0F) log_albedo -= (1.0F - kObjectSlope) * over;
+  }
+  float off = log_albedo - level;
+  if (label == label::vegetation) off *= off > 0.0F ? kPlantSlope : kPlantSlopeBelow;
+  if (region_of(label) == kFacade && off < 0.0F) off *= kPaneSlope;
+  if (off > bound) off = bound + kSlope * (off - bound);
+  a *= exp2_of(off + level) / lum;
+  const float brightest = max_of(a.x, a.y, a.z);
+  if (brightest > p.max_albedo) a *= p.max_albedo / brightest;  // all channels, so that the hue stays
+  // A soft floor: what is nearly black keeps its differences.
+  const auto floored = [&](float v) {
+    return clamp_to(std::sqrt(v * v + p.min_albedo * p.min_albedo), p.min_albedo, p.max_albedo);
+  };
+  return {floored(a.x), floored(a.y), floored(a.z)};
+}
+
+// The photograph's pixel, or where it lies beside the sky the darker one further in: labels are loose by some pixels, and
+// what leaks in of the sky would be the brightest paint of the street.
+[[nodiscard]] inline Rgb8 without_sky(const Context& c, int x, int y) noexcept {
+  constexpr float kLoose_px = 3.0F;  // at 960 px width
+  constexpr int kSteps[8][2] = {{0, -1}, {-1, 0}, {1, 0}, {-1, -1}, {1, -1}, {0, 1}, {-1, 1}, {1, 1}};
+  const ImageView<const Label>& labels = c.scene.labels;
+  const Rgb8 own = c.scene.image(x, y);
+  if (labels.empty()) return own;
+  const int reach = c.picture.radius(kLoose_px) * c.picture.factor;
+  Rgb8 best = own;
+  float least = luminance(srgb_decode8(own));
+  for (const auto& step : kSteps) {
+    const int dx = step[0] * reach;
+    const int dy = step[1] * reach;
+    if (!labels.contains(x + dx, y + dy) || labels(x + dx, y + dy) != label::sky) continue;
+    // Thin things have sky on both sides: then the nearer half of the way.
+    for (const int part : {1, 2}) {
+      const int u = x - dx / part;
+      const int v = y - dy / part;
+      if (!labels.contains(u, v) || labels(u, v) != labels(x, y)) continue;
+      const float inner = luminance(srgb_decode8(c.scene.image(u, v)));
+      if (inner >= least) continue;
+      least = inner;
+      best = c.scene.image(u, v);
+    }
+  }
+  return best;
+}
+
+template <class Executor>
+void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executor) {
+  const AlbedoScene& s = c.scene;
+  const float ratio[3] = {c.ground.ratio.x, c.ground.ratio.y, c.ground.ratio.z};
+  for_pixels(s.image.shape(), executor, [&](int x, int y) {
+    const Label label = c.label_at(x, y);
+    const int f = c.picture.factor;
+    const std::uint8_t region =
+        s.labels.empty() ? c.picture.region(x / f, y / f) : static_cast<std::uint8_t>(region_of(label));
+    if (region == kNone) {
+      const float prior = surface_prior(label).albedo;
+      out.albedo(x, y) = {prior, prior, prior};
+      if (!out.sun.empty()) out.sun(x, y) = 1.0F;
+      return;
+    }
+    const Light light = light_at(c, x, y, region);
+    const float common = light.level - (c.ground.shadow ? log_light(light.sun, c.ground.ratio_y) : 0.0F);
+    float gain[3];
+    for (int i = 0; i < 3; ++i) {
+      const float own = c.ground.shadow ? log_light(light.sun, ratio[i]) : 0.0F;
+      gain[i] = exp2_of(-(common + own + c.params.cast_removal * c.cast[i]));
+    }
+    const Rgb8 seen = region < kGroundRegions ? s.image(x, y) : without_sky(c, x, y);
+    const Vec3f a = srgb_decode8(seen) * Vec3f{gain[0], gain[1], gain[2]};
+    const std::size_t object = c.objects.of(s, x, y);
+    const float row = (static_cast<float>(y) + 0.5F) / static_cast<float>(f) - 0.5F;
+    out.albedo(x, y) = bounded_albedo(c, a, seen, label, object, c.objects.down(object, row));
+    if (!out.sun.empty()) out.sun(x, y) = light.sun;
+  });
+}
+
+[[nodiscard]] inline DaylightReport daylight_report(const Context& c, Span<std::uint32_t> histogram) {
+  const Picture& picture = c.picture;
+  const auto ground = [&](int x, int y) { return picture.is_ground(x, y); };
+  const auto off = [&](int x, int y) {
+    return std::fabs(picture.log_y(x, y) - c.light(x, y) - log2_of(surface_prior(label::road).albedo));
+  };
+  DaylightReport report;
+  report.shadow = c.ground.mixture[c.ground.lead].shadow;
+  if (c.ground.shadow) {
+    report.ratio = {exp2_of(c.ground.ratio.x), exp2_of(c.ground.ratio.y), exp2_of(c.ground.ratio.z)};
+  }
+  double sunlit = 0.0;
+  double n = 0.0;
+  for (int y = 0; y < picture.shape().height; ++y) {
+    for (int x = 0; x < picture.shape().width; ++x) {
+      if (!ground(x, y)) continue;
+      sunlit += static_cast<double>(c.ground.sun(x, y));
+      n += 1.0;
+    }
+  }
+  if (n > 0.0) {
+    report.sunlit_share = static_cast<float>(sunlit / n);
+    report.error_log2 = plane_quantile(picture.shape(), ground, off, 0.5F, histogram);
+  }
+  return report;
 }
 
 }  // namespace albedo_detail
 
-// `labels` may be empty. `albedo` is linear RGB.
+[[nodiscard]] constexpr std::size_t estimate_albedo_workspace_bytes(const AlbedoParams&, Shape shape) noexcept {
+  using namespace daylight_detail;
+  const Shape working = working_shape(shape);
+  constexpr std::size_t kPlanes = kPicturePlanes + 2 + kGroundLightPlanes;
+  return kPlanes * allocation_bytes<float>(working.pixels()) + allocation_bytes<std::uint8_t>(working.pixels()) +
+         allocation_bytes<std::uint32_t>(static_cast<std::size_t>(kCellsY * kCellsC)) +
+         allocation_bytes<LightCell>(static_cast<std::size_t>(kCellsY * kCellsC)) + kObjectsBytes +
+         allocation_bytes<std::uint32_t>(4096) + kWorkspaceAlignment;
+}
+
+// All of `scene` but the photograph may be empty.
 template <class Executor>
-Status estimate_albedo(const AlbedoParams& p, ImageView<const Rgb8> day, ImageView<const Label> labels,
-                       Workspace& workspace, ImageView<Vec3f> albedo, Executor& executor) {
+Status estimate_albedo(const AlbedoParams& p, const AlbedoScene& scene, Workspace& workspace, const AlbedoEstimate& out,
+                       DaylightReport& report, Executor& executor) {
   using namespace albedo_detail;
   NPSIM_RETURN_IF_ERROR(validate(p));
-  const Shape shape = day.shape();
-  if (day.empty()) return Status(StatusCode::invalid_argument, "albedo: the photograph is empty");
-  if (albedo.shape() != shape || (!labels.empty() && labels.shape() != shape)) {
-    return Status(StatusCode::shape_mismatch, "albedo: labels and output must have the shape of the photograph");
+  const Shape shape = scene.image.shape();
+  if (scene.image.empty()) return Status(StatusCode::invalid_argument, "albedo: the photograph is empty");
+  const auto fits = [&](const auto& view) { return view.empty() || view.shape() == shape; };
+  if (out.albedo.shape() != shape || !fits(out.sun) || !fits(scene.labels) || !fits(scene.instances) ||
+      !fits(scene.depth) || !fits(scene.normals)) {
+    return Status(StatusCode::shape_mismatch, "albedo: all planes must have the shape of the photograph");
   }
   const WorkspaceScope scope(workspace);
   Context c;
   c.params = p;
-  c.day = day;
-  c.labels = labels;
-  c.tiles_x = static_cast<int>(albedo_tiles(shape.width, p.tile_px));
-  c.tiles_y = static_cast<int>(albedo_tiles(shape.height, p.tile_px));
-  const std::size_t tiles = static_cast<std::size_t>(c.tiles_x) * static_cast<std::size_t>(c.tiles_y);
-  Span<float> medians, scale, raw, smooth;
-  Span<AlbedoPartial> partials;
-  Span<std::uint32_t> histograms;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(kAlbedoChunks, partials));
-  NPSIM_RETURN_IF_ERROR(
-      workspace.allocate(kAlbedoChunks * static_cast<std::size_t>(kLabelCount) * kAlbedoHistogramBins, histograms));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(kLabelCount), medians));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(kLabelCount), scale));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(tiles, raw));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(tiles, smooth));
+  c.scene = scene;
+  Span<std::uint32_t> histogram;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(std::size_t{4096}, histogram));
+  NPSIM_RETURN_IF_ERROR(read_picture(scene, workspace, c.picture, executor));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.light));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.sun));
+  GroundLightParams ground;
+  ground.enabled = p.remove_light;
+  NPSIM_RETURN_IF_ERROR(find_ground_light(ground, c.picture, workspace, c.ground, executor));
+  find_scale(c, histogram);
 
-  c.gain = cast_gain(c, partials, executor);
-  class_medians(c, histograms, medians, executor);
-  if (p.soften_shading && !labels.empty()) {
-    measure_shading(c, medians, raw, smooth, executor);
-    c.tiles = smooth;
-    class_medians(c, histograms, medians, executor);
-  }
-  for (std::size_t l = 0; l < scale.size(); ++l) {
-    scale[l] = medians[l] > 0.0F ? kSurfacePriors[l].albedo / medians[l] : kSurfacePriors[l].albedo;
-  }
-
-  constexpr std::size_t kRows = 16;
-  executor.for_chunks(static_cast<std::size_t>(shape.height), kRows, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t row = begin; row < end; ++row) {
-      const int y = static_cast<int>(row);
-      for (int x = 0; x < shape.width; ++x) {
-        const Label l = c.at(x, y);
-        const float prior = surface_prior(l).albedo;
-        Vec3f a{prior, prior, prior};
-        if (!kNoSurfaceLabels.contains(l)) {
-          a = c.linear(x, y) * (scale[l] / c.shading(x, y));
-          float lum = luminance(a);
-          if (c.saturated(day(x, y))) a = {lum, lum, lum};
-          const float limit = p.max_ratio * prior;
-          if (lum > limit) a *= limit / lum;
-          const float high = max_of(a.x, a.y, a.z);
-          if (high > p.max_albedo) a *= p.max_albedo / high;  // all channels, so that the hue stays
-        }
-        albedo(x, y) = {clamp_to(a.x, p.min_albedo, p.max_albedo), clamp_to(a.y, p.min_albedo, p.max_albedo),
-                        clamp_to(a.z, p.min_albedo, p.max_albedo)};
-      }
-    }
+  const StandingLightParams standing;
+  NPSIM_RETURN_IF_ERROR(place_sun(standing, c.picture, c.ground, workspace, c.sun, executor));
+  NPSIM_RETURN_IF_ERROR(light_objects(standing, c, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(light_classes(standing, c, histogram, workspace, executor));
+  for_pixels(c.picture.shape(), executor, [&](int x, int y) {
+    if (c.picture.region(x, y) == kNone) c.light(x, y) = c.scale;
+    if (!c.picture.is_ground(x, y)) return;
+    c.sun(x, y) = c.ground.sun(x, y);
+    c.light(x, y) = c.scale + log_light(c.sun(x, y), c.ground.ratio_y) + c.ground.level(x, y);
   });
+  write_albedo(c, out, executor);
+  report = daylight_report(c, histogram);
   return {};
 }
 

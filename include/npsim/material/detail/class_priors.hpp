@@ -43,7 +43,7 @@ inline constexpr std::array<SurfacePrior, kLabelCount> kSurfacePriors = {{
     {0.25F, 0.40F},  // polegroup
     {0.08F, 0.40F},  // traffic light: dark housing
     {0.40F, 0.35F},  // traffic sign
-    {0.11F, 0.60F},  // vegetation: visible light
+    {0.08F, 0.60F},  // vegetation: leaves in visible light, with the gaps between them that a solid skin lacks
     {0.19F, 0.90F},  // terrain: soil and grass
     {0.20F, 1.00F},  // sky: no surface
     {0.20F, 0.90F},  // person: cloth

@@ -23,6 +23,19 @@
 namespace npsim {
 inline namespace NPSIM_ABI {
 
+// What the estimate of albedo is made from.
+[[nodiscard]] inline AlbedoScene albedo_scene(const SceneView& scene, const RefinedDepth& refined) noexcept {
+  AlbedoScene out;
+  out.image = scene.image;
+  out.labels = scene.labels;
+  if (!scene.labels.empty()) out.instances = scene.instances;
+  out.depth = refined.depth;
+  out.normals = refined.normals;
+  out.camera = scene.camera;
+  out.ground = refined.ground;
+  return out;
+}
+
 // How material is guessed where the scene does not give it.
 struct MaterialParams {
   AlbedoParams albedo;
@@ -40,8 +53,8 @@ inline constexpr float kHiddenAlpha = 0.8F;
 [[nodiscard]] constexpr std::size_t surface_attributes_workspace_bytes(const MaterialParams& params,
                                                                        Shape shape) noexcept {
   return 2 * allocation_bytes<Vec3f>(shape.pixels()) + allocation_bytes<float>(shape.pixels()) +
-         allocation_bytes<std::uint8_t>(shape.pixels()) +
-         estimate_albedo_workspace_bytes(params.albedo, shape) + kWorkspaceAlignment;
+         allocation_bytes<std::uint8_t>(shape.pixels()) + estimate_albedo_workspace_bytes(params.albedo, shape) +
+         kWorkspaceAlignment;
 }
 
 namespace attributes_detail {
@@ -81,7 +94,9 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, alpha));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, known));
   if (scene.albedo.empty()) {
-    NPSIM_RETURN_IF_ERROR(estimate_albedo(params.albedo, scene.image, refined.labels, workspace, albedo, executor));
+    DaylightReport daylight;
+    NPSIM_RETURN_IF_ERROR(estimate_albedo(params.albedo, albedo_scene(scene, refined), workspace,
+                                          AlbedoEstimate{albedo, {}}, daylight, executor));
   } else {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
@@ -120,8 +135,9 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       const bool seen = mesh.visible_vertex(x, y) < mesh.background_vertices;
-      known(x, y) = seen ? row_state::known
-                         : (mesh.background_state(x, y) == row_state::blocked ? row_state::blocked : row_state::missing);
+      known(x, y) = seen
+                        ? row_state::known
+                        : (mesh.background_state(x, y) == row_state::blocked ? row_state::blocked : row_state::missing);
     }
   }
   NPSIM_RETURN_IF_ERROR(interpolate_rows(known, albedo, executor));

@@ -1,0 +1,426 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sun and shadow on the ground, from the photograph alone: what casts the shadow is often no part of the picture.
+//
+// 1. Luminance and colour, smoothed within edges (guided filter), are fitted by a mixture of two lights: road first,
+//    then each other kind of ground with the same ratio of lights (light_mixture.hpp). No shadow found: the ground is
+//    left as it is, so that overcast scenes do not change.
+// 2. Posterior of each pixel, then mean field: neighbours that no edge of the picture separates share their light.
+// 3. The ratio of lights, per channel, is measured where it shows best: means on either side of shadows' edges, the
+//    median over all edges of the road.
+// 4. Penumbra: within a few pixels of an edge the share of the sun is the mean of its posterior over nine levels.
+// 5. What light is left (a sky half hidden, indirect light) changes slowly: layers of lit and shadowed ground are each
+//    brought to one level over 32 px.
+// 6. Under vehicles nothing lights the ground. What is much darker than its light explains within 30 px of a vehicle is
+//    brought to the level of the ground, in overcast scenes too.
+#ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_GROUND_LIGHT_HPP
+#define NPSIM_MATERIAL_DETAIL_DAYLIGHT_GROUND_LIGHT_HPP
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/algorithm.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/material/detail/daylight/light_mixture.hpp"
+#include "npsim/material/detail/daylight/picture.hpp"
+#include "npsim/material/detail/daylight/plane_filter.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+namespace daylight_detail {
+
+struct GroundLightParams {
+  bool enabled = true;
+  LightMixtureParams mixture;
+  float smooth_px = 4.0F;  // lengths are for 960 px width
+  float smooth_epsilon = 0.02F;
+  float field_px = 6.0F;
+  int field_rounds = 6;
+  float field_weight = 3.0F;  // of unanimous neighbours, in log odds
+  float edge_near_px = 3.0F;
+  float edge_far_px = 16.0F;
+  float penumbra_px = 6.0F;
+  float layer_px = 32.0F;
+  float contact_px = 30.0F;
+  float min_edge_drop = 0.75F;        // of the mixture's drop, measured at edges
+  float min_drop_of_pavement = 1.0F;  // pavements are of several materials: weak light is not told from them
+};
+
+struct GroundLight {
+  bool shadow = false;
+  int lead = kRoad;                      // kind of ground whose lights the others share
+  LightMixture mixture[kGroundRegions];  // of the kinds that the picture has enough of
+  Vec3f ratio;                           // log2 of sunlit over shadowed light, per channel
+  float ratio_y = 0.0F;                  // of luminance
+  Plane sun;                             // share of the sun, 0..1, on the ground
+  Plane level;                           // log2: what is left of the light, relative to the road's level
+};
+
+// Its result, the smoothed picture, and what the greediest of the steps takes: shadow_field() and measure_ratio().
+inline constexpr std::size_t kGroundLightPlanes = 2 + 2 + 2 + kGuidedFilterPlanes;
+static_assert(kGuidedFilterPlanes == 6 && kWindowMeanPlanes == 2);
+
+// log2 of the light at a share of sun over full sun, for a ratio of lights given as log2.
+[[nodiscard]] inline float log_light(float sun, float ratio) noexcept {
+  return log2_of(sun + (1.0F - sun) * exp2_of(-ratio));
+}
+
+// Quantile of a plane's values where inside(x, y); histogram over [-16, 16).
+template <class Inside, class Value>
+[[nodiscard]] float plane_quantile(Shape shape, const Inside& inside, const Value& value, float quantile,
+                                   Span<std::uint32_t> histogram) {
+  for (std::uint32_t& h : histogram) h = 0;
+  const auto bins = static_cast<float>(histogram.size());
+  std::uint64_t n = 0;
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (!inside(x, y)) continue;
+      ++histogram[static_cast<std::size_t>(clamp_to((value(x, y) + 16.0F) * bins / 32.0F, 0.0F, bins - 1.0F))];
+      ++n;
+    }
+  }
+  const auto wanted = static_cast<std::uint64_t>(quantile * static_cast<float>(n));
+  std::uint64_t below = 0;
+  for (std::size_t i = 0; i < histogram.size(); ++i) {
+    below += histogram[i];
+    if (below > wanted) return (static_cast<float>(i) + 0.5F) * 32.0F / bins - 16.0F;
+  }
+  return 0.0F;
+}
+
+// Log odds of sun against shadow.
+[[nodiscard]] inline float sun_odds(const LightMixtureParams& p, const LightMixture& m, float y, float c) noexcept {
+  const Likelihood l = likelihood(p, m, y, c);
+  constexpr float kLn2 = 0.69314718F;
+  constexpr float kTiny = 1e-6F;
+  return clamp_to(kLn2 * (log2_of(l.sun + l.sun_paint + kTiny) - log2_of(l.shadow + l.shadow_paint + kTiny)), -8.0F,
+                  8.0F);
+}
+
+[[nodiscard]] inline float logistic(float odds) noexcept { return 1.0F / (1.0F + exp2_of(-1.44269504F * odds)); }
+
+// The lights of `lead` on another material: only its own level and colour are free. A kind that lies in one light alone
+// fits sun and shadow alike, so the level that materials of the ground differ by decides: within a binary order, grey.
+[[nodiscard]] inline LightMixture same_lights(const GroundLightParams& p, const LightMixture& lead, float usual_step,
+                                              Span<const LightCell> cells, const float (&levels)[3], float colour) {
+  constexpr float kStepSigma = 0.7F;    // log2 of albedo
+  constexpr float kColourSigma = 0.3F;  // log2(blue / red) of albedo
+  constexpr float kWeight = 0.05F;      // bits per pixel: decides between fits that are as good
+  LightMixture best;
+  float best_rank = -1e30F;
+  for (const float level : levels) {
+    for (const bool in_shadow : {false, true}) {
+      LightMixture m = lead;
+      m.sun_y = level + (in_shadow ? lead.drop : 0.0F);
+      m.sun_c = colour - (in_shadow ? lead.bluer : 0.0F);
+      m.sunlit = 0.5F;
+      for (int i = 0; i < 30; ++i) improve(p.mixture, cells, true, m);
+      const float a = (m.sun_y - lead.sun_y - usual_step) / kStepSigma;
+      const float b = (m.sun_c - lead.sun_c) / kColourSigma;
+      const float rank = m.fit - kWeight * (a * a + b * b);
+      if (rank <= best_rank) continue;
+      best = m;
+      best_rank = rank;
+    }
+  }
+  return best;
+}
+
+// log2 of a usual albedo of each kind of ground over the road's.
+inline constexpr float kUsualStep[kGroundRegions] = {0.0F, 0.6F, 0.8F, 0.4F};
+
+// Step 1. The lights are looked for on the road, and on the pavement where all of the road lies in one of them.
+inline void fit_lights(const GroundLightParams& p, const Picture& picture, Plane smooth_y, Plane smooth_c,
+                       Span<std::uint32_t> histogram, Span<LightCell> cells, GroundLight& out) {
+  constexpr float kFewest = 200.0F;  // pixels
+  const auto fit = [&](int kind, int lead) {
+    const auto inside = [&](int x, int y) { return picture.region(x, y) == kind; };
+    const Span<LightCell> found = cells.sub(0, light_cells(inside, smooth_y, smooth_c, histogram, cells));
+    LightMixture m;
+    float n = 0.0F;
+    for (const LightCell& c : found) n += c.count;
+    if (n < kFewest) return m;
+    const auto quantile = [&](Plane plane, float q) {
+      return plane_quantile(picture.shape(), inside, plane, q, histogram);
+    };
+    const float middle = quantile(smooth_y, 0.5F);
+    const float colour = quantile(smooth_c, 0.5F);
+    if (lead < 0) {
+      m = best_mixture(p.mixture, found, quantile(smooth_y, 0.3F), quantile(smooth_y, 0.6F), quantile(smooth_y, 0.9F),
+                       colour);
+      if (!m.shadow) m.sun_y = middle;
+    } else {
+      const float levels[3] = {quantile(smooth_y, 0.2F), middle, quantile(smooth_y, 0.8F)};
+      m = same_lights(p, out.mixture[lead], kUsualStep[kind] - kUsualStep[lead], found, levels, colour);
+    }
+    m.known = true;
+    return m;
+  };
+  out.mixture[kRoad] = fit(kRoad, -1);
+  out.mixture[kPavement] = fit(kPavement, -1);
+  const bool paved = !out.mixture[kRoad].shadow && out.mixture[kPavement].shadow &&
+                     out.mixture[kPavement].drop >= p.min_drop_of_pavement;
+  out.lead = paved ? kPavement : kRoad;
+  out.shadow = out.mixture[out.lead].shadow;
+  for (int kind = 0; kind < kGroundRegions; ++kind) {
+    if (kind == out.lead) continue;
+    if (out.shadow) {
+      out.mixture[kind] = fit(kind, out.lead);
+    } else if (kind != kPavement) {
+      out.mixture[kind] = fit(kind, -1);
+    }
+  }
+}
+
+// Step 2.
+template <class Executor>
+Status shadow_field(const GroundLightParams& p, const Picture& picture, Plane smooth_y, Plane smooth_c,
+                    Workspace& workspace, GroundLight& out, Executor& executor) {
+  const WorkspaceScope scope(workspace);
+  const Shape shape = picture.shape();
+  Plane odds, mean;
+  for (Plane* plane : {&odds, &mean}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *plane));
+  const auto ground = [&](int x, int y) { return picture.is_ground(x, y); };
+  for_pixels(shape, executor, [&](int x, int y) {
+    const std::uint8_t kind = picture.region(x, y);
+    float o = 0.0F;
+    if (kind < kGroundRegions) {
+      const LightMixture& m = out.mixture[kind];
+      o = m.known ? sun_odds(p.mixture, m, smooth_y(x, y), smooth_c(x, y)) : 0.0F;
+      if (kind == kRails) o = 8.0F;  // between stones and sleepers it is dark in any light
+    }
+    odds(x, y) = o;
+    out.sun(x, y) = kind < kGroundRegions ? logistic(o) : 0.0F;
+  });
+  for (int round = 0; round < p.field_rounds; ++round) {
+    NPSIM_RETURN_IF_ERROR(guided_filter(ground, smooth_y, out.sun, picture.radius(p.field_px), p.smooth_epsilon,
+                                        workspace, mean, executor));
+    for_pixels(shape, executor, [&](int x, int y) {
+      if (!picture.is_ground(x, y)) return;
+      out.sun(x, y) = logistic(0.5F * odds(x, y) + p.field_weight * (2.0F * clamp_to(mean(x, y), 0.0F, 1.0F) - 1.0F));
+    });
+  }
+  return {};
+}
+
+// Step 3.
+template <class Executor>
+Status measure_ratio(const GroundLightParams& p, const Picture& picture, Span<std::uint32_t> histogram,
+                     Workspace& workspace, GroundLight& out, Executor& executor) {
+  const WorkspaceScope scope(workspace);
+  const Shape shape = picture.shape();
+  Plane pure, rows, lit_n, shade_n, lit, shade;
+  for (Plane* plane : {&pure, &rows, &lit_n, &shade_n, &lit, &shade}) {
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *plane));
+  }
+  const LightMixture& lead = out.mixture[out.lead];
+  const auto is_lead = [&](int x, int y) { return picture.region(x, y) == out.lead ? 1.0F : 0.0F; };
+  // Off the edge: the window of edge_near_px holds one light only.
+  NPSIM_RETURN_IF_ERROR(
+      window_mean(is_lead, out.sun, picture.radius(p.edge_near_px), 0.0F, 0.5F, workspace, pure, executor));
+  // Asphalt, not paint.
+  const auto plain = [&](int x, int y, float level) {
+    return picture.region(x, y) == out.lead && std::fabs(picture.log_y(x, y) - level) < 1.0F;
+  };
+  const auto is_lit = [&](int x, int y) { return pure(x, y) > 0.95F && plain(x, y, lead.sun_y) ? 1.0F : 0.0F; };
+  const auto is_shade = [&](int x, int y) {
+    return pure(x, y) < 0.05F && plain(x, y, lead.sun_y - lead.drop) ? 1.0F : 0.0F;
+  };
+  const int reach = picture.radius(p.edge_far_px);
+  window_sum(is_lit, reach, rows, lit_n, executor);
+  window_sum(is_shade, reach, rows, shade_n, executor);
+  const float fewest = 0.1F * static_cast<float>((2 * reach + 1) * (2 * reach + 1));
+  const auto both = [&](int x, int y) { return lit_n(x, y) > fewest && shade_n(x, y) > fewest; };
+  std::uint64_t pairs = 0;
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) pairs += both(x, y) ? 1U : 0U;
+  }
+  const auto measure = [&](Plane value) {
+    window_sum([&](int x, int y) { return is_lit(x, y) * value(x, y); }, reach, rows, lit, executor);
+    window_sum([&](int x, int y) { return is_shade(x, y) * value(x, y); }, reach, rows, shade, executor);
+    const auto ratio = [&](int x, int y) { return lit(x, y) / lit_n(x, y) - shade(x, y) / shade_n(x, y); };
+    return plane_quantile(shape, both, ratio, 0.5F, histogram);
+  };
+  // Of the mixture, where no edge has both sides: colours by its drop and a blueness that is shared by the channels.
+  out.ratio_y = lead.drop;
+  out.ratio = {lead.drop + 0.6F * lead.bluer, lead.drop, lead.drop - 0.4F * lead.bluer};
+  if (pairs < 50) return {};
+  const float y = measure(picture.log_y);
+  out.ratio_y = y;
+  out.ratio = {measure(picture.log_rgb[0]), measure(picture.log_rgb[1]), measure(picture.log_rgb[2])};
+  return {};
+}
+
+// Two lights without edges between them are one that changes slowly, such as the sky's gloss on a distant road.
+inline void forget_shadow(const Picture& picture, Plane smooth_y, Span<std::uint32_t> histogram, GroundLight& out) {
+  out.shadow = false;
+  out.ratio = {};
+  out.ratio_y = 0.0F;
+  for (int kind = 0; kind < kGroundRegions; ++kind) {
+    LightMixture& m = out.mixture[kind];
+    m.shadow = false;
+    const auto inside = [&](int x, int y) { return picture.region(x, y) == kind; };
+    if (m.known) m.sun_y = plane_quantile(picture.shape(), inside, smooth_y, 0.5F, histogram);
+  }
+  for (int y = 0; y < picture.shape().height; ++y) {
+    for (int x = 0; x < picture.shape().width; ++x) out.sun(x, y) = 1.0F;
+  }
+}
+
+// Step 4. Each level of sun is tried with and without paint, against the albedo that pixels of a certain light have in
+// the neighbourhood.
+template <class Executor>
+Status soften_edges(const GroundLightParams& p, const Picture& picture, Workspace& workspace, GroundLight& out,
+                    Executor& executor) {
+  const WorkspaceScope scope(workspace);
+  const Shape shape = picture.shape();
+  Plane blurred, base;
+  for (Plane* plane : {&blurred, &base}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *plane));
+  const auto is_ground = [&](int x, int y) { return picture.is_ground(x, y) ? 1.0F : 0.0F; };
+  NPSIM_RETURN_IF_ERROR(
+      window_mean(is_ground, out.sun, picture.radius(0.5F * p.penumbra_px), 0.0F, 0.5F, workspace, blurred, executor));
+  const auto certain = [&](int x, int y) {
+    const float c = std::fabs(2.0F * blurred(x, y) - 1.0F);
+    return picture.is_ground(x, y) && c > 0.95F ? 1.0F : 0.0F;
+  };
+  const auto own_level = [&](int x, int y) {
+    const LightMixture& m = out.mixture[picture.region(x, y)];
+    return picture.log_y(x, y) - log_light(out.sun(x, y), out.ratio_y) - m.sun_y;
+  };
+  const auto bounded = [&](int x, int y) { return clamp_to(own_level(x, y), -1.0F, 1.0F); };
+  NPSIM_RETURN_IF_ERROR(
+      window_mean(certain, bounded, picture.radius(p.edge_far_px), 1.0F, 0.0F, workspace, base, executor));
+  constexpr int kLevels = 9;
+  constexpr float kSigma = 0.25F;
+  constexpr float kPaintSigma = 0.6F;
+  float level_light[kLevels];
+  for (int i = 0; i < kLevels; ++i) {
+    level_light[i] = log_light(static_cast<float>(i) / static_cast<float>(kLevels - 1), out.ratio_y);
+  }
+  for_pixels(shape, executor, [&](int x, int y) {
+    const float near = blurred(x, y);
+    if (!picture.is_ground(x, y) || near < 0.02F || near > 0.98F) return;
+    const LightMixture& m = out.mixture[picture.region(x, y)];
+    const float seen = picture.log_y(x, y) - m.sun_y - base(x, y);
+    const float prior = out.sun(x, y) * 0.5F + near * 0.5F;
+    float weight = 0.0F;
+    float sum = 0.0F;
+    for (int i = 0; i < kLevels; ++i) {
+      const float share = static_cast<float>(i) / static_cast<float>(kLevels - 1);
+      const float a = (seen - level_light[i]) / kSigma;
+      const float b = (seen - level_light[i] - p.mixture.paint_step) / kPaintSigma;
+      const float likely = exp2_of(-0.72F * a * a) + m.paint * kSigma / kPaintSigma * exp2_of(-0.72F * b * b) + 1e-4F;
+      const float off = share - prior;
+      const float w = likely * exp2_of(-4.0F * off * off);
+      weight += w;
+      sum += w * share;
+    }
+    base(x, y) = sum / weight;  // each pixel is read before it is written, and by nobody else
+    blurred(x, y) = -1.0F;      // marks what changed
+  });
+  for_pixels(shape, executor, [&](int x, int y) {
+    if (blurred(x, y) < 0.0F) out.sun(x, y) = base(x, y);
+  });
+  return {};
+}
+
+// Step 5.
+template <class Executor>
+Status level_layers(const GroundLightParams& p, const Picture& picture, Workspace& workspace, GroundLight& out,
+                    Executor& executor) {
+  const WorkspaceScope scope(workspace);
+  const Shape shape = picture.shape();
+  Plane lit, shade;
+  for (Plane* plane : {&lit, &shade}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *plane));
+  const auto residual = [&](int x, int y) {
+    const LightMixture& m = out.mixture[picture.region(x, y)];
+    return picture.log_y(x, y) - log_light(out.sun(x, y), out.ratio_y) - m.sun_y;
+  };
+  const auto plain = [&](int x, int y) {
+    return picture.is_ground(x, y) && out.mixture[picture.region(x, y)].known && std::fabs(residual(x, y)) < 1.0F;
+  };
+  const auto is_lit = [&](int x, int y) { return plain(x, y) && out.sun(x, y) > 0.9F ? 1.0F : 0.0F; };
+  const auto is_shade = [&](int x, int y) { return plain(x, y) && out.sun(x, y) < 0.1F ? 1.0F : 0.0F; };
+  const int radius = picture.radius(p.layer_px);
+  const float prior = 0.02F * static_cast<float>((2 * radius + 1) * (2 * radius + 1));
+  NPSIM_RETURN_IF_ERROR(window_mean(is_lit, residual, radius, prior, 0.0F, workspace, lit, executor));
+  NPSIM_RETURN_IF_ERROR(window_mean(is_shade, residual, radius, prior, 0.0F, workspace, shade, executor));
+  for_pixels(shape, executor, [&](int x, int y) {
+    const float s = out.sun(x, y);
+    out.level(x, y) = picture.is_ground(x, y) ? shade(x, y) + (lit(x, y) - shade(x, y)) * s : 0.0F;
+  });
+  return {};
+}
+
+// Step 6.
+template <class Executor>
+Status lift_contacts(const GroundLightParams& p, const Picture& picture, Plane smooth_y, Workspace& workspace,
+                     GroundLight& out, Executor& executor) {
+  constexpr float kFrom = 0.4F, kTo = 0.8F;  // log2 below the level of the ground: none to all of it is occlusion
+  constexpr float kFewest = 0.02F;           // of the window, vehicles
+  const WorkspaceScope scope(workspace);
+  const Shape shape = picture.shape();
+  Plane rows, near;
+  for (Plane* plane : {&rows, &near}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *plane));
+  const auto vehicle = [&](int x, int y) { return picture.region(x, y) == kVehicle ? 1.0F : 0.0F; };
+  const int radius = picture.radius(p.contact_px);
+  const float inverse = 1.0F / (kFewest * static_cast<float>((2 * radius + 1) * (2 * radius + 1)));
+  window_sum(vehicle, radius, rows, near, executor);
+  for_pixels(shape, executor, [&](int x, int y) {
+    if (!picture.is_ground(x, y)) return;
+    const LightMixture& m = out.mixture[picture.region(x, y)];
+    if (!m.known) return;
+    const float off = smooth_y(x, y) - m.sun_y - log_light(out.sun(x, y), out.ratio_y) - out.level(x, y);
+    const float dark = clamp_to((-off - kFrom) / (kTo - kFrom), 0.0F, 1.0F);
+    out.level(x, y) += off * dark * clamp_to(near(x, y) * inverse, 0.0F, 1.0F);
+  });
+  return {};
+}
+
+template <class Executor>
+Status find_ground_light(const GroundLightParams& p, const Picture& picture, Workspace& workspace, GroundLight& out,
+                         Executor& executor) {
+  const Shape shape = picture.shape();
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.sun));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.level));
+  for_pixels(shape, executor, [&](int x, int y) {
+    out.sun(x, y) = 1.0F;
+    out.level(x, y) = 0.0F;
+  });
+  if (!p.enabled) return {};
+  const WorkspaceScope scope(workspace);
+  Plane smooth_y, smooth_c;
+  Span<std::uint32_t> histogram;
+  Span<LightCell> cells;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, smooth_y));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, smooth_c));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(kCellsY * kCellsC), histogram));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(kCellsY * kCellsC), cells));
+  const auto ground = [&](int x, int y) { return picture.is_ground(x, y); };
+  const int radius = picture.radius(p.smooth_px);
+  NPSIM_RETURN_IF_ERROR(
+      guided_filter(ground, picture.log_y, picture.colour, radius, p.smooth_epsilon, workspace, smooth_c, executor));
+  NPSIM_RETURN_IF_ERROR(
+      guided_filter(ground, picture.log_y, picture.log_y, radius, p.smooth_epsilon, workspace, smooth_y, executor));
+  fit_lights(p, picture, smooth_y, smooth_c, histogram, cells, out);
+  if (out.shadow) {
+    NPSIM_RETURN_IF_ERROR(shadow_field(p, picture, smooth_y, smooth_c, workspace, out, executor));
+    NPSIM_RETURN_IF_ERROR(measure_ratio(p, picture, histogram, workspace, out, executor));
+    if (out.ratio_y < p.min_edge_drop * out.mixture[out.lead].drop) forget_shadow(picture, smooth_y, histogram, out);
+  }
+  if (out.shadow) NPSIM_RETURN_IF_ERROR(soften_edges(p, picture, workspace, out, executor));
+  NPSIM_RETURN_IF_ERROR(level_layers(p, picture, workspace, out, executor));
+  return lift_contacts(p, picture, smooth_y, workspace, out, executor);
+}
+
+}  // namespace daylight_detail
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_MATERIAL_DETAIL_DAYLIGHT_GROUND_LIGHT_HPP

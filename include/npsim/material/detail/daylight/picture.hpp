@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+// The photograph as its light is looked for: logarithms of luminance and colour at a working size of about 960 px
+// width, and what kind of surface each pixel shows.
+//
+// Light changes slowly but for the edges of shadows, so that an image of more than 1440 px is reduced by a whole factor;
+// a working pixel is the mean of those pixels of its block that show what its middle shows.
+// Without labels ground is what lies within kGroundHeight_m of the ground plane and faces up; where it is rough it counts
+// as rails (ballast, gravel), where it is green as soil, and elsewhere as road.
+#ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_PICTURE_HPP
+#define NPSIM_MATERIAL_DETAIL_DAYLIGHT_PICTURE_HPP
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/color/srgb.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/labels/cityscapes.hpp"
+#include "npsim/material/albedo_scene.hpp"
+#include "npsim/material/detail/daylight/plane_filter.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+
+namespace daylight_detail {
+
+// Surfaces whose light is found in one way. The ground comes first: its kinds share one light.
+enum Region : std::uint8_t { kRoad, kPavement, kSoil, kRails, kFacade, kVehicle, kPlant, kOther, kNone };
+inline constexpr int kGroundRegions = 4;
+
+inline constexpr float kGroundHeight_m = 0.15F;
+
+[[nodiscard]] constexpr Region region_of(Label l) noexcept {
+  if (kNoSurfaceLabels.contains(l)) return kNone;
+  if (kVehicleLabels.contains(l)) return kVehicle;
+  switch (l) {
+    case label::road:
+    case label::parking: return kRoad;
+    case label::sidewalk:
+    case label::ground: return kPavement;
+    case label::terrain: return kSoil;
+    case label::rail_track: return kRails;
+    case label::building:
+    case label::wall:
+    case label::bridge: return kFacade;
+    case label::vegetation: return kPlant;
+    default: return kOther;
+  }
+}
+
+[[nodiscard]] constexpr int working_factor(Shape shape) noexcept { return std::max(1, (shape.width + 480) / 960); }
+[[nodiscard]] constexpr Shape working_shape(Shape shape) noexcept {
+  const int f = working_factor(shape);
+  return {(shape.width + f - 1) / f, (shape.height + f - 1) / f};
+}
+
+struct Picture {
+  int factor = 1;      // pixels of the photograph per working pixel, each way
+  float scale = 1.0F;  // width over 960: of lengths in pixels
+  ImageView<std::uint8_t> region;
+  Plane log_rgb[3];  // log2 of linear light
+  Plane log_y;
+  Plane colour;  // log2(blue / red)
+
+  [[nodiscard]] Shape shape() const noexcept { return log_y.shape(); }
+  [[nodiscard]] bool is_ground(int x, int y) const noexcept { return region(x, y) < kGroundRegions; }
+  // The pixel of the photograph in the middle of a working pixel.
+  [[nodiscard]] int middle_x(int x, int width) const noexcept { return std::min(x * factor + factor / 2, width - 1); }
+  [[nodiscard]] int middle_y(int y, int height) const noexcept { return std::min(y * factor + factor / 2, height - 1); }
+  // A length that is `px` at 960 px width, in working pixels.
+  [[nodiscard]] int radius(float px) const noexcept { return std::max(1, static_cast<int>(px * scale + 0.5F)); }
+};
+inline constexpr std::size_t kPicturePlanes = 5;
+
+// Above the ground plane; 0 where depth or plane is not known.
+[[nodiscard]] inline float height_m(const AlbedoScene& s, int x, int y) noexcept {
+  if (s.depth.empty() || !(s.ground.inlier_share > 0.0F)) return 0.0F;
+  const float z = s.depth(x, y);
+  if (!(z > 0.0F) || !std::isfinite(z)) return 0.0F;
+  const Vec3f point{(static_cast<float>(x) + 0.5F - s.camera.cx) / s.camera.fx * z,
+                    (static_cast<float>(y) + 0.5F - s.camera.cy) / s.camera.fy * z, z};
+  return dot(s.ground.up, point) + s.ground.camera_height_m;
+}
+
+[[nodiscard]] inline Region seen_region(const AlbedoScene& s, int x, int y) noexcept {
+  if (!s.labels.empty()) return region_of(s.labels(x, y));
+  if (s.depth.empty()) return kOther;
+  const float z = s.depth(x, y);
+  if (!(z > 0.0F) || !std::isfinite(z)) return kNone;
+  if (!(s.ground.inlier_share > 0.0F)) return kOther;
+  // Depth is good to some percent of itself, and the plane cuts it at a low angle far away.
+  const float tolerance = kGroundHeight_m + 0.01F * z;
+  if (!(std::fabs(height_m(s, x, y)) < tolerance)) return kOther;
+  if (s.normals.empty() || s.normals(x, y) == Vec3f{}) return kRoad;
+  return dot(s.normals(x, y), s.ground.up) > 0.85F ? kRoad : kOther;
+}
+
+// Ground of an unlabelled scene is of several materials. Asphalt is smooth, but for edges: a pixel counts as rough where
+// every window near it is.
+template <class Executor>
+Status split_ground(Workspace& workspace, const Picture& picture, Executor& executor) {
+  constexpr float kRough = 0.2F;   // mean |log2| about the local mean; asphalt at .1, ballast at .6
+  constexpr float kGreen = 0.15F;  // log2 of green over the mean of red and blue
+  const WorkspaceScope scope(workspace);
+  const Shape shape = picture.shape();
+  Plane mean, rough, least, green;
+  for (Plane* p : {&mean, &rough, &least, &green}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *p));
+  const auto one = [](int, int) { return 1.0F; };
+  const int radius = picture.radius(4.0F);
+  NPSIM_RETURN_IF_ERROR(window_mean(one, picture.log_y, radius, 0.0F, 0.0F, workspace, mean, executor));
+  const auto off = [&](int x, int y) { return std::fabs(picture.log_y(x, y) - mean(x, y)); };
+  NPSIM_RETURN_IF_ERROR(window_mean(one, off, radius, 0.0F, 0.0F, workspace, rough, executor));
+  const auto greenness = [&](int x, int y) {
+    return picture.log_rgb[1](x, y) - 0.5F * (picture.log_rgb[0](x, y) + picture.log_rgb[2](x, y));
+  };
+  NPSIM_RETURN_IF_ERROR(window_mean(one, greenness, radius, 0.0F, 0.0F, workspace, green, executor));
+  const int reach = picture.radius(20.0F);
+  for_pixels(shape, executor, [&](int x, int y) {
+    float low = rough(x, y);
+    for (int u = std::max(x - reach, 0); u <= std::min(x + reach, shape.width - 1); ++u)
+      low = std::min(low, rough(u, y));
+    least(x, y) = low;
+  });
+  for_pixels(shape, executor, [&](int x, int y) {
+    if (picture.region(x, y) != kRoad) return;
+    float low = least(x, y);
+    for (int v = std::max(y - reach, 0); v <= std::min(y + reach, shape.height - 1); ++v)
+      low = std::min(low, least(x, v));
+    if (green(x, y) > kGreen) {
+      picture.region(x, y) = kSoil;
+    } else if (low > kRough) {
+      picture.region(x, y) = kRails;
+    }
+  });
+  return {};
+}
+
+template <class Executor>
+Status read_picture(const AlbedoScene& s, Workspace& workspace, Picture& out, Executor& executor) {
+  const Shape from = s.image.shape();
+  const Shape shape = working_shape(from);
+  out.factor = working_factor(from);
+  out.scale = static_cast<float>(shape.width) / 960.0F;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.region));
+  for (Plane* p : {&out.log_rgb[0], &out.log_rgb[1], &out.log_rgb[2], &out.log_y, &out.colour}) {
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *p));
+  }
+  for_pixels(shape, executor, [&](int x, int y) {
+    const int f = out.factor;
+    const int x1 = std::min((x + 1) * f, from.width);
+    const int y1 = std::min((y + 1) * f, from.height);
+    const Region region = seen_region(s, out.middle_x(x, from.width), out.middle_y(y, from.height));
+    Vec3f sum;
+    float n = 0.0F;
+    for (int v = y * f; v < y1; ++v) {
+      for (int u = x * f; u < x1; ++u) {
+        if (f > 1 && seen_region(s, u, v) != region) continue;
+        sum += srgb_decode8(s.image(u, v));
+        n += 1.0F;
+      }
+    }
+    // Half a step of 8 bits near black: what is darker has no logarithm to speak of.
+    constexpr float kFloor = 1.5e-4F;
+    const Vec3f mean = sum * (1.0F / std::max(n, 1.0F)) + Vec3f{kFloor, kFloor, kFloor};
+    out.region(x, y) = region;
+    out.log_rgb[0](x, y) = log2_of(mean.x);
+    out.log_rgb[1](x, y) = log2_of(mean.y);
+    out.log_rgb[2](x, y) = log2_of(mean.z);
+    out.log_y(x, y) = log2_of(luminance(mean));
+    out.colour(x, y) = log2_of(mean.z + 1e-3F) - log2_of(mean.x + 1e-3F);
+  });
+  if (s.labels.empty()) return split_ground(workspace, out, executor);
+  return {};
+}
+
+}  // namespace daylight_detail
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_MATERIAL_DETAIL_DAYLIGHT_PICTURE_HPP

@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+// Daylight on what stands on the ground: facades, plants, vehicles, people.
+//
+// Facades and plants: the class's faces of one direction share their light over the whole picture, and neighbours that
+// face alike share it more. Of both means, over the class's median, the larger part is divided out; the rest is the
+// albedo of whole houses.
+// Vehicles, people and other objects vary too much in albedo to tell it from light. Their light is that of the place
+// where they stand: of the ground below them, as faces of their direction receive it. So a black car stays black, and
+// one in the shadow is as bright as one in the sun.
+#ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_STANDING_LIGHT_HPP
+#define NPSIM_MATERIAL_DETAIL_DAYLIGHT_STANDING_LIGHT_HPP
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/algorithm.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/material/detail/daylight/ground_light.hpp"
+#include "npsim/material/detail/daylight/picture.hpp"
+#include "npsim/material/detail/daylight/plane_filter.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+namespace daylight_detail {
+
+struct StandingLightParams {
+  float smooth_px = 128.0F;  // at 960 px width
+  float share = 0.4F;        // of the smooth part that is light
+  float wide_px = 512.0F;
+  float wide_share = 0.7F;  // of the mean of a direction
+  float place_px = 24.0F;
+  // What stands in the shadow may rise out of it: between these heights its light becomes that of the sun.
+  float low_m = 1.5F;
+  float high_m = 4.5F;
+  // log2 of what upright faces of objects show over level ground of their albedo: half the sky, what the ground throws
+  // back, and the gloss of paint, which shows the sky besides.
+  float upright = -0.5F;
+};
+
+// Directions by which facades are told apart: left, right, towards the camera, up and the corners between.
+inline constexpr int kFacings = 5;
+[[nodiscard]] inline float facing_weight(const Vec3f& normal, int facing) noexcept {
+  constexpr float kHalf = 0.70710678F;
+  constexpr Vec3f kAxes[kFacings] = {{-1, 0, 0}, {-kHalf, 0, -kHalf}, {0, 0, -1}, {kHalf, 0, -kHalf}, {1, 0, 0}};
+  const float c = dot(normal, kAxes[facing]);
+  if (!(c > 0.0F)) return 0.0F;
+  const float c2 = c * c;
+  return c2 * c2 * c2;
+}
+
+// level(x, y) of one region = the smooth part of log_y among neighbours that face alike, about `median`.
+template <class Normal, class Executor>
+Status smooth_by_facing(const Picture& picture, std::uint8_t region, float length_px, float median,
+                        const Normal& normal, Workspace& workspace, Plane level, Executor& executor) {
+  const WorkspaceScope scope(workspace);
+  const Shape shape = picture.shape();
+  Plane weight, mean, total;
+  for (Plane* plane : {&weight, &mean, &total}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *plane));
+  for_pixels(shape, executor, [&](int x, int y) {
+    if (picture.region(x, y) != region) return;
+    level(x, y) = 0.0F;
+    total(x, y) = 0.0F;
+  });
+  const int radius = picture.radius(0.5F * length_px);
+  const float prior = 0.01F * static_cast<float>((2 * radius + 1) * (2 * radius + 1));
+  const auto value = [&](int x, int y) { return clamp_to(picture.log_y(x, y) - median, -4.0F, 3.0F); };
+  for (int facing = 0; facing < kFacings; ++facing) {
+    const auto own = [&](int x, int y) {
+      return picture.region(x, y) == region ? 0.05F + facing_weight(normal(x, y), facing) : 0.0F;
+    };
+    NPSIM_RETURN_IF_ERROR(window_mean(own, value, radius, prior, 0.0F, workspace, mean, executor));
+    for_pixels(shape, executor, [&](int x, int y) {
+      const float w = own(x, y);
+      if (!(w > 0.0F)) return;
+      level(x, y) += w * mean(x, y);
+      total(x, y) += w;
+    });
+  }
+  for_pixels(shape, executor, [&](int x, int y) {
+    if (picture.region(x, y) == region) level(x, y) /= total(x, y);
+  });
+  return {};
+}
+
+// Share of the sun at the place where each pixel's object stands: of the ground around the next ground below.
+template <class Executor>
+Status place_sun(const StandingLightParams& p, const Picture& picture, const GroundLight& ground, Workspace& workspace,
+                 Plane out, Executor& executor) {
+  const WorkspaceScope scope(workspace);
+  const Shape shape = picture.shape();
+  Plane around;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, around));
+  const auto is_ground = [&](int x, int y) { return picture.is_ground(x, y) ? 1.0F : 0.0F; };
+  const auto sun = [&](int x, int y) { return ground.sun(x, y); };
+  double sum = 0.0;
+  double n = 0.0;
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (!picture.is_ground(x, y)) continue;
+      sum += static_cast<double>(sun(x, y));
+      n += 1.0;
+    }
+  }
+  const float rest = n > 0.0 ? static_cast<float>(sum / n) : 1.0F;
+  NPSIM_RETURN_IF_ERROR(
+      window_mean(is_ground, sun, picture.radius(p.place_px), 1.0F, rest, workspace, around, executor));
+  executor.for_chunks(static_cast<std::size_t>(shape.width), kFilterColumns, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t column = begin; column < end; ++column) {
+      const int x = static_cast<int>(column);
+      float carried = around(x, shape.height - 1);
+      for (int y = shape.height - 1; y >= 0; --y) {
+        if (picture.is_ground(x, y)) carried = around(x, y);
+        out(x, y) = carried;
+      }
+    }
+  });
+  return {};
+}
+
+// Things that move, told apart by their instance ids: the sun where each stands, and its median luminance.
+inline constexpr std::size_t kObjects = 256;    // told apart; what is more shares the first slot, which has no median
+inline constexpr std::size_t kObjectBins = 96;  // of log2 luminance, 8 in an octave, from 2^-11
+inline constexpr std::size_t kInstanceIds = 65536;
+inline constexpr LabelSet kMovableLabels =
+    kVehicleLabels | LabelSet::of(label::person, label::rider, label::dynamic_object);
+
+struct Objects {
+  Span<std::uint8_t> slot;  // by instance id
+  Span<std::uint32_t> histogram;
+  Span<float> sun;
+  Span<float> count;
+  Span<float> median;     // log2; kNoMedian: none
+  Span<int> top, bottom;  // rows of working pixels
+
+  static constexpr float kNoMedian = 1e30F;
+  [[nodiscard]] std::size_t of(const AlbedoScene& s, int x, int y) const noexcept {
+    if (s.labels.empty() || s.instances.empty() || !kMovableLabels.contains(s.labels(x, y))) return 0;
+    return slot[s.instances(x, y)];
+  }
+  // How far down an object a working row lies, 0 at its top and 1 at its bottom.
+  [[nodiscard]] float down(std::size_t object, float row) const noexcept {
+    const auto rows = static_cast<float>(std::max(bottom[object] - top[object] + 1, 1));
+    return (row + 0.5F - static_cast<float>(top[object])) / rows;
+  }
+};
+// Of a vehicle's height, from its top: panes, then paint, then tyres and what is dark under the sills.
+inline constexpr float kPanesFrom = 0.08F, kPanesTo = 0.45F, kTyresFrom = 0.78F;
+
+inline constexpr std::size_t kObjectsBytes =
+    allocation_bytes<std::uint8_t>(kInstanceIds) + allocation_bytes<std::uint32_t>(kObjects * kObjectBins) +
+    3 * allocation_bytes<float>(kObjects) + 2 * allocation_bytes<int>(kObjects);
+
+// Numbers the objects in the order in which rows meet them, and takes the mean of `sun` over each.
+inline Status list_objects(const AlbedoScene& s, const Picture& picture, Plane sun, Workspace& workspace,
+                           Objects& out) {
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(kInstanceIds, out.slot));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(kObjects * kObjectBins, out.histogram));
+  for (Span<float>* v : {&out.sun, &out.count, &out.median}) {
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(kObjects, *v));
+  }
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(kObjects, out.top));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(kObjects, out.bottom));
+  for (std::uint8_t& v : out.slot) v = 0;
+  for (std::uint32_t& v : out.histogram) v = 0;
+  for (std::size_t k = 0; k < kObjects; ++k) {
+    out.sun[k] = out.count[k] = 0.0F;
+    out.median[k] = Objects::kNoMedian;
+    out.top[k] = picture.shape().height;
+    out.bottom[k] = 0;
+  }
+  if (s.labels.empty() || s.instances.empty()) return {};
+  std::size_t next = 1;
+  for (int y = 0; y < picture.shape().height; ++y) {
+    for (int x = 0; x < picture.shape().width; ++x) {
+      const int u = picture.middle_x(x, s.image.width());
+      const int v = picture.middle_y(y, s.image.height());
+      if (!kMovableLabels.contains(s.labels(u, v))) continue;
+      std::uint8_t& slot = out.slot[s.instances(u, v)];
+      if (slot == 0 && next < kObjects) slot = static_cast<std::uint8_t>(next++);
+      out.sun[slot] += sun(x, y);
+      out.count[slot] += 1.0F;
+      out.top[slot] = std::min(out.top[slot], y);
+      out.bottom[slot] = std::max(out.bottom[slot], y);
+    }
+  }
+  for (std::size_t k = 0; k < kObjects; ++k) out.sun[k] /= std::max(out.count[k], 1.0F);
+  return {};
+}
+
+// Medians of log_y - light of the objects, of vehicles between panes and tyres.
+inline void object_medians(const AlbedoScene& s, const Picture& picture, Plane light, Objects& out) {
+  constexpr float kFirst = -11.0F;
+  constexpr float kPerOctave = 8.0F;
+  if (s.labels.empty() || s.instances.empty()) return;
+  for (int y = 0; y < picture.shape().height; ++y) {
+    for (int x = 0; x < picture.shape().width; ++x) {
+      const std::size_t slot = out.of(s, picture.middle_x(x, s.image.width()), picture.middle_y(y, s.image.height()));
+      if (slot == 0) continue;
+      const float down = out.down(slot, static_cast<float>(y));
+      if (picture.region(x, y) == kVehicle && (down < kPanesTo || down > kTyresFrom)) continue;
+      const float bin = (picture.log_y(x, y) - light(x, y) - kFirst) * kPerOctave;
+      ++out.histogram[slot * kObjectBins +
+                      static_cast<std::size_t>(clamp_to(bin, 0.0F, static_cast<float>(kObjectBins - 1)))];
+    }
+  }
+  for (std::size_t k = 1; k < kObjects; ++k) {
+    std::uint32_t all = 0;
+    for (std::size_t b = 0; b < kObjectBins; ++b) all += out.histogram[k * kObjectBins + b];
+    std::uint32_t below = 0;
+    for (std::size_t b = 0; b < kObjectBins && all > 0; ++b) {
+      below += out.histogram[k * kObjectBins + b];
+      if (2 * below < all) continue;
+      out.median[k] = kFirst + (static_cast<float>(b) + 0.5F) / kPerOctave;
+      break;
+    }
+  }
+}
+
+}  // namespace daylight_detail
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_MATERIAL_DETAIL_DAYLIGHT_STANDING_LIGHT_HPP
