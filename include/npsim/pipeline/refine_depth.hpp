@@ -292,8 +292,8 @@ inline void rate_confidence(ImageView<const float> measured, float reach_px, Ima
 }
 
 template <class Executor>
-[[nodiscard]] Status complete_depth(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace,
-                                    Executor& executor, RefinedDepth& out) {
+[[nodiscard]] Status complete_depth(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
+                                    Workspace& workspace, Executor& executor, RefinedDepth& out) {
   const Shape shape = scene.shape();
   ImageView<float> measured;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
@@ -304,8 +304,10 @@ template <class Executor>
     NPSIM_RETURN_IF_ERROR(drop_outliers(scaled_outliers(params, shape), scene.depth, scene.labels, out.ground.up,
                                         height_m, scene.camera, measured, executor));
   }
-  NPSIM_RETURN_IF_ERROR(fill_depth(params.fill, ImageView<const float>(measured), scene.labels, out.depth,
-                                   ImageView<std::uint8_t>(), workspace, executor));
+  FillParams fill = params.fill;
+  fill.edge_inverse += out.trust.inverse;
+  NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), objects, out.depth, ImageView<std::uint8_t>(),
+                                   workspace, executor));
   mark_surface(scene.depth, out.labels, out.depth, !scene.labels.empty(), out.surface);
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
@@ -445,7 +447,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
   const ObjectMap objects{scene.labels, labelled ? scene.instances : ImageView<const std::uint16_t>()};
 
   NPSIM_RETURN_IF_ERROR(step(
-      Stage::fill, [&] { return refine_detail::complete_depth(params, scene, workspace, executor, out); }, true));
+      Stage::fill, [&] { return refine_detail::complete_depth(params, scene, objects, workspace, executor, out); }, true));
   if (params.sharpen.radius_px > 0.0F && !out.trust.bounded) {
     NPSIM_RETURN_IF_ERROR(step(
         Stage::sharpen, [&] { return refine_detail::sharpen(params, objects, workspace, executor, out); }, true));
