@@ -28,8 +28,10 @@
 #include "npsim/depth/guiding_normals.hpp"
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/depth/outliers.hpp"
+#include "npsim/depth/planar_segments.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/sharpen_edges.hpp"
+#include "npsim/depth/source_noise.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
@@ -70,6 +72,7 @@ struct RefineDepthParams {
   // Labels (instances where there are any) alone, as the method's successor does: the colours of road and pavement are
   // too alike to hold a kerb. Without labels colour alone. false: both, as (3.2) has it.
   bool filter_one_reference = true;
+  PlanarSegmentsParams planes;  // of a depth without given normals
   UncertaintyParams uncertainty;
   GuidingNormalsParams normals;
   RefineParams refine = default_depth_refinement();
@@ -91,6 +94,7 @@ struct RefineDepthParams {
     params.normals.given_smoothing.iterations = 0;
     params.normals.ground.enabled = false;
     params.refine = thesis_refine_params();
+    params.planes.enabled = false;
     params.border_jump = 0;
     return params;
   }
@@ -102,6 +106,8 @@ struct RefinedDepth {
   ImageView<std::uint8_t> surface;    // 1 where the pixel shows a surface of the scene
   ImageView<std::uint8_t> uncertain;  // U of (3.3)
   ImageView<Vec3f> normals;           // that guided the refinement: given or derived, smoothed, the ground's made plain
+  PlanarMap planes;                   // of facades and the like; empty where normals are given
+  DepthNoise noise;                   // of the depth as given
   GroundPlane ground;                 // of the anchored depth; inlier_share 0: a guess
   RefineResult refinement;
 };
@@ -172,6 +178,7 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.sharpen));
   NPSIM_RETURN_IF_ERROR(validate(params.anchor));
   NPSIM_RETURN_IF_ERROR(validate(params.filter));
+  NPSIM_RETURN_IF_ERROR(validate(params.planes));
   NPSIM_RETURN_IF_ERROR(validate(params.uncertainty));
   NPSIM_RETURN_IF_ERROR(validate(params.normals));
   return validate(params.refine);
@@ -198,22 +205,32 @@ namespace refine_detail {
       anchor_ground_workspace_bytes(shape),
       allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(pixels) + allocation_bytes<std::uint16_t>(pixels) +
           refine_detail::filter_workspace_bytes(params, shape),
-      uncertainty_workspace_bytes(params.uncertainty, shape), guiding_normals_workspace_bytes(params.normals, shape),
+      planar_segments_workspace_bytes(params.planes, shape), uncertainty_workspace_bytes(params.uncertainty, shape),
+      guiding_normals_workspace_bytes(params.normals, shape),
       refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels));
   return allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
-         allocation_bytes<Vec3f>(pixels) + steps + kWorkspaceAlignment;
+         allocation_bytes<Vec3f>(pixels) + planar_map_bytes(params.planes, shape) + steps + kWorkspaceAlignment;
 }
 
 namespace refine_detail {
 
 // The steps, each from and to the planes of RefinedDepth.
 
-[[nodiscard]] inline Status allocate_planes(const SceneView& scene, Workspace& workspace, RefinedDepth& out) noexcept {
+// Given normals know more than planes do.
+[[nodiscard]] inline bool finds_planes(const RefineDepthParams& params, const SceneView& scene) noexcept {
+  return params.planes.enabled && scene.normals.empty();
+}
+
+[[nodiscard]] inline Status allocate_planes(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace, RefinedDepth& out) noexcept {
   const Shape shape = scene.shape();
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.depth));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.surface));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.uncertain));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.normals));
+  out.planes = PlanarMap{};
+  if (finds_planes(params, scene)) {
+    NPSIM_RETURN_IF_ERROR(allocate_planar_map(params.planes, shape, workspace, out.planes));
+  }
   out.labels = scene.labels;
   if (!scene.labels.empty()) return {};
   ImageView<Label> one_class;
@@ -333,10 +350,17 @@ template <class Executor>
 }
 
 template <class Executor>
+[[nodiscard]] Status fit_planes(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
+                                Workspace& workspace, Executor& executor, RefinedDepth& out) {
+  return planar_segments(params.planes, scene.depth, objects, out.noise, out.ground.up, scene.camera, out.depth,
+                         out.planes, workspace, executor);
+}
+
+template <class Executor>
 [[nodiscard]] Status refine(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
                             Workspace& workspace, Executor& executor, RefinedDepth& out) {
-  NPSIM_RETURN_IF_ERROR(guiding_normals(params.normals, scene.normals, out.depth, out.labels, scene.camera, out.ground,
-                                        out.normals, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(guiding_normals(params.normals, scene.normals, out.depth, out.labels, objects, out.noise,
+                                        out.planes, scene.camera, out.ground, out.normals, workspace, executor));
   ImageView<std::uint8_t> edges;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), edges));
   if (params.border_jump > 0.0F) {
@@ -371,9 +395,11 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
     return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while refining depth") : Status();
   };
   NPSIM_RETURN_IF_ERROR(workspace.ensure(refine_depth_workspace_bytes(params, scene.shape())));
-  NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(scene, workspace, out));
+  NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(params, scene, workspace, out));
   const bool labelled = !scene.labels.empty();
   const ObjectMap objects{scene.labels, labelled ? scene.instances : ImageView<const std::uint16_t>()};
+
+  out.noise = depth_noise(scene.depth_source, scene.stereo_baseline_m, scene.depth, objects, scene.camera);
 
   NPSIM_RETURN_IF_ERROR(step(
       Stage::fill, [&] { return refine_detail::complete_depth(params, scene, workspace, executor, out); }, true));
@@ -386,6 +412,11 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
       params.anchor.enabled));
   NPSIM_RETURN_IF_ERROR(step(
       Stage::cross_bilateral, [&] { return refine_detail::filter(params, scene, workspace, executor, out); }, true));
+  if (refine_detail::finds_planes(params, scene)) {
+    NPSIM_RETURN_IF_ERROR(step(
+        Stage::planes,
+        [&] { return refine_detail::fit_planes(params, scene, objects, workspace, executor, out); }, true));
+  }
   NPSIM_RETURN_IF_ERROR(step(
       Stage::uncertainty,
       [&] {
