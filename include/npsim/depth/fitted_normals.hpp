@@ -27,20 +27,24 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/depth/source_noise.hpp"
+#include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
 
 struct FittedNormalsParams {
-  float angle_rad = 0.1F;    // wanted deviation of a normal
-  float max_size_m = 1.0F;   // of the surroundings
+  float angle_rad = 0.015F;  // wanted deviation of a normal
+  float max_size_m = 1.5F;   // of the surroundings
+  LabelSet broad = LabelSet::of(label::vegetation, label::terrain, label::road, label::sidewalk, label::parking,
+                                label::ground, label::rail_track);
+  float broad_size_m = 5.0F;  // of theirs: ground, and plants, whose leaves have no normal that depth could know
   float min_px = 9.0F;       // of an image 960 wide
   float max_share = 0.08F;   // of the image's width
-  float step = 0.05F;        // relative difference of depth, above the noise, at which a sample of the first fit counts half
+  float step = 0.02F;        // relative difference of depth, above the noise, at which a sample of the first fit counts half
 };
 
 [[nodiscard]] inline Status validate(const FittedNormalsParams& p) noexcept {
-  const bool good = p.angle_rad > 0.0F && p.max_size_m > 0.0F && p.min_px >= 0.0F && p.max_share > 0.0F &&
+  const bool good = p.angle_rad > 0.0F && p.max_size_m > 0.0F && p.broad_size_m > 0.0F && p.min_px >= 0.0F && p.max_share > 0.0F &&
                     p.max_share <= 1.0F && p.step > 0.0F;
   return good ? Status() : Status(StatusCode::invalid_argument, "fitted normals: a parameter lies outside its range");
 }
@@ -62,9 +66,9 @@ struct FittedPlane {
 };
 
 [[nodiscard]] inline float footprint_px(const FittedNormalsParams& p, const DepthNoise& noise, const Intrinsics& camera,
-                                        int width, float w) noexcept {
+                                        int width, float size_m, float w) noexcept {
   const float wanted = std::sqrt(3.4641016F * noise.width_px * camera.fx * noise.deviation(w) / (w * p.angle_rad));
-  const float most = std::min(p.max_size_m * camera.fx * w, p.max_share * static_cast<float>(width));
+  const float most = std::min(size_m * camera.fx * w, p.max_share * static_cast<float>(width));
   const float least = p.min_px * static_cast<float>(width) / 960.0F;
   return std::max(std::min(wanted, most), std::max(least, 2.0F));
 }
@@ -141,7 +145,9 @@ template <class Weight>
                                          int x, int y) noexcept {
   const float w0 = 1.0F / depth(x, y);
   const float sigma = noise.deviation(w0);
-  const float spacing = footprint_px(p, noise, camera, depth.width(), w0) / static_cast<float>(kTaps - 1);
+  const bool broad = !objects.labels.empty() && p.broad.contains(objects.labels(x, y));
+  const float size_m = broad ? p.broad_size_m : p.max_size_m;
+  const float spacing = footprint_px(p, noise, camera, depth.width(), size_m, w0) / static_cast<float>(kTaps - 1);
   const float near = 1.0F / (p.step * w0 + 3.0F * sigma);
   const float about = typical_w(depth, objects, x, y, spacing, p.step * w0 + 3.0F * sigma);
   FittedPlane plane = fit_local(depth, objects, x, y, spacing, [&](float, float, float w) {

@@ -124,15 +124,16 @@ struct GroundNormalsParams {
 
 struct GuidingNormalsParams {
   NormalsParams form;
-  FittedNormalsParams fitted;  // where they come from depth
-  SmoothNormalsParams derived_smoothing{0};
+  bool fit = true;                           // normals that come from depth; false: differences between neighbours
+  FittedNormalsParams fitted;
+  SmoothNormalsParams fitted_smoothing{3};  // of fitted ones, whose samples lie pixels apart
   SmoothNormalsParams given_smoothing{2};  // of given ones
   GroundNormalsParams ground;              // of both, after smoothing
 };
 
 [[nodiscard]] inline Status validate(const GuidingNormalsParams& params) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(params.fitted));
-  NPSIM_RETURN_IF_ERROR(validate(params.derived_smoothing));
+  NPSIM_RETURN_IF_ERROR(validate(params.fitted_smoothing));
   NPSIM_RETURN_IF_ERROR(validate(params.given_smoothing));
   if (!(params.ground.min_rad > 0.0F) || !(params.ground.max_rad > 0.0F && params.ground.max_rad < 1.6F)) {
     return {StatusCode::invalid_argument, "guiding normals: angles of the ground's normals positive, at most 1.6"};
@@ -143,7 +144,7 @@ struct GuidingNormalsParams {
 [[nodiscard]] constexpr std::size_t guiding_normals_workspace_bytes(const GuidingNormalsParams& params,
                                                                     Shape shape) noexcept {
   return kWorkspaceAlignment + allocation_bytes<Vec3f>(shape.pixels()) +
-         smooth_normals_workspace_bytes(params.derived_smoothing, shape);
+         smooth_normals_workspace_bytes(params.fitted_smoothing, shape);
 }
 
 namespace refine_detail {
@@ -184,18 +185,21 @@ template <class Executor>
       if (is_finite(n) && dot(n, n) > 0.25F) normals(x, y) = normalized(n);
     }
   }
-  if (given.empty()) {
+  const bool fitted = given.empty() && params.fit;
+  if (fitted) {
     NPSIM_RETURN_IF_ERROR(fitted_normals(
         params.fitted, depth, objects, noise, camera, [&](int x, int y) { return planes.at(x, y) == nullptr; }, normals,
         executor));
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        if (const PlanarSegment* plane = planes.at(x, y)) normals(x, y) = plane->normal;
-      }
+    NPSIM_RETURN_IF_ERROR(smooth_normals(params.fitted_smoothing, depth, labels, normals, workspace, executor));
+  }
+  if (!given.empty()) {
+    NPSIM_RETURN_IF_ERROR(smooth_normals(params.given_smoothing, depth, labels, normals, workspace, executor));
+  }
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (const PlanarSegment* plane = planes.at(x, y)) normals(x, y) = plane->normal;
     }
   }
-  NPSIM_RETURN_IF_ERROR(smooth_normals(given.empty() ? params.derived_smoothing : params.given_smoothing, depth, labels,
-                                       normals, workspace, executor));
   if (!params.ground.enabled) return {};
   const WorkspaceScope scope(workspace);
   ImageView<Vec3f> smooth;

@@ -90,7 +90,7 @@ struct RefineDepthParams {
     params.filter_inverse_depth = false;
     params.filter_one_reference = false;
     params.normals.form.tangents = TangentForm::thesis;
-    params.normals.derived_smoothing.iterations = 0;
+    params.normals.fit = false;
     params.normals.given_smoothing.iterations = 0;
     params.normals.ground.enabled = false;
     params.refine = thesis_refine_params();
