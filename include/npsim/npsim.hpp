@@ -45,6 +45,7 @@
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/fill.hpp"
+#include "npsim/depth/fitted_normals.hpp"
 #include "npsim/depth/guiding_normals.hpp"
 #include "npsim/depth/kerb_faces.hpp"
 #include "npsim/depth/loss_gradient.hpp"
@@ -53,8 +54,10 @@
 #include "npsim/depth/normals.hpp"
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/depth/outliers.hpp"
+#include "npsim/depth/planar_segments.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/sharpen_edges.hpp"
+#include "npsim/depth/source_noise.hpp"
 #include "npsim/depth/uncertainty.hpp"
 
 // sections 3.1, 3.3, 3.5: the layered scene mesh

@@ -18,7 +18,7 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 enum class Stage : std::uint8_t {
-  fill, sharpen, ground, cross_bilateral, uncertainty, refine, sheet, prune, complete, mesh, material, lights, build_trace,
+  fill, sharpen, ground, cross_bilateral, planes, uncertainty, refine, sheet, prune, complete, mesh, material, lights, build_trace,
   render, denoise, camera, count_
 };
 
@@ -28,6 +28,7 @@ enum class Stage : std::uint8_t {
     case Stage::sharpen: return "edge sharpening";
     case Stage::ground: return "ground";
     case Stage::cross_bilateral: return "cross-bilateral filter";
+    case Stage::planes: return "planes";
     case Stage::uncertainty: return "variance filter";
     case Stage::refine: return "normal-guided refinement";
     case Stage::sheet: return "sheet mesh";

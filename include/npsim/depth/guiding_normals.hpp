@@ -24,7 +24,11 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/fitted_normals.hpp"
 #include "npsim/depth/normals.hpp"
+#include "npsim/depth/object_borders.hpp"
+#include "npsim/depth/planar_segments.hpp"
+#include "npsim/depth/source_noise.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -120,15 +124,16 @@ struct GroundNormalsParams {
 
 struct GuidingNormalsParams {
   NormalsParams form;
-  // Of normals that come from depth, which carry its noise many times over: over 125 px. Stereo noise is as wide as its
-  // windows.
-  SmoothNormalsParams derived_smoothing{5};
+  bool fit = true;                           // normals that come from depth; false: differences between neighbours
+  FittedNormalsParams fitted;
+  SmoothNormalsParams fitted_smoothing{3};  // of fitted ones, whose samples lie pixels apart
   SmoothNormalsParams given_smoothing{2};  // of given ones
   GroundNormalsParams ground;              // of both, after smoothing
 };
 
 [[nodiscard]] inline Status validate(const GuidingNormalsParams& params) noexcept {
-  NPSIM_RETURN_IF_ERROR(validate(params.derived_smoothing));
+  NPSIM_RETURN_IF_ERROR(validate(params.fitted));
+  NPSIM_RETURN_IF_ERROR(validate(params.fitted_smoothing));
   NPSIM_RETURN_IF_ERROR(validate(params.given_smoothing));
   if (!(params.ground.min_rad > 0.0F) || !(params.ground.max_rad > 0.0F && params.ground.max_rad < 1.6F)) {
     return {StatusCode::invalid_argument, "guiding normals: angles of the ground's normals positive, at most 1.6"};
@@ -139,7 +144,7 @@ struct GuidingNormalsParams {
 [[nodiscard]] constexpr std::size_t guiding_normals_workspace_bytes(const GuidingNormalsParams& params,
                                                                     Shape shape) noexcept {
   return kWorkspaceAlignment + allocation_bytes<Vec3f>(shape.pixels()) +
-         smooth_normals_workspace_bytes(params.derived_smoothing, shape);
+         smooth_normals_workspace_bytes(params.fitted_smoothing, shape);
 }
 
 namespace refine_detail {
@@ -168,6 +173,7 @@ inline void straighten_ground(const GroundNormalsParams& params, const GroundPla
 template <class Executor>
 [[nodiscard]] Status guiding_normals(const GuidingNormalsParams& params, ImageView<const Vec3f> given,
                                      ImageView<const float> depth, ImageView<const Label> labels,
+                                     const ObjectMap& objects, const DepthNoise& noise, const PlanarMap& planes,
                                      const Intrinsics& camera, const GroundPlane& ground, ImageView<Vec3f> normals,
                                      Workspace& workspace, Executor& executor) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(params));
@@ -179,8 +185,21 @@ template <class Executor>
       if (is_finite(n) && dot(n, n) > 0.25F) normals(x, y) = normalized(n);
     }
   }
-  NPSIM_RETURN_IF_ERROR(smooth_normals(given.empty() ? params.derived_smoothing : params.given_smoothing, depth, labels,
-                                       normals, workspace, executor));
+  const bool fitted = given.empty() && params.fit;
+  if (fitted) {
+    NPSIM_RETURN_IF_ERROR(fitted_normals(
+        params.fitted, depth, objects, noise, camera, [&](int x, int y) { return planes.at(x, y) == nullptr; }, normals,
+        executor));
+    NPSIM_RETURN_IF_ERROR(smooth_normals(params.fitted_smoothing, depth, labels, normals, workspace, executor));
+  }
+  if (!given.empty()) {
+    NPSIM_RETURN_IF_ERROR(smooth_normals(params.given_smoothing, depth, labels, normals, workspace, executor));
+  }
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (const PlanarSegment* plane = planes.at(x, y)) normals(x, y) = plane->normal;
+    }
+  }
   if (!params.ground.enabled) return {};
   const WorkspaceScope scope(workspace);
   ImageView<Vec3f> smooth;

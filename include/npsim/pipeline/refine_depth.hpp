@@ -34,8 +34,10 @@
 #include "npsim/depth/kerb_faces.hpp"
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/depth/outliers.hpp"
+#include "npsim/depth/planar_segments.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/sharpen_edges.hpp"
+#include "npsim/depth/source_noise.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
@@ -78,6 +80,7 @@ struct RefineDepthParams {
   // Labels (instances where there are any) alone, as the method's successor does: the colours of road and pavement are
   // too alike to hold a kerb. Without labels colour alone. false: both, as (3.2) has it.
   bool filter_one_reference = true;
+  PlanarSegmentsParams planes;  // of a depth without given normals
   UncertaintyParams uncertainty;
   GuidingNormalsParams normals;
   RefineParams refine = default_depth_refinement();
@@ -97,10 +100,11 @@ struct RefineDepthParams {
     params.filter_inverse_depth = false;
     params.filter_one_reference = false;
     params.normals.form.tangents = TangentForm::thesis;
-    params.normals.derived_smoothing.iterations = 0;
+    params.normals.fit = false;
     params.normals.given_smoothing.iterations = 0;
     params.normals.ground.enabled = false;
     params.refine = thesis_refine_params();
+    params.planes.enabled = false;
     params.border_jump = 0;
     params.kerbs.enabled = false;
     return params;
@@ -115,8 +119,10 @@ struct RefinedDepth {
   ImageView<Vec3f> normals;           // that guided the refinement: given or derived, smoothed, the ground's made plain
   DepthSource source = DepthSource::network;  // given or found
   DepthTrust trust;                   // by how much the filled depth may be changed
+  DepthNoise noise;                   // of the depth as given
   ImageView<float> filled;            // m; the depth before it was filtered and refined; empty where it moves freely
   ImageView<float> confidence;        // 1 where measured, falling to 0 where made up far from it; empty likewise
+  PlanarMap planes;                   // of facades and the like; empty where normals are given
   GroundPlane ground;                 // of the anchored depth; inlier_share 0: a guess
   RefineResult refinement;
 };
@@ -188,6 +194,7 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.sharpen));
   NPSIM_RETURN_IF_ERROR(validate(params.anchor));
   NPSIM_RETURN_IF_ERROR(validate(params.filter));
+  NPSIM_RETURN_IF_ERROR(validate(params.planes));
   NPSIM_RETURN_IF_ERROR(validate(params.uncertainty));
   NPSIM_RETURN_IF_ERROR(validate(params.normals));
   NPSIM_RETURN_IF_ERROR(validate(params.kerbs));
@@ -215,18 +222,25 @@ namespace refine_detail {
       anchor_ground_workspace_bytes(shape),
       allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(pixels) + allocation_bytes<std::uint16_t>(pixels) +
           refine_detail::filter_workspace_bytes(params, shape),
-      uncertainty_workspace_bytes(params.uncertainty, shape), guiding_normals_workspace_bytes(params.normals, shape),
+      planar_segments_workspace_bytes(params.planes, shape), uncertainty_workspace_bytes(params.uncertainty, shape),
+      guiding_normals_workspace_bytes(params.normals, shape),
       refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels),
       kerb_faces_workspace_bytes(shape));
   return 3 * allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
-         allocation_bytes<Vec3f>(pixels) + steps + kWorkspaceAlignment;
+         allocation_bytes<Vec3f>(pixels) + planar_map_bytes(params.planes, shape) + steps + kWorkspaceAlignment;
 }
 
 namespace refine_detail {
 
 // The steps, each from and to the planes of RefinedDepth.
 
-[[nodiscard]] inline Status allocate_planes(const SceneView& scene, Workspace& workspace, RefinedDepth& out) noexcept {
+// Given normals know more than planes do.
+[[nodiscard]] inline bool finds_planes(const RefineDepthParams& params, const SceneView& scene) noexcept {
+  return params.planes.enabled && scene.normals.empty();
+}
+
+[[nodiscard]] inline Status allocate_planes(const RefineDepthParams& params, const SceneView& scene,
+                                            Workspace& workspace, RefinedDepth& out) noexcept {
   const Shape shape = scene.shape();
   if (out.trust.bounded) {
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.filled));
@@ -236,6 +250,10 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.surface));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.uncertain));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.normals));
+  out.planes = PlanarMap{};
+  if (finds_planes(params, scene)) {
+    NPSIM_RETURN_IF_ERROR(allocate_planar_map(params.planes, shape, workspace, out.planes));
+  }
   out.labels = scene.labels;
   if (!scene.labels.empty()) return {};
   ImageView<Label> one_class;
@@ -398,10 +416,17 @@ template <class Executor>
 }
 
 template <class Executor>
+[[nodiscard]] Status fit_planes(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
+                                Workspace& workspace, Executor& executor, RefinedDepth& out) {
+  return planar_segments(params.planes, scene.depth, objects, out.noise, out.ground.up, scene.camera, out.depth,
+                         out.planes, workspace, executor);
+}
+
+template <class Executor>
 [[nodiscard]] Status refine(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
                             Workspace& workspace, Executor& executor, RefinedDepth& out) {
-  NPSIM_RETURN_IF_ERROR(guiding_normals(params.normals, scene.normals, out.depth, out.labels, scene.camera, out.ground,
-                                        out.normals, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(guiding_normals(params.normals, scene.normals, out.depth, out.labels, objects, out.noise,
+                                        out.planes, scene.camera, out.ground, out.normals, workspace, executor));
   ImageView<std::uint8_t> edges;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), edges));
   if (params.border_jump > 0.0F) {
@@ -442,9 +467,11 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
                           scene.stereo_baseline_m);
   out.filled = {};
   out.confidence = {};
-  NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(scene, workspace, out));
+  NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(params, scene, workspace, out));
   const bool labelled = !scene.labels.empty();
   const ObjectMap objects{scene.labels, labelled ? scene.instances : ImageView<const std::uint16_t>()};
+
+  out.noise = depth_noise(out.source, scene.stereo_baseline_m, scene.depth, objects, scene.camera);
 
   NPSIM_RETURN_IF_ERROR(step(
       Stage::fill, [&] { return refine_detail::complete_depth(params, scene, objects, workspace, executor, out); }, true));
@@ -458,6 +485,11 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
         params.anchor.enabled));
     NPSIM_RETURN_IF_ERROR(step(
         Stage::cross_bilateral, [&] { return refine_detail::filter(params, scene, workspace, executor, out); }, true));
+  }
+  if (refine_detail::finds_planes(params, scene)) {
+    NPSIM_RETURN_IF_ERROR(step(
+        Stage::planes, [&] { return refine_detail::fit_planes(params, scene, objects, workspace, executor, out); },
+        true));
   }
   NPSIM_RETURN_IF_ERROR(step(
       Stage::uncertainty,

@@ -1,0 +1,248 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "npsim/depth/planar_segments.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "fixture.hpp"
+#include "npsim/core/executor.hpp"
+#include "npsim/core/random.hpp"
+
+using namespace npsim;
+using npsim_test::Image;
+
+namespace {
+
+constexpr Shape kShape{480, 240};
+constexpr float kDegree = 0.017453293F;
+
+// Walls that stand on level ground, seen by a stereo pair 22 cm apart.
+struct Street {
+  Intrinsics k{530, 530, 240, 120};
+  Image<float> truth{kShape};
+  Image<float> measured{kShape};
+  Image<float> depth{kShape};
+  Image<Label> labels{kShape, label::building};
+  Image<std::uint16_t> of{kShape};
+  PlanarMap map;
+  DepthNoise noise{0.17F * 480 / 2048 / (530 * 0.22F), 0, 1.0F};
+
+  [[nodiscard]] Vec3f ray(int x, int y) const {
+    return {(static_cast<float>(x) + 0.5F - k.cx) / k.fx, (static_cast<float>(y) + 0.5F - k.cy) / k.fy, 1.0F};
+  }
+  // The wall n . p = -h on columns [from, to).
+  void wall(const Vec3f& n, float h, int from, int to) {
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = from; x < to; ++x) truth(x, y) = -h / dot(n, ray(x, y));
+    }
+  }
+  // Noise of the deviation that is assumed.
+  void measure(float times = 1.0F) {
+    for (int y = 0; y < kShape.height; ++y) {
+      RandomStream random(5, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y), 0);
+      for (int x = 0; x < kShape.width; ++x) {
+        if (x % 240 == 0) random = RandomStream(5, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y), static_cast<std::uint32_t>(x));
+        const float sum = random.uniform() + random.uniform() + random.uniform() + random.uniform() - 2.0F;
+        const float w = 1.0F / truth(x, y);
+        measured(x, y) = truth(x, y) > 0.0F ? 1.0F / (w + times * 1.732F * sum * noise.deviation(w)) : 0.0F;
+      }
+    }
+    depth = measured;
+  }
+  template <class Executor>
+  Status run(Executor& executor, const PlanarSegmentsParams& params = {}) {
+    npsim_test::Scratch kept(planar_map_bytes(params, kShape) + kWorkspaceAlignment);
+    npsim_test::Scratch scratch(planar_segments_workspace_bytes(params, kShape));
+    PlanarMap found;
+    REQUIRE(allocate_planar_map(params, kShape, kept.workspace(), found).ok());
+    const Status status = planar_segments(params, measured.cview(), ObjectMap{labels.cview(), {}}, noise,
+                                          Vec3f{0, -1, 0}, k, depth.view(), found, scratch.workspace(), executor);
+    if (!status.ok()) return status;
+    copy_pixels(ImageView<const std::uint16_t>(found.of), of.view());
+    segments.assign(found.segments.begin(), found.segments.end());
+    return status;
+  }
+  Status run() {
+    SerialExecutor serial;
+    return run(serial);
+  }
+  [[nodiscard]] const PlanarSegment* at(int x, int y) const {
+    return of(x, y) == 0 ? nullptr : &segments[of(x, y) - std::size_t{1}];
+  }
+  // Of pixels of a label the share whose plane's normal is within `degrees` of n.
+  [[nodiscard]] double share_facing(const Vec3f& n, int from, int to, float degrees) const {
+    std::size_t all = 0;
+    std::size_t good = 0;
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = from; x < to; ++x) {
+        if (labels(x, y) != label::building) continue;
+        ++all;
+        const PlanarSegment* s = at(x, y);
+        good += s != nullptr && dot(s->normal, n) > std::cos(degrees * kDegree) ? 1U : 0U;
+      }
+    }
+    return static_cast<double>(good) / static_cast<double>(all);
+  }
+  [[nodiscard]] double error(const Image<float>& z) const {
+    double sum = 0;
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) sum += static_cast<double>(std::fabs(z(x, y) / truth(x, y) - 1.0F));
+    }
+    return sum / static_cast<double>(kShape.pixels());
+  }
+  std::vector<PlanarSegment> segments;
+};
+
+const Vec3f kFront{0, 0, -1};
+const Vec3f kSide = normalized(Vec3f{-0.9F, 0, -0.436F});
+
+// A front at 14 m and, right of the middle, a wall that recedes from it.
+[[nodiscard]] Street corner() {
+  Street s;
+  s.wall(kFront, 14.0F, 0, 240);
+  s.wall(kSide, 14.0F * 0.436F, 240, 480);
+  return s;
+}
+
+}  // namespace
+
+TEST_CASE("planar segments: two noisy walls at a corner, parted by a pole, become two planes") {
+  Street s = corner();
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 100; x < 112; ++x) {
+      s.truth(x, y) = 8.0F;
+      s.labels(x, y) = label::pole;
+    }
+  }
+  s.measure();
+  REQUIRE(s.run().ok());
+  CHECK(s.share_facing(kFront, 0, 240, 1.5F) > 0.97);
+  CHECK(s.share_facing(kSide, 240, 480, 1.5F) > 0.97);
+  CHECK(s.at(105, 100) == nullptr);
+  CHECK(s.of(50, 100) == s.of(200, 100));  // across the pole
+  CHECK(s.error(s.depth) < 0.35 * s.error(s.measured));
+  REQUIRE(s.at(50, 100) != nullptr);
+  CHECK(s.at(50, 100)->upright);
+  CHECK(s.at(50, 100)->support_px > 0.9F * 228 * 240);
+  CHECK(s.at(50, 100)->residual < 1.2F);
+}
+
+TEST_CASE("planar segments: relief beyond the noise stays, and what is curved is not drawn to planes") {
+  Street s = corner();
+  for (int y = 60; y < 140; ++y) {
+    for (int x = 60; x < 120; ++x) s.truth(x, y) = 12.8F;  // a bay
+  }
+  s.measure();
+  REQUIRE(s.run().ok());
+  for (int y = 64; y < 136; y += 6) {
+    for (int x = 64; x < 116; x += 6) CHECK(s.depth(x, y) == doctest::Approx(12.8F).epsilon(0.03));
+  }
+  Street tower;  // of 4 m radius, its axis 14 m away
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      const Vec3f r = tower.ray(x, y);
+      const float a = r.x * r.x + 1.0F;
+      const float root = 14.0F * 14.0F - a * (14.0F * 14.0F - 16.0F);
+      if (root > 0.0F) tower.truth(x, y) = (14.0F - std::sqrt(root)) / a;
+      if (!(root > 0.0F)) tower.labels(x, y) = label::sky;
+    }
+  }
+  tower.measure(0.2F);
+  REQUIRE(tower.run().ok());
+  double sum = 0;
+  std::size_t count = 0;
+  for (int y = 0; y < kShape.height; y += 3) {
+    for (int x = 0; x < kShape.width; x += 3) {
+      if (!(tower.truth(x, y) > 0.0F)) continue;
+      const float off = 1.0F / tower.depth(x, y) - 1.0F / tower.measured(x, y);
+      CHECK(std::fabs(off) <= 3.01F * tower.noise.deviation(0.0F));
+      sum += static_cast<double>(std::fabs(tower.depth(x, y) / tower.truth(x, y) - 1.0F));
+      ++count;
+    }
+  }
+  CHECK(sum / static_cast<double>(count) < 0.006);
+}
+
+TEST_CASE("planar segments: a dent of 5 m that a wall surrounds is closed, of a laser too deep a point is its own") {
+  Street s = corner();
+  s.measure();
+  for (int y = 90; y < 120; ++y) {
+    for (int x = 55; x < 75; ++x) {
+      const float off = std::hypot(static_cast<float>(x - 65) / 10.0F, static_cast<float>(y - 105) / 15.0F);
+      if (off < 1.0F) s.measured(x, y) = s.depth(x, y) = 14.0F + 5.0F * (1.0F - off * off);
+    }
+  }
+  Street laser = s;
+  REQUIRE(s.run().ok());
+  CHECK(s.depth(65, 105) == doctest::Approx(14.0F).epsilon(0.01));
+  CHECK(s.of(65, 105) == s.of(30, 105));
+  laser.noise = {0.02F, 2, 1.0F};
+  REQUIRE(laser.run().ok());
+  CHECK(laser.depth(65, 105) == 19.0F);
+}
+
+TEST_CASE("planar segments: above the topmost line of a laser a wall goes on as it was measured") {
+  Street s = corner();
+  s.noise = {0.02F, 2, 1.0F};
+  s.measure();
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (y >= 110 && (y % 4 == 0) && x % 2 == 0) continue;
+      s.measured(x, y) = 0.0F;
+      if (y < 110) s.depth(x, y) = 30.0F;  // as a fill may guess
+    }
+  }
+  REQUIRE(s.run().ok());
+  CHECK(s.share_facing(kFront, 0, 230, 1.5F) > 0.97);
+  CHECK(s.share_facing(kSide, 260, 480, 1.5F) > 0.97);
+  CHECK(s.depth(100, 10) == doctest::Approx(14.0F).epsilon(0.01));
+  CHECK(s.depth(400, 10) == doctest::Approx(s.truth(400, 10)).epsilon(0.02));
+}
+
+TEST_CASE("planar segments: the same bits in any order of work, and twice") {
+  Street a = corner();
+  a.measure();
+  Street b = a;
+  npsim_test::BackwardExecutor backward;
+  REQUIRE(a.run().ok());
+  REQUIRE(b.run(backward).ok());
+  CHECK(a.depth == b.depth);
+  CHECK(a.of == b.of);
+}
+
+TEST_CASE("planar segments: nothing to fit, depth that is not finite, parameters out of range") {
+  Street none;
+  REQUIRE(none.run().ok());
+  CHECK(none.segments.empty());
+  Street odd = corner();
+  odd.measure();
+  odd.depth(3, 3) = odd.measured(3, 3) = std::numeric_limits<float>::quiet_NaN();
+  odd.depth(4, 3) = odd.measured(4, 3) = std::numeric_limits<float>::infinity();
+  odd.depth(5, 3) = odd.measured(5, 3) = 1e-42F;  // its inverse is infinite
+  REQUIRE(odd.run().ok());
+  CHECK(odd.share_facing(kFront, 0, 240, 1.5F) > 0.95);
+  PlanarSegmentsParams params;
+  params.cell_px = 0.0F;
+  SerialExecutor serial;
+  CHECK(validate(params).code() == StatusCode::invalid_argument);
+  CHECK(odd.run(serial, params).code() == StatusCode::invalid_argument);
+}
+
+TEST_CASE("depth noise: of a pair in disparity, of a laser in metres, of anything else as measured") {
+  Street s = corner();
+  s.measure();
+  const ObjectMap objects{s.labels.cview(), {}};
+  const DepthNoise pair = depth_noise(DepthSource::stereo, 0.22F, s.depth.cview(), objects, s.k);
+  CHECK(pair.deviation(0.1F) == pair.deviation(0.02F));
+  CHECK(pair.deviation(0.1F) == doctest::Approx(s.noise.amplitude).epsilon(1e-4));
+  const DepthNoise laser = depth_noise(DepthSource::lidar, 0.0F, s.depth.cview(), objects, s.k);
+  CHECK(laser.deviation(0.1F) / (0.1F * 0.1F) == doctest::Approx(0.02F));
+  const DepthNoise found = depth_noise(DepthSource::unknown, 0.0F, s.depth.cview(), objects, s.k);
+  CHECK(found.deviation(1.0F / 14.0F) == doctest::Approx(s.noise.amplitude).epsilon(0.4));
+}
