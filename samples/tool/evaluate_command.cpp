@@ -12,6 +12,7 @@
 #include "console.hpp"
 #include "evaluation.hpp"
 #include "figures.hpp"
+#include "flatness.hpp"
 #include "hold_out.hpp"
 #include "loading.hpp"
 #include "mesh_report.hpp"
@@ -252,6 +253,7 @@ int run_hold_out(const EvaluateOptions& options) {
 
 int run_evaluate(const EvaluateOptions& options) {
   if (!options.hold_out.empty()) return run_hold_out(options);
+  if (options.flatness) return run_flatness(options);
   Console console(options.quiet);
   const io::Expected<std::pair<io::Scene, Truth>> loaded =
       console.timed("read scene and truth", [&] { return load_with_truth(options.scene, options.size, options.output); });

@@ -349,6 +349,10 @@ template <class Executor>
   in.min_share = params.min_share;
   in.relief_m = params.relief_m;
   in.seed = params.seed;
+  for (std::size_t i = 0; i < cells.size(); ++i) {  // also for an executor that leaves chunks out when it is told to stop
+    cells[i] = Cell{};
+    cells[i].parent = static_cast<std::uint32_t>(i);
+  }
   executor.for_chunks(static_cast<std::size_t>(grid.rows), 1, [&](std::size_t begin, std::size_t end) {
     for (auto row = static_cast<int>(begin); row < static_cast<int>(end); ++row) {
       for (int column = 0; column < grid.columns; ++column) fit_square(in, grid, column, row, slots, cells);

@@ -270,11 +270,6 @@ inline void divide_square(const CellInput& in, const Grid& grid, int column, int
 // A plane for each part of a square that has enough samples which agree on one.
 inline void fit_square(const CellInput& in, const Grid& grid, int column, int row, ImageView<std::uint8_t> slots,
                        Span<Cell> cells) noexcept {
-  for (int slot = 0; slot < kSlots; ++slot) {
-    const std::size_t index = grid.cell(column, row, slot);
-    cells[index] = Cell{};
-    cells[index].parent = static_cast<std::uint32_t>(index);
-  }
   divide_square(in, grid, column, row, slots, cells);
   std::array<Sample, kSamples> buffer;
   for (int slot = 0; slot < kSlots; ++slot) {
