@@ -363,7 +363,7 @@ template <class Executor>
   merge_cells(cells, links.sub(0, link_count), choices, in.basis, rise * rise);
   const std::size_t found = keep_supported(params, in, grid, cells, next, sums, map.segments);
   map.segments = map.segments.sub(0, found);
-  extend_planes(grid, cells);
+  extend_planes(grid, [&](std::uint16_t n) { return map.segments[n - std::size_t{1}].support_px; }, cells);
 
   const auto plane_of = [&](std::uint16_t n) { return map.segments[n - std::size_t{1}].q; };
   const auto planar = [&](int x, int y) {

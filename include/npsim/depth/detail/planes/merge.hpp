@@ -204,24 +204,38 @@ void smooth_regions(const Grid& grid, const PlaneOf& plane_of, const UprightBasi
 }
 
 // Where nothing was measured an object goes on as it is known: upwards and downwards first, for what stands upright
-// keeps its plane there (a laser's topmost line, roofs above it), then a few squares sideways.
-inline void extend_planes(const Grid& grid, Span<Cell> cells) noexcept {
+// keeps its plane there (a laser's topmost line, roofs above it), then a few squares sideways. Of the last squares
+// before the gap the plane with the largest support counts, since the very last may hold the rim of something else.
+// support(n): of plane n.
+template <class Support>
+void extend_planes(const Grid& grid, const Support& support, Span<Cell> cells) noexcept {
   constexpr int kSideways = 4;
-  const auto take = [&](int column, int row, int from_column, int from_row) {
-    if (from_column < 0 || from_column >= grid.columns || from_row < 0 || from_row >= grid.rows) return;
+  constexpr int kBack = 3;
+  const auto take = [&](int column, int row, int dx, int dy) {
     for (int slot = 0; slot < kSlots; ++slot) {
       Cell& cell = cells[grid.cell(column, row, slot)];
       if (!cell.blind || cell.plane != kNoPlane) continue;
-      for (int k = 0; k < kSlots; ++k) {
-        const Cell& from = cells[grid.cell(from_column, from_row, k)];
-        if (from.label == cell.label && from.instance == cell.instance) cell.plane = from.plane;
+      float most = 0.0F;
+      bool copied = false;
+      for (int back = 1; back <= kBack && !copied; ++back) {
+        const int i = column + dx * back;
+        const int j = row + dy * back;
+        if (i < 0 || i >= grid.columns || j < 0 || j >= grid.rows) break;
+        for (int k = 0; k < kSlots; ++k) {
+          const Cell& from = cells[grid.cell(i, j, k)];
+          if (from.plane == kNoPlane || from.label != cell.label || from.instance != cell.instance) continue;
+          copied = from.blind;  // has chosen already
+          if (!copied && !(support(from.plane) > most)) continue;
+          most = support(from.plane);
+          cell.plane = from.plane;
+        }
       }
     }
   };
   const auto vertically = [&] {
     for (int column = 0; column < grid.columns; ++column) {
-      for (int row = grid.rows - 1; row >= 0; --row) take(column, row, column, row + 1);
-      for (int row = 0; row < grid.rows; ++row) take(column, row, column, row - 1);
+      for (int row = grid.rows - 1; row >= 0; --row) take(column, row, 0, 1);
+      for (int row = 0; row < grid.rows; ++row) take(column, row, 0, -1);
     }
   };
   vertically();
@@ -229,8 +243,8 @@ inline void extend_planes(const Grid& grid, Span<Cell> cells) noexcept {
   for (int step = 0; step < kSideways; ++step) {
     for (int row = 0; row < grid.rows; ++row) {
       for (int column = step % 2; column < grid.columns; column += 2) {
-        take(column, row, column - 1, row);
-        take(column, row, column + 1, row);
+        take(column, row, -1, 0);
+        take(column, row, 1, 0);
       }
     }
   }
