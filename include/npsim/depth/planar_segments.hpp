@@ -81,6 +81,9 @@ struct PlanarSegment {
 
 namespace planes_detail {
 
+// What it costs a cell, in rises that two planes are united at, that a neighbour lies on another plane; that it has none.
+inline constexpr double kStray = 2.0;
+inline constexpr double kNone = 8.0;
 inline constexpr double kSamplesWanted = 32.0;  // of a square
 // Of the variance of a sample what the whole plane shares: sub-pixel locking of stereo, relief.
 inline constexpr double kShared = 0.03;
@@ -244,7 +247,7 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
   }
   const auto plane_of = [&](std::uint16_t n) { return vec_cast<double>(segments[n - std::size_t{1}].q); };
   const auto rise = static_cast<double>(p.merge_rise);
-  smooth_regions(grid, plane_of, in.basis, rise * rise, 4.0 * rise * rise, cells, next);
+  smooth_regions(grid, plane_of, in.basis, kStray * rise * rise, kNone * rise * rise, cells, next);
   for (std::size_t n = 0; n < count; ++n) {
     sums[n] = PlaneMoments{};
     segments[n].support_px = 0.0F;
@@ -278,27 +281,35 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
   return cells[grid.cell(x / grid.cell_px, y / grid.cell_px, slot - 1)].blind;
 }
 
-// Pixels off every plane that one plane surrounds: in at least five of eight directions its pixels are the first of the
-// object's that lie on any, within `reach_px`, and no other plane's are.
+// The plane that surrounds a pixel which lies on none: in at least six of eight directions a plane is the first thing of
+// the object's within `reach_px` that lies on any, in at least three of them this one.
 [[nodiscard]] inline std::uint16_t surrounding_plane(const CellInput& in, ImageView<const std::uint16_t> of, int reach_px,
                                                      int x, int y) noexcept {
   constexpr int kX[8] = {1, -1, 0, 0, 1, -1, 1, -1};
   constexpr int kY[8] = {0, 0, 1, -1, 1, -1, -1, 1};
-  std::uint16_t plane = kNoPlane;
-  int hits = 0;
+  std::array<std::uint16_t, 8> met{};
+  std::size_t hits = 0;
   for (int k = 0; k < 8; ++k) {
     for (int step = 1; step <= reach_px; ++step) {
       const int i = x + kX[k] * step;
       const int j = y + kY[k] * step;
       if (!of.contains(i, j) || !in.objects.same(x, y, i, j)) break;
       if (of(i, j) == kNoPlane) continue;
-      if (plane != kNoPlane && of(i, j) != plane) return kNoPlane;
-      plane = of(i, j);
-      ++hits;
+      met[hits++] = of(i, j);
       break;
     }
   }
-  return hits >= 5 ? plane : kNoPlane;
+  if (hits < 6) return kNoPlane;
+  std::uint16_t plane = kNoPlane;
+  int most = 2;
+  for (std::size_t k = 0; k < hits; ++k) {
+    int same = 0;
+    for (std::size_t i = 0; i < hits; ++i) same += met[i] == met[k] ? 1 : 0;
+    if (same <= most) continue;
+    most = same;
+    plane = met[k];
+  }
+  return plane;
 }
 
 }  // namespace planes_detail
@@ -363,16 +374,22 @@ template <class Executor>
   merge_cells(cells, links.sub(0, link_count), choices, in.basis, rise * rise);
   const std::size_t found = keep_supported(params, in, grid, cells, next, sums, map.segments);
   map.segments = map.segments.sub(0, found);
-  extend_planes(grid, [&](std::uint16_t n) { return map.segments[n - std::size_t{1}].support_px; }, cells);
-
   const auto plane_of = [&](std::uint16_t n) { return map.segments[n - std::size_t{1}].q; };
+  const auto support = [&](std::uint16_t n) { return map.segments[n - std::size_t{1}].support_px; };
+  extend_planes(
+      grid, support,
+      [&](std::uint16_t n, int column, int row) {
+        return plane_of_ray(in, plane_of(n), column * grid.cell_px + grid.cell_px / 2,
+                            row * grid.cell_px + grid.cell_px / 2);
+      },
+      cells);
   const auto planar = [&](int x, int y) {
     return is_valid_depth(depth(x, y)) && (objects.labels.empty() || params.labels.contains(objects.labels(x, y)));
   };
   executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
       for (int x = 0; x < shape.width; ++x) {
-        nearest(x, y) = planar(x, y) ? nearest_plane(in, grid, cells, slots, plane_of, params.on_plane, x, y) : kNoPlane;
+        nearest(x, y) = planar(x, y) ? nearest_plane(in, grid, cells, slots, plane_of, support, params.on_plane, x, y) : kNoPlane;
       }
     }
   });

@@ -26,38 +26,40 @@ namespace planes_detail {
   return (w - plane_of_ray(in, q, x, y)) / in.deviation(w);
 }
 
-// The plane of the pixel's own cell where it fits, else the one that fits best of the same object's in the squares
-// around, else none.
-template <class PlaneOf>
+// Of the same object's planes in the squares around the largest that the pixel lies on but for the noise; else the one
+// of its own cell where that fits, else the one that fits best, else none.
+template <class PlaneOf, class Support>
 [[nodiscard]] std::uint16_t nearest_plane(const CellInput& in, const Grid& grid, Span<const Cell> cells,
-                                          ImageView<const std::uint8_t> slots, PlaneOf&& plane_of, float inlier, int x,
-                                          int y) noexcept {
+                                          ImageView<const std::uint8_t> slots, const PlaneOf& plane_of,
+                                          const Support& support, float inlier, int x, int y) noexcept {
+  constexpr float kNoise = 1.5F;
   const int column = x / grid.cell_px;
   const int row = y / grid.cell_px;
-  if (slots(x, y) != 0) {
-    const Cell& cell = cells[grid.cell(column, row, slots(x, y) - 1)];
-    const std::uint16_t own = cell.plane;
-    if (own != kNoPlane && cell.blind && plane_of_ray(in, plane_of(own), x, y) > 0.0F) return own;
-    if (own != kNoPlane && std::fabs(residual_at(in, plane_of(own), x, y)) <= inlier) return own;
+  const Cell* own = slots(x, y) != 0 ? &cells[grid.cell(column, row, slots(x, y) - 1)] : nullptr;
+  if (own != nullptr && own->blind && own->plane != kNoPlane && plane_of_ray(in, plane_of(own->plane), x, y) > 0.0F) {
+    return own->plane;
   }
-  std::uint16_t best = kNoPlane;
+  std::uint16_t nearest = kNoPlane;
+  std::uint16_t largest = kNoPlane;
   float least = inlier;
   for (int j = std::max(0, row - 1); j <= std::min(grid.rows - 1, row + 1); ++j) {
     for (int i = std::max(0, column - 1); i <= std::min(grid.columns - 1, column + 1); ++i) {
       for (int slot = 0; slot < kSlots; ++slot) {
         const Cell& cell = cells[grid.cell(i, j, slot)];
-        if (cell.plane == kNoPlane || cell.plane == best || cell.label != in.label(x, y) ||
+        if (cell.plane == kNoPlane || cell.plane == nearest || cell.plane == largest || cell.label != in.label(x, y) ||
             cell.instance != in.instance(x, y)) {
           continue;
         }
-        const float off = std::fabs(residual_at(in, plane_of(cell.plane), x, y));
-        if (off > least || (off == least && best != kNoPlane)) continue;
+        float off = std::fabs(residual_at(in, plane_of(cell.plane), x, y));
+        if (off <= kNoise && (largest == kNoPlane || support(cell.plane) > support(largest))) largest = cell.plane;
+        if (own != nullptr && cell.plane == own->plane && off <= inlier) off = 0.0F;
+        if (off > least || (off == least && nearest != kNoPlane)) continue;
         least = off;
-        best = cell.plane;
+        nearest = cell.plane;
       }
     }
   }
-  return best;
+  return largest != kNoPlane ? largest : nearest;
 }
 
 }  // namespace planes_detail

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -206,11 +207,13 @@ void smooth_regions(const Grid& grid, const PlaneOf& plane_of, const UprightBasi
 // Where nothing was measured an object goes on as it is known: upwards and downwards first, for what stands upright
 // keeps its plane there (a laser's topmost line, roofs above it), then a few squares sideways. Of the last squares
 // before the gap the plane with the largest support counts, since the very last may hold the rim of something else.
-// support(n): of plane n.
-template <class Support>
-void extend_planes(const Grid& grid, const Support& support, Span<Cell> cells) noexcept {
+// A plane that would be much nearer or farther there ends: it is steep, and how far it goes is not known.
+// support(n): of plane n. w_of(n, column, row): its inverse depth in the middle of a square.
+template <class Support, class InverseDepth>
+void extend_planes(const Grid& grid, const Support& support, const InverseDepth& w_of, Span<Cell> cells) noexcept {
   constexpr int kSideways = 4;
   constexpr int kBack = 3;
+  constexpr float kStep = 0.15F;  // of w, from one square to the next
   const auto take = [&](int column, int row, int dx, int dy) {
     for (int slot = 0; slot < kSlots; ++slot) {
       Cell& cell = cells[grid.cell(column, row, slot)];
@@ -226,6 +229,8 @@ void extend_planes(const Grid& grid, const Support& support, Span<Cell> cells) n
           if (from.plane == kNoPlane || from.label != cell.label || from.instance != cell.instance) continue;
           copied = from.blind;  // has chosen already
           if (!copied && !(support(from.plane) > most)) continue;
+          const float w = w_of(from.plane, i, j);
+          if (!(std::fabs(w_of(from.plane, column, row) - w) <= kStep * static_cast<float>(back) * w)) continue;
           most = support(from.plane);
           cell.plane = from.plane;
         }
