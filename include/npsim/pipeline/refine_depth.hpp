@@ -418,8 +418,18 @@ template <class Executor>
 template <class Executor>
 [[nodiscard]] Status fit_planes(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
                                 Workspace& workspace, Executor& executor, RefinedDepth& out) {
-  return planar_segments(params.planes, scene.depth, objects, out.noise, out.ground.up, scene.camera, out.depth,
-                         out.planes, workspace, executor);
+  NPSIM_RETURN_IF_ERROR(planar_segments(params.planes, scene.depth, objects, out.noise, out.ground.up, scene.camera,
+                                        out.depth, out.planes, workspace, executor));
+  // What moved by more than noise was no measurement, but a mismatch or made up: the plane stands in its place.
+  constexpr float kNoise = 2.0F;
+  for (int y = 0; y < (out.filled.empty() ? 0 : out.depth.height()); ++y) {
+    for (int x = 0; x < out.depth.width(); ++x) {
+      if (out.planes.at(x, y) == nullptr || !is_valid_depth(out.filled(x, y))) continue;
+      const float w = 1.0F / out.filled(x, y);
+      if (std::fabs(1.0F / out.depth(x, y) - w) > kNoise * out.noise.deviation(w)) out.filled(x, y) = out.depth(x, y);
+    }
+  }
+  return {};
 }
 
 template <class Executor>
