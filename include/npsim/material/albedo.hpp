@@ -248,8 +248,8 @@ struct Light {
 }
 
 // Steps 5 and 6 on one pixel whose luminance is free of light.
-[[nodiscard]] inline Vec3f bounded_albedo(const Context& c, Vec3f a, const Rgb8& seen, Label label, std::size_t object,
-                                          float down) {
+[[nodiscard]] inline Vec3f bounded_albedo(const Context& c, Vec3f a, const Rgb8& seen, float trust, Label label,
+                                          std::size_t object, float down) {
   const AlbedoParams& p = c.params;
   // Codes below kDark are noise and compression more than colour.
   constexpr float kDark = 40.0F;
@@ -265,7 +265,7 @@ struct Light {
   const int most = max_of(static_cast<int>(seen.r), static_cast<int>(seen.g), static_cast<int>(seen.b));
   float lum = luminance(a);
   if (!(lum > 0.0F)) return {p.min_albedo, p.min_albedo, p.min_albedo};
-  float trust = most >= p.saturated_level ? 0.0F : std::min(1.0F, static_cast<float>(most) / kDark);
+  trust = most >= p.saturated_level ? 0.0F : std::min(trust, static_cast<float>(most) / kDark);
   const float low = std::min(a.x, std::min(a.y, a.z)) / lum;
   const float high = max_of(a.x, a.y, a.z) / lum;
   if (low < kLeastShare) trust = std::min(trust, (1.0F - kLeastShare) / (1.0F - low));
@@ -348,9 +348,11 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
     }
     const Rgb8 seen = region < kGroundRegions ? s.image(x, y) : without_sky(c, x, y);
     const Vec3f a = srgb_decode8(seen) * Vec3f{gain[0], gain[1], gain[2]};
+    // In half shade the colour of the light is the least certain.
+    const float trust = region < kGroundRegions ? std::fabs(2.0F * light.sun - 1.0F) : 1.0F;
     const std::size_t object = c.objects.of(s, x, y);
     const float row = (static_cast<float>(y) + 0.5F) / static_cast<float>(f) - 0.5F;
-    out.albedo(x, y) = bounded_albedo(c, a, seen, label, object, c.objects.down(object, row));
+    out.albedo(x, y) = bounded_albedo(c, a, seen, trust, label, object, c.objects.down(object, row));
     if (!out.sun.empty()) out.sun(x, y) = light.sun;
   });
 }
