@@ -2,7 +2,8 @@
 // Files of what was estimated of materials and of the day's light, where the scene gives no albedo.
 //
 // albedo.png: sRGB, 255 is albedo 1. shadow.png: share of the direct sun, 255 in full sun. The estimate is made once
-// more for them: the pipeline keeps materials of its mesh's vertices alone.
+// more for them: the pipeline keeps materials of its mesh's vertices alone. As a texture of the mesh albedo.png is the
+// same picture.
 #ifndef NPSIM_SAMPLES_TOOL_DAYLIGHT_HPP
 #define NPSIM_SAMPLES_TOOL_DAYLIGHT_HPP
 
