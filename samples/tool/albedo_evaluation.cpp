@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <map>
 
+#include "daylight.hpp"
 #include "npsim/color/srgb.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/labels/cityscapes.hpp"
@@ -164,11 +165,7 @@ OrderedJson to_json(const AlbedoErrors& e) {
           {"sunlit_over_shadowed_asphalt", e.sunlit_over_shadowed},
           {"light_ratio", e.light_ratio},
           {"sunlit_share", e.sunlit_share},
-          {"found",
-           {{"shadow", e.report.shadow},
-            {"ratio_rgb", {e.report.ratio.x, e.report.ratio.y, e.report.ratio.z}},
-            {"sunlit_share_of_ground", e.report.sunlit_share},
-            {"error_log2", e.report.error_log2}}},
+          {"found", to_json(e.report)},
           {"cars", std::move(cars)}};
 }
 

@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 
 #include "console.hpp"
+#include "daylight.hpp"
 #include "engine.hpp"
 #include "loading.hpp"
 #include "mesh_export.hpp"
@@ -57,6 +58,7 @@ namespace {
     files.push_back(options.output + "/" + name);
   }
   for (const char* name : kMeshFiles) files.push_back(options.output + "/" + name);
+  for (const char* name : kDaylightFiles) files.push_back(options.output + "/" + name);
   for (int v = 0; v < options.variants; ++v) {
     for (const std::string& file : night_files(options.output, v)) files.push_back(file);
   }
@@ -86,6 +88,7 @@ class NightWriter {
       if (auto o = io::write_pfm(path("depth.pfm"), refined.depth); !o) return o;
       if (auto o = io::write_png(path("uncertain.png"), refined.uncertain); !o) return o;
       if (auto o = io::write_png(path("normals.png"), panels_[4].picture.view()); !o) return o;
+      if (auto o = write_daylight(options_.output, scene_, refined, pool_, daylight_); !o) return o;
       return export_mesh(options_.output, scene_, mesh, light, {options_.texture == "albedo"});
     }));
   }
@@ -147,6 +150,7 @@ class NightWriter {
           {"foreground_triangles", counts_.faces - counts_.background_faces}}},
         {"ground", {{"camera_height_m", ground_.camera_height_m}, {"up", {ground_.up.x, ground_.up.y, ground_.up.z}}}},
         {"emitters", counts_.emitters},
+        {"daylight", daylight_},
         {"doubts", io::scene_doubts(scene_)},
         {"notes", scene_.notes}};
     return io::write_file(path("report.json"), report.dump(2) + "\n");
@@ -219,6 +223,7 @@ class NightWriter {
   std::vector<Panel> panels_;
   Counts counts_;
   GroundPlane ground_;
+  OrderedJson daylight_;  // null where albedo is given
   io::Error error_;
 };
 

@@ -248,8 +248,8 @@ struct Light {
 }
 
 // Steps 5 and 6 on one pixel whose luminance is free of light.
-[[nodiscard]] inline Vec3f bounded_albedo(const Context& c, Vec3f a, const Rgb8& seen, Label label, std::size_t object,
-                                          float down) {
+[[nodiscard]] inline Vec3f bounded_albedo(const Context& c, Vec3f a, const Rgb8& seen, float trust, Label label,
+                                          std::size_t object, float down) {
   const AlbedoParams& p = c.params;
   // Codes below kDark are noise and compression more than colour.
   constexpr float kDark = 40.0F;
@@ -265,7 +265,7 @@ struct Light {
   const int most = max_of(static_cast<int>(seen.r), static_cast<int>(seen.g), static_cast<int>(seen.b));
   float lum = luminance(a);
   if (!(lum > 0.0F)) return {p.min_albedo, p.min_albedo, p.min_albedo};
-  float trust = most >= p.saturated_level ? 0.0F : std::min(1.0F, static_cast<float>(most) / kDark);
+  trust = most >= p.saturated_level ? 0.0F : std::min(trust, static_cast<float>(most) / kDark);
   const float low = std::min(a.x, std::min(a.y, a.z)) / lum;
   const float high = max_of(a.x, a.y, a.z) / lum;
   if (low < kLeastShare) trust = std::min(trust, (1.0F - kLeastShare) / (1.0F - low));
@@ -296,8 +296,8 @@ struct Light {
 }
 
 // The photograph's pixel, or where it lies beside the sky the darker one further in: labels are loose by some pixels, and
-// what leaks in of the sky would be the brightest paint of the street.
-[[nodiscard]] inline Rgb8 without_sky(const Context& c, int x, int y) noexcept {
+// what leaks in of the sky would be the brightest paint of the street. at_sky becomes true there.
+[[nodiscard]] inline Rgb8 without_sky(const Context& c, int x, int y, bool& at_sky) noexcept {
   constexpr float kLoose_px = 3.0F;  // at 960 px width
   constexpr int kSteps[8][2] = {{0, -1}, {-1, 0}, {1, 0}, {-1, -1}, {1, -1}, {0, 1}, {-1, 1}, {1, 1}};
   const ImageView<const Label>& labels = c.scene.labels;
@@ -310,6 +310,7 @@ struct Light {
     const int dx = step[0] * reach;
     const int dy = step[1] * reach;
     if (!labels.contains(x + dx, y + dy) || labels(x + dx, y + dy) != label::sky) continue;
+    at_sky = true;
     // Thin things have sky on both sides: then the nearer half of the way.
     for (const int part : {1, 2}) {
       const int u = x - dx / part;
@@ -346,11 +347,15 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
       const float own = c.ground.shadow ? log_light(light.sun, ratio[i]) : 0.0F;
       gain[i] = exp2_of(-(common + own + c.params.cast_removal * c.cast[i]));
     }
-    const Rgb8 seen = region < kGroundRegions ? s.image(x, y) : without_sky(c, x, y);
+    bool at_sky = false;
+    const Rgb8 seen = region < kGroundRegions ? s.image(x, y) : without_sky(c, x, y, at_sky);
     const Vec3f a = srgb_decode8(seen) * Vec3f{gain[0], gain[1], gain[2]};
+    // In half shade the colour of the light is the least certain; thin things against the sky have its colour.
+    constexpr float kTrustAtSky = 0.3F;
+    const float trust = region < kGroundRegions ? std::fabs(2.0F * light.sun - 1.0F) : (at_sky ? kTrustAtSky : 1.0F);
     const std::size_t object = c.objects.of(s, x, y);
     const float row = (static_cast<float>(y) + 0.5F) / static_cast<float>(f) - 0.5F;
-    out.albedo(x, y) = bounded_albedo(c, a, seen, label, object, c.objects.down(object, row));
+    out.albedo(x, y) = bounded_albedo(c, a, seen, trust, label, object, c.objects.down(object, row));
     if (!out.sun.empty()) out.sun(x, y) = light.sun;
   });
 }

@@ -21,7 +21,7 @@ inline namespace NPSIM_ABI {
 struct AlbedoScene {
   ImageView<const Rgb8> image;  // sRGB
   ImageView<const Label> labels;
-  ImageView<const std::uint16_t> instances;  // equal id and label: one object
+  ImageView<const std::uint16_t> instances;  // equal id and label: one object; 0: not told apart
   ImageView<const float> depth;              // z-depth, m; 0 where there is no surface
   ImageView<const Vec3f> normals;            // unit, facing the camera; zero: not known
   Intrinsics camera;                         // of depth; read where there is any

@@ -274,10 +274,11 @@ inline void forget_shadow(const Picture& picture, Plane smooth_y, Span<std::uint
 }
 
 // Step 4. Each level of sun is tried with and without paint, against the albedo that pixels of a certain light have in
-// the neighbourhood.
+// the neighbourhood, and against the colour of its light: paint in the shadow is as bright as asphalt in half of the
+// sun, but bluer.
 template <class Executor>
-Status soften_edges(const GroundLightParams& p, const Picture& picture, Workspace& workspace, GroundLight& out,
-                    Executor& executor) {
+Status soften_edges(const GroundLightParams& p, const Picture& picture, Plane smooth_c, Workspace& workspace,
+                    GroundLight& out, Executor& executor) {
   const WorkspaceScope scope(workspace);
   const Shape shape = picture.shape();
   Plane blurred, base;
@@ -299,15 +300,20 @@ Status soften_edges(const GroundLightParams& p, const Picture& picture, Workspac
   constexpr int kLevels = 9;
   constexpr float kSigma = 0.25F;
   constexpr float kPaintSigma = 0.6F;
+  constexpr float kColourSigma = 0.15F;
   float level_light[kLevels];
+  float level_colour[kLevels];
   for (int i = 0; i < kLevels; ++i) {
-    level_light[i] = log_light(static_cast<float>(i) / static_cast<float>(kLevels - 1), out.ratio_y);
+    const float share = static_cast<float>(i) / static_cast<float>(kLevels - 1);
+    level_light[i] = log_light(share, out.ratio_y);
+    level_colour[i] = log_light(share, out.ratio.z) - log_light(share, out.ratio.x);
   }
   for_pixels(shape, executor, [&](int x, int y) {
     const float near = blurred(x, y);
     if (!picture.is_ground(x, y) || near < 0.02F || near > 0.98F) return;
     const LightMixture& m = out.mixture[picture.region(x, y)];
     const float seen = picture.log_y(x, y) - m.sun_y - base(x, y);
+    const float colour = smooth_c(x, y) - m.sun_c;
     const float prior = out.sun(x, y) * 0.5F + near * 0.5F;
     float weight = 0.0F;
     float sum = 0.0F;
@@ -317,7 +323,8 @@ Status soften_edges(const GroundLightParams& p, const Picture& picture, Workspac
       const float b = (seen - level_light[i] - p.mixture.paint_step) / kPaintSigma;
       const float likely = exp2_of(-0.72F * a * a) + m.paint * kSigma / kPaintSigma * exp2_of(-0.72F * b * b) + 1e-4F;
       const float off = share - prior;
-      const float w = likely * exp2_of(-4.0F * off * off);
+      const float c = (colour - level_colour[i]) / kColourSigma;
+      const float w = likely * exp2_of(-4.0F * off * off - 0.72F * c * c) + 1e-9F;
       weight += w;
       sum += w * share;
     }
@@ -356,6 +363,31 @@ Status level_layers(const GroundLightParams& p, const Picture& picture, Workspac
     out.level(x, y) = picture.is_ground(x, y) ? shade(x, y) + (lit(x, y) - shade(x, y)) * s : 0.0F;
   });
   return {};
+}
+
+// Step 5, in half shade: there the share of sun is the least certain, and the neighbourhood knows the albedo better than
+// the pixel. What is no paint is brought nearer to it.
+template <class Executor>
+void calm_edges(const Picture& picture, GroundLight& out, Executor& executor) {
+  constexpr float kShare = 0.7F;
+  constexpr float kPlain = 0.7F, kPaint = 1.2F;  // log2 off: all of it is light, none is
+  const int reach = picture.radius(2.0F);
+  for_pixels(picture.shape(), executor, [&](int x, int y) {
+    const float sun = out.sun(x, y);
+    if (!picture.is_ground(x, y)) return;
+    bool edge = sun > 0.03F && sun < 0.97F;
+    for (int k = 0; k < 9; ++k) {
+      const int u = x + (k % 3 - 1) * reach;
+      const int v = y + (k / 3 - 1) * reach;
+      edge = edge || (out.sun.contains(u, v) && picture.is_ground(u, v) && std::fabs(out.sun(u, v) - sun) > 0.3F);
+    }
+    if (!edge) return;
+    const LightMixture& m = out.mixture[picture.region(x, y)];
+    if (!m.known) return;
+    const float off = picture.log_y(x, y) - m.sun_y - log_light(sun, out.ratio_y) - out.level(x, y);
+    const float plain = clamp_to((kPaint - std::fabs(off)) / (kPaint - kPlain), 0.0F, 1.0F);
+    out.level(x, y) += kShare * plain * off;
+  });
 }
 
 // Step 6.
@@ -414,8 +446,9 @@ Status find_ground_light(const GroundLightParams& p, const Picture& picture, Wor
     NPSIM_RETURN_IF_ERROR(measure_ratio(p, picture, histogram, workspace, out, executor));
     if (out.ratio_y < p.min_edge_drop * out.mixture[out.lead].drop) forget_shadow(picture, smooth_y, histogram, out);
   }
-  if (out.shadow) NPSIM_RETURN_IF_ERROR(soften_edges(p, picture, workspace, out, executor));
+  if (out.shadow) NPSIM_RETURN_IF_ERROR(soften_edges(p, picture, smooth_c, workspace, out, executor));
   NPSIM_RETURN_IF_ERROR(level_layers(p, picture, workspace, out, executor));
+  if (out.shadow) calm_edges(picture, out, executor);
   return lift_contacts(p, picture, smooth_y, workspace, out, executor);
 }
 

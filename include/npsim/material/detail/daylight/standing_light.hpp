@@ -181,7 +181,8 @@ inline Status list_objects(const AlbedoScene& s, const Picture& picture, Plane s
     for (int x = 0; x < picture.shape().width; ++x) {
       const int u = picture.middle_x(x, s.image.width());
       const int v = picture.middle_y(y, s.image.height());
-      if (!kMovableLabels.contains(s.labels(u, v))) continue;
+      // Id 0 stands for what is not told apart, such as a row of parked cars.
+      if (!kMovableLabels.contains(s.labels(u, v)) || s.instances(u, v) == 0) continue;
       std::uint8_t& slot = out.slot[s.instances(u, v)];
       if (slot == 0 && next < kObjects) slot = static_cast<std::uint8_t>(next++);
       out.sun[slot] += sun(x, y);
