@@ -13,7 +13,7 @@
 //   network: what is left.
 //
 // What may be changed (DepthTrust): nothing of exact depth; laser points by centimetres, and where near by a share;
-// stereo by the noise of its disparity, which is uniform in 1/z; the depth of networks freely. What was made up between
+// stereo by three deviations of its noise, which is uniform in 1/z; the depth of networks freely. What was made up between
 // measurements may move further the less certain it is.
 // Cost: two passes. Memory: none.
 #ifndef NPSIM_DEPTH_DEPTH_SOURCE_HPP
@@ -26,6 +26,7 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/scene_view.hpp"
+#include "npsim/depth/source_noise.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {
@@ -37,8 +38,7 @@ struct DepthSourceParams {
   float enclosed = 0.01F;
   float lidar_noise_m = 0.02F;      // of scanners on cars; a pixel is also as wide as this at 15 m
   float lidar_noise = 0.0005F;      // at most this share of the depth
-  float disparity_noise_px = 0.1F;  // half of what semi-global matching has on textured surfaces
-  float unknown_baseline_m = 0.2F;  // of a stereo pair on a car's windscreen
+  float deviations = 3.0F;          // of the noise of stereo (depth/source_noise.hpp)
   float made_up = 0.005F;           // relative; for what is made up without any support
 };
 
@@ -47,13 +47,14 @@ struct DepthTrust {
   bool bounded = false;   // false: everything may move
   float relative = 0.0F;  // of the depth
   float depth_m = 0.0F;   // the smaller one of both; 0: of no account
-  float inverse = 0.0F;   // 1/m, on top
+  DepthNoise noise;       // of stereo, on top
+  float deviations = 0.0F;
   float made_up = 0.0F;   // relative, on top where confidence is 0
 
   // How far 1/z may move for a depth of z.
   [[nodiscard]] float reach(float z, float confidence) const noexcept {
     const float share = depth_m > 0.0F && depth_m < relative * z ? depth_m / z : relative;
-    return inverse + (share + made_up * (1.0F - confidence)) / z;
+    return deviations * noise.deviation(1.0F / z) + (share + made_up * (1.0F - confidence)) / z;
   }
   // The depth nearest to `proposed` that may replace z.
   [[nodiscard]] float held(float z, float proposed, float confidence) const noexcept {
@@ -68,8 +69,8 @@ struct DepthTrust {
   }
 };
 
-[[nodiscard]] inline DepthTrust depth_trust(const DepthSourceParams& params, DepthSource source, const Intrinsics& k,
-                                            float baseline_m) noexcept {
+[[nodiscard]] inline DepthTrust depth_trust(const DepthSourceParams& params, DepthSource source,
+                                            const DepthNoise& noise) noexcept {
   DepthTrust trust;
   if (source == DepthSource::network || source == DepthSource::unknown) return trust;
   trust.bounded = true;
@@ -79,7 +80,8 @@ struct DepthTrust {
     trust.depth_m = params.lidar_noise_m;
   }
   if (source == DepthSource::stereo) {
-    trust.inverse = params.disparity_noise_px / (k.fx * (baseline_m > 0.0F ? baseline_m : params.unknown_baseline_m));
+    trust.noise = noise;
+    trust.deviations = params.deviations;
   }
   return trust;
 }
@@ -168,8 +170,7 @@ inline void count_enclosed(ImageView<const float> depth, ImageView<const Label> 
 
 [[nodiscard]] inline Status validate(const DepthSourceParams& p) noexcept {
   const bool good = p.dense >= 0.0F && p.collinear >= 0.0F && p.enclosed >= 0.0F && p.lidar_noise_m >= 0.0F &&
-                    p.lidar_noise >= 0.0F && p.disparity_noise_px >= 0.0F && p.unknown_baseline_m > 0.0F &&
-                    p.made_up >= 0.0F && p.made_up < 1.0F;  // false for NaN
+                    p.lidar_noise >= 0.0F && p.deviations >= 0.0F && p.made_up >= 0.0F && p.made_up < 1.0F;  // false for NaN
   return good ? Status() : Status(StatusCode::invalid_argument, "depth_source: shares and noise must not be negative");
 }
 

@@ -140,9 +140,9 @@ template <class Weight>
   return std::fabs(w - median) > tolerance ? median : w;
 }
 
-[[nodiscard]] inline Vec3f fitted_normal(const FittedNormalsParams& p, ImageView<const float> depth,
-                                         const ObjectMap& objects, const DepthNoise& noise, const Intrinsics& camera,
-                                         int x, int y) noexcept {
+[[nodiscard]] inline FittedPlane fitted_plane(const FittedNormalsParams& p, ImageView<const float> depth,
+                                              const ObjectMap& objects, const DepthNoise& noise,
+                                              const Intrinsics& camera, int x, int y) noexcept {
   const float w0 = 1.0F / depth(x, y);
   const float sigma = noise.deviation(w0);
   const bool broad = !objects.labels.empty() && p.broad.contains(objects.labels(x, y));
@@ -154,13 +154,17 @@ template <class Weight>
     const float t = (w - about) * near;
     return 1.0F / (1.0F + t * t);
   });
-  if (!plane.found) return {};
+  if (!plane.found) return plane;
   const float close = 1.0F / (0.25F * p.step * w0 + 3.0F * sigma);
   const FittedPlane again = fit_local(depth, objects, x, y, spacing, [&](float u, float v, float w) {
     const float t = (w - (plane.c + plane.a * u + plane.b * v)) * close;
     return 1.0F / (1.0F + t * t);
   });
-  if (again.found) plane = again;
+  return again.found ? again : plane;
+}
+
+[[nodiscard]] inline Vec3f fitted_normal(const FittedPlane& plane, const Intrinsics& camera, int x, int y) noexcept {
+  if (!plane.found) return {};
   const float a = static_cast<float>(x) + 0.5F - camera.cx;
   const float b = static_cast<float>(y) + 0.5F - camera.cy;
   return normalized(Vec3f{-camera.fx * plane.a, -camera.fy * plane.b, a * plane.a + b * plane.b - plane.c});
@@ -182,8 +186,35 @@ template <class Wanted, class Executor>
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
       for (int x = 0; x < shape.width; ++x) {
         if (!is_valid_depth(depth(x, y)) || !wanted(x, y)) continue;
-        const Vec3f n = depth_detail::fitted_normal(params, depth, objects, noise, camera, x, y);
+        const depth_detail::FittedPlane plane =
+            depth_detail::fitted_plane(params, depth, objects, noise, camera, x, y);
+        const Vec3f n = depth_detail::fitted_normal(plane, camera, x, y);
         if (n != Vec3f{}) normals(x, y) = n;
+      }
+    }
+  });
+  return {};
+}
+
+// The same planes' depth at their middle, which is the depth without most of its noise. A pixel that no plane was found
+// for keeps its own.
+template <class Wanted, class Executor>
+[[nodiscard]] Status fitted_depth(const FittedNormalsParams& params, ImageView<const float> depth,
+                                  const ObjectMap& objects, const DepthNoise& noise, const Intrinsics& camera,
+                                  const Wanted& wanted, ImageView<float> out, Executor& executor) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(params));
+  const Shape shape = depth.shape();
+  if (out.shape() != shape || !objects.fits(shape)) {
+    return {StatusCode::shape_mismatch, "fitted depth: depth, objects and output must have one shape"};
+  }
+  executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        out(x, y) = depth(x, y);
+        if (!is_valid_depth(depth(x, y)) || !wanted(x, y)) continue;
+        const depth_detail::FittedPlane plane =
+            depth_detail::fitted_plane(params, depth, objects, noise, camera, x, y);
+        if (plane.found) out(x, y) = 1.0F / plane.c;
       }
     }
   });

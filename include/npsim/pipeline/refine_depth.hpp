@@ -16,6 +16,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <cstddef>
 #include <cstdint>
 
@@ -323,7 +324,7 @@ template <class Executor>
                                         height_m, scene.camera, measured, executor));
   }
   FillParams fill = params.fill;
-  fill.edge_inverse += out.trust.inverse;
+  if (out.noise.power == 0) fill.edge_inverse += 0.6F * out.noise.amplitude;
   NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), objects, out.depth, ImageView<std::uint8_t>(),
                                    workspace, executor));
   mark_surface(scene.depth, out.labels, out.depth, !scene.labels.empty(), out.surface);
@@ -432,6 +433,31 @@ template <class Executor>
   return {};
 }
 
+// What neighbours share stays, what they do not is noise: measured depth, each pixel within its trust, where no plane
+// says it already.
+template <class Executor>
+[[nodiscard]] Status smooth_measured(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
+                                     Workspace& workspace, Executor& executor, RefinedDepth& out) {
+  ImageView<float> smooth;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), smooth));
+  static const auto env=[](const char*n,double d){const char*e=getenv(n);return (float)(e?atof(e):d);};
+  static const float A=env("XA",.06),K=env("XK",1),KG=env("XKG",3),S=env("XS",1.5),B=env("XB",3),OUT=env("XO",5);
+  FittedNormalsParams fp = params.normals.fitted; fp.angle_rad=A; fp.max_size_m=S; fp.broad_size_m=B;
+  const LabelSet G = LabelSet::of(label::road,label::sidewalk,label::parking,label::ground,label::rail_track,label::terrain);
+  NPSIM_RETURN_IF_ERROR(fitted_depth(
+      fp, out.depth, objects, out.noise, scene.camera,
+      [&](int x, int y) { return out.planes.at(x, y) == nullptr; }, smooth, executor));
+  for (int y = 0; y < scene.shape().height; ++y) for (int x = 0; x < scene.shape().width; ++x) {
+    const float z=out.depth(x,y), q=smooth(x,y); if(!(z>0)||!(q>0)||z==q) continue;
+    const float w=1/z, t=1/q, sg=out.noise.deviation(w); const bool g=G.contains(out.labels(x,y));
+    float d=t-w; const float lim=(g?KG:K)*sg;
+    if(g&&std::fabs(d)>OUT*sg){ out.depth(x,y)=q; out.filled(x,y)=q; continue;}
+    d=clamp_to(d,-lim,lim); out.depth(x,y)=1/(w+d);
+  }
+  hold_depth(out, executor);
+  return {};
+}
+
 template <class Executor>
 [[nodiscard]] Status refine(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
                             Workspace& workspace, Executor& executor, RefinedDepth& out) {
@@ -473,15 +499,13 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
   NPSIM_RETURN_IF_ERROR(workspace.ensure(refine_depth_workspace_bytes(params, scene.shape())));
   out.source = scene.depth_source;
   if (out.source == DepthSource::unknown) out.source = find_depth_source(params.source, scene.depth, scene.labels);
-  out.trust = depth_trust(params.source, params.use_source ? out.source : DepthSource::network, scene.camera,
-                          scene.stereo_baseline_m);
   out.filled = {};
   out.confidence = {};
-  NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(params, scene, workspace, out));
   const bool labelled = !scene.labels.empty();
   const ObjectMap objects{scene.labels, labelled ? scene.instances : ImageView<const std::uint16_t>()};
-
   out.noise = depth_noise(out.source, scene.stereo_baseline_m, scene.depth, objects, scene.camera);
+  out.trust = depth_trust(params.source, params.use_source ? out.source : DepthSource::network, out.noise);
+  NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(params, scene, workspace, out));
 
   NPSIM_RETURN_IF_ERROR(step(
       Stage::fill, [&] { return refine_detail::complete_depth(params, scene, objects, workspace, executor, out); }, true));
@@ -489,6 +513,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
     NPSIM_RETURN_IF_ERROR(step(
         Stage::sharpen, [&] { return refine_detail::sharpen(params, objects, workspace, executor, out); }, true));
   }
+  const bool smooths = out.trust.bounded && out.source != DepthSource::exact;
   if (!out.trust.bounded) {
     NPSIM_RETURN_IF_ERROR(step(
         Stage::ground, [&] { return refine_detail::anchor(params, scene, workspace, executor, out); },
@@ -500,6 +525,11 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
     NPSIM_RETURN_IF_ERROR(step(
         Stage::planes, [&] { return refine_detail::fit_planes(params, scene, objects, workspace, executor, out); },
         true));
+  }
+  if (smooths) {
+    NPSIM_RETURN_IF_ERROR(step(
+        Stage::cross_bilateral,
+        [&] { return refine_detail::smooth_measured(params, scene, objects, workspace, executor, out); }, true));
   }
   NPSIM_RETURN_IF_ERROR(step(
       Stage::uncertainty,
