@@ -49,6 +49,7 @@ struct DepthTrust {
   float depth_m = 0.0F;   // the smaller one of both; 0: of no account
   float inverse = 0.0F;   // 1/m, on top
   float made_up = 0.0F;   // relative, on top where confidence is 0
+  float focal_baseline_px_m = 0.0F;  // disparity times depth; 0: not stereo
 
   // How far 1/z may move for a depth of z.
   [[nodiscard]] float reach(float z, float confidence) const noexcept {
@@ -79,7 +80,8 @@ struct DepthTrust {
     trust.depth_m = params.lidar_noise_m;
   }
   if (source == DepthSource::stereo) {
-    trust.inverse = params.disparity_noise_px / (k.fx * (baseline_m > 0.0F ? baseline_m : params.unknown_baseline_m));
+    trust.focal_baseline_px_m = k.fx * (baseline_m > 0.0F ? baseline_m : params.unknown_baseline_m);
+    trust.inverse = params.disparity_noise_px / trust.focal_baseline_px_m;
   }
   return trust;
 }

@@ -151,6 +151,7 @@ namespace refine_detail {
 [[nodiscard]] constexpr OutlierParams scaled_outliers(const RefineDepthParams& params, Shape shape) noexcept {
   OutlierParams outliers = params.outliers;
   const float scale = reference_scale(params, shape);
+  outliers.strip_margin_px *= scale;
   if (scale < 1.0F) {
     outliers.speck_radius_px = static_cast<int>(static_cast<float>(outliers.speck_radius_px) * scale + 0.5F);
   }
@@ -295,11 +296,13 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, out.ground));
   if (params.drop_outliers) {
     const float height_m = out.ground.inlier_share > 0.0F ? out.ground.camera_height_m : 0.0F;
-    NPSIM_RETURN_IF_ERROR(drop_outliers(scaled_outliers(params, shape), scene.depth, scene.labels, out.ground.up,
-                                        height_m, scene.camera, measured, executor));
+    OutlierParams outliers = scaled_outliers(params, shape);
+    outliers.by_object = outliers.by_object || out.trust.focal_baseline_px_m > 0.0F;
+    NPSIM_RETURN_IF_ERROR(drop_outliers(outliers, scene.depth, objects, out.ground.up, height_m, scene.camera,
+                                        out.trust.focal_baseline_px_m, measured, executor));
   }
   FillParams fill = params.fill;
-  fill.edge_inverse += out.trust.inverse;
+  fill.edge_inverse += 2.0F * out.trust.inverse;
   NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), objects, out.depth, ImageView<std::uint8_t>(),
                                    workspace, executor));
   mark_surface(scene.depth, out.labels, out.depth, !scene.labels.empty(), out.surface);
