@@ -18,10 +18,24 @@
 namespace npsim::tool {
 namespace {
 
-enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut };
+enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut, kNeither };  // neither given nor judged
+
+// The depth without the strip at the left border that a stereo pair cannot see: it is no measure of anything.
+[[nodiscard]] io::Image<float> seen_by_both(const SceneView& scene, const RefineDepthParams& steps, DepthSource source,
+                                            ThreadPool& pool) {
+  io::Image<float> out(scene.shape());
+  copy_pixels(scene.depth, out.view());
+  const DepthTrust trust = depth_trust(steps.source, source, scene.camera, scene.stereo_baseline_m);
+  OutlierParams strip = refine_detail::scaled_outliers(steps, scene.shape());
+  strip.speck_radius_px = 0;
+  (void)drop_outliers(strip, scene.depth, {}, {0, -1, 0}, 0.0F, scene.camera, trust.focal_baseline_px_m, out.view(), pool)
+      .ok();
+  return out;
+}
 
 // What becomes of each pixel of the depth.
-[[nodiscard]] io::Image<std::uint8_t> draw_roles(const HoldOut& params, const SceneView& scene, HoldOutResult& out) {
+[[nodiscard]] io::Image<std::uint8_t> draw_roles(const HoldOut& params, const SceneView& scene,
+                                                 ImageView<const float> seen, HoldOutResult& out) {
   const Shape shape = scene.shape();
   io::Image<std::uint8_t> roles(shape);
   const int across = shape.width / kHoldOutBlock_px + 1;
@@ -34,6 +48,11 @@ enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut };
       RandomStream random(params.seed, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(key), 0);
       const bool out_of_it = static_cast<double>(random.uniform()) < params.share;
       roles(x, y) = out_of_it ? kLeftOut : kKept;
+      if (!is_valid_depth(seen(x, y))) {
+        if (out_of_it) roles(x, y) = kNeither;
+        ++out.false_strip;
+        continue;
+      }
       ++out.measured;
       out.left_out += out_of_it ? 1U : 0U;
     }
@@ -94,18 +113,20 @@ io::Expected<HoldOut> parse_hold_out(const std::string& text) {
 Status hold_out(const HoldOut& params, const SceneView& scene, const RefineDepthParams& steps, ThreadPool& pool,
                 Console& console, HoldOutResult& out) {
   const Shape shape = scene.shape();
-  const io::Image<std::uint8_t> roles = draw_roles(params, scene, out);
+  out.source = scene.depth_source;
+  if (out.source == DepthSource::unknown) {  // from all: what is left would look sparser than it is
+    out.source = find_depth_source(steps.source, scene.depth, scene.labels);
+  }
+  const io::Image<float> seen = seen_by_both(scene, steps, out.source, pool);
+  const io::Image<std::uint8_t> roles = draw_roles(params, scene, seen.view(), out);
   out.labelled = !scene.labels.empty();
   io::Image<float> left(shape);
   for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) left(x, y) = roles(x, y) == kLeftOut ? 0.0F : scene.depth(x, y);
+    for (int x = 0; x < shape.width; ++x) left(x, y) = roles(x, y) >= kLeftOut ? 0.0F : scene.depth(x, y);
   }
   SceneView rest = scene;
   rest.depth = left.view();
-  if (rest.depth_source == DepthSource::unknown) {  // what is left would look sparser than it is
-    rest.depth_source = find_depth_source(steps.source, scene.depth, scene.labels);
-  }
-  out.source = rest.depth_source;
+  rest.depth_source = out.source;
 
   const auto judge = [&](std::string name, std::string key, ImageView<const float> depth) {
     HoldOutRow row;
@@ -146,6 +167,9 @@ void print_table(const HoldOutResult& result) {
     std::printf("%-30s %8.5f %8.5f %8zu   %8s %8.5f %8.5f %8.5f\n", r.name.c_str(), r.errors[0].mean,
                 r.errors[0].median, r.errors[0].lost, "", r.kept.mean, r.kept.median, r.kept.most);
   }
+  if (result.false_strip > 0) {
+    std::printf("not judged: %zu pixels at the left border, where only one of two cameras looks\n", result.false_strip);
+  }
   if (!result.labelled) return;
   std::printf("\n%-30s", "mean by label");
   for (std::size_t g = 1; g < kHoldOutGroups.size(); ++g) std::printf(" %8s", kHoldOutGroups[g].name);
@@ -170,7 +194,7 @@ OrderedJson to_json(const HoldOutResult& result) {
     for (std::size_t g = 0; g < kHoldOutGroups.size(); ++g) errors[kHoldOutGroups[g].name] = to_json(r.errors[g]);
     steps.push_back({{"step", r.key}, {"left_out", std::move(errors)}, {"kept_moved", to_json(r.kept)}});
   }
-  return {{"source", kDepthSourceNames[static_cast<std::size_t>(result.source)]}, {"measured", result.measured}, {"left_out", result.left_out}, {"steps", std::move(steps)}};
+  return {{"source", kDepthSourceNames[static_cast<std::size_t>(result.source)]}, {"measured", result.measured}, {"left_out", result.left_out}, {"false_strip", result.false_strip}, {"steps", std::move(steps)}};
 }
 
 }  // namespace npsim::tool

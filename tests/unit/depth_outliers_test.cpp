@@ -28,7 +28,8 @@ struct Road {
   [[nodiscard]] Image<float> cleaned(float height_m = 1.5F, const OutlierParams& params = {}) const {
     Image<float> out(shape);
     SerialExecutor serial;
-    REQUIRE(drop_outliers(params, depth.view(), labels.view(), {0, -1, 0}, height_m, camera, out.view(), serial).ok());
+    REQUIRE(drop_outliers(params, depth.view(), ObjectMap{labels.cview(), {}}, {0, -1, 0}, height_m, camera, 0.0F, out.view(),
+                          serial).ok());
     return out;
   }
 };
@@ -64,6 +65,54 @@ TEST_CASE("drop_outliers takes a speck on a dense wall, but none from a map that
   CHECK(sparse.cleaned() == sparse.depth);
 }
 
+TEST_CASE("a lamp's small head before a sky without depth is no speck") {
+  Road road;
+  for (int y = 0; y < 14; ++y) {
+    for (int x = 0; x < 40; ++x) road.depth(x, y) = x >= 20 && x < 22 && y >= 4 && y < 7 ? 12.0F : 0.0F;
+  }
+  CHECK(road.cleaned() == road.depth);
+}
+
+TEST_CASE("stereo: what lies farther off in the strip that the right camera does not see is dropped, and nothing else") {
+  const Shape shape{256, 4};
+  const float focal_baseline = 400.0F;
+  Image<float> depth(shape, focal_baseline / 40.0F);  // a wall of 40 px of disparity
+  for (int y = 0; y < 4; ++y) {
+    for (int x = 0; x < 30; ++x) depth(x, y) = focal_baseline / 2.0F;     // mismatched
+    for (int x = 30; x < 40; ++x) depth(x, y) = 0.0F;
+    for (int x = 120; x < 180; ++x) depth(x, y) = focal_baseline / 4.0F;  // seen by both: a gap in the wall
+    for (int x = 46; x < 50; ++x) depth(x, y) = focal_baseline / 80.0F;   // nearer
+  }
+  SerialExecutor serial;
+  Image<float> out(shape);
+  const auto run = [&](float px_m) {
+    return drop_outliers({}, depth.cview(), {}, {0, -1, 0}, 0, {400, 400, 128, 2}, px_m, out.view(), serial);
+  };
+  REQUIRE(run(focal_baseline).ok());
+  for (int y = 0; y < 4; ++y) {
+    for (int x = 0; x < 256; ++x) CHECK(out(x, y) == (x < 30 ? 0.0F : depth(x, y)));
+  }
+  REQUIRE(run(0.0F).ok());  // no stereo
+  CHECK(out == depth);
+}
+
+TEST_CASE("stereo: depth of the object behind, smeared over the border of a thin one, is dropped") {
+  Road road;
+  for (int y = 0; y < 14; ++y) {
+    for (int x = 28; x < 36; ++x) {
+      road.labels(x, y) = label::pole;
+      road.depth(x, y) = x < 29 ? 40.0F : 8.0F;
+    }
+  }
+  OutlierParams params;
+  CHECK(road.cleaned(1.5F, params)(28, 6) == 40.0F);
+  params.by_object = true;
+  const Image<float> out = road.cleaned(1.5F, params);
+  CHECK(out(28, 6) == 0.0F);
+  CHECK(out(32, 6) == 8.0F);
+  CHECK(out(20, 6) == 40.0F);
+}
+
 TEST_CASE("drop_outliers: nothing measured, one pixel, parameters out of range") {
   Road road;
   for (float& z : road.depth.view().pixels()) z = 0;
@@ -73,8 +122,8 @@ TEST_CASE("drop_outliers: nothing measured, one pixel, parameters out of range")
   SerialExecutor serial;
   float one = 3;
   float out = 0;
-  CHECK(drop_outliers(params, {&one, {1, 1}}, {}, {0, -1, 0}, 1, {1, 1, 0, 0}, {&out, {1, 1}}, serial).code() ==
+  CHECK(drop_outliers(params, {&one, {1, 1}}, {}, {0, -1, 0}, 1, {1, 1, 0, 0}, 0, {&out, {1, 1}}, serial).code() ==
         StatusCode::invalid_argument);
-  REQUIRE(drop_outliers({}, {&one, {1, 1}}, {}, {0, -1, 0}, 1, {1, 1, 0, 0}, {&out, {1, 1}}, serial).ok());
+  REQUIRE(drop_outliers({}, {&one, {1, 1}}, {}, {0, -1, 0}, 1, {1, 1, 0, 0}, 0, {&out, {1, 1}}, serial).ok());
   CHECK(out == 3);
 }

@@ -87,19 +87,19 @@ TEST_CASE("missing sky is no hole, and a small map enlarged is not exact") {
 TEST_CASE("what is proposed for a measured depth is held within its source's noise") {
   const DepthSourceParams params;
   const DepthNoise noise{0.001F, 0, 4.0F};  // of 1/z, the same everywhere
-  const DepthTrust stereo = depth_trust(params, DepthSource::stereo, noise);
+  const DepthTrust stereo = depth_trust(params, DepthSource::stereo, noise, 100.0F);
   const float step = 0.003F;
   for (const float z : {2.0F, 20.0F, 200.0F}) {
     CAPTURE(z);
     CHECK(1.0F / stereo.held(z, 0.5F * z, 1.0F) == doctest::Approx(1.0F / z + step));
     CHECK(stereo.held(z, 1.0F / (1.0F / z + 0.5F * step), 1.0F) == doctest::Approx(1.0F / (1.0F / z + 0.5F * step)));
-    const DepthTrust lidar = depth_trust(params, DepthSource::lidar, noise);
+    const DepthTrust lidar = depth_trust(params, DepthSource::lidar, noise, 100.0F);
     CHECK(std::fabs(lidar.held(z, 2 * z, 1.0F) - z) <= 1.01F * std::fmin(params.lidar_noise_m, params.lidar_noise * z));
     CHECK(std::fabs(lidar.held(z, 2 * z, 0.0F) / z - 1) > 0.9F * params.made_up);  // made up: freer
-    const DepthTrust exact = depth_trust(params, DepthSource::exact, noise);
+    const DepthTrust exact = depth_trust(params, DepthSource::exact, noise, 100.0F);
     CHECK(exact.held(z, 1.1F * z, 1.0F) == z);
     CHECK(exact.held(z, 1.1F * z, 0.0F) == z);
-    CHECK(depth_trust(params, DepthSource::network, noise).held(z, 2 * z, 1.0F) == 2 * z);
+    CHECK(depth_trust(params, DepthSource::network, noise, 100.0F).held(z, 2 * z, 1.0F) == 2 * z);
   }
   CHECK(stereo.held(0.0F, 3.0F, 1.0F) == 3.0F);
   DepthSourceParams wrong;

@@ -39,6 +39,7 @@ struct DepthSourceParams {
   float lidar_noise_m = 0.02F;      // of scanners on cars; a pixel is also as wide as this at 15 m
   float lidar_noise = 0.0005F;      // at most this share of the depth
   float deviations = 3.0F;          // of the noise of stereo (depth/source_noise.hpp)
+  float unknown_baseline_m = 0.2F;  // of a stereo pair on a car's windscreen
   float made_up = 0.005F;           // relative; for what is made up without any support
 };
 
@@ -50,6 +51,7 @@ struct DepthTrust {
   DepthNoise noise;       // of stereo, on top
   float deviations = 0.0F;
   float made_up = 0.0F;   // relative, on top where confidence is 0
+  float focal_baseline_px_m = 0.0F;  // disparity times depth; 0: not stereo
 
   // How far 1/z may move for a depth of z.
   [[nodiscard]] float reach(float z, float confidence) const noexcept {
@@ -69,8 +71,9 @@ struct DepthTrust {
   }
 };
 
+// focal_baseline_px_m: focal length times baseline of a stereo pair, of a usual one where it is not known.
 [[nodiscard]] inline DepthTrust depth_trust(const DepthSourceParams& params, DepthSource source,
-                                            const DepthNoise& noise) noexcept {
+                                            const DepthNoise& noise, float focal_baseline_px_m) noexcept {
   DepthTrust trust;
   if (source == DepthSource::network || source == DepthSource::unknown) return trust;
   trust.bounded = true;
@@ -82,6 +85,7 @@ struct DepthTrust {
   if (source == DepthSource::stereo) {
     trust.noise = noise;
     trust.deviations = params.deviations;
+    trust.focal_baseline_px_m = focal_baseline_px_m;
   }
   return trust;
 }
@@ -170,7 +174,7 @@ inline void count_enclosed(ImageView<const float> depth, ImageView<const Label> 
 
 [[nodiscard]] inline Status validate(const DepthSourceParams& p) noexcept {
   const bool good = p.dense >= 0.0F && p.collinear >= 0.0F && p.enclosed >= 0.0F && p.lidar_noise_m >= 0.0F &&
-                    p.lidar_noise >= 0.0F && p.deviations >= 0.0F && p.made_up >= 0.0F && p.made_up < 1.0F;  // false for NaN
+                    p.lidar_noise >= 0.0F && p.deviations >= 0.0F && p.unknown_baseline_m > 0.0F && p.made_up >= 0.0F && p.made_up < 1.0F;  // false for NaN
   return good ? Status() : Status(StatusCode::invalid_argument, "depth_source: shares and noise must not be negative");
 }
 

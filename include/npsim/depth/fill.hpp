@@ -42,8 +42,9 @@ struct FillParams {
   LabelSet planar =
       LabelSet::of(label::ground, label::road, label::sidewalk, label::parking, label::rail_track, label::terrain);
   float ground_outlier = 2;  // farther than this many times the near ground: filled anew; 0: kept
-  int max_sweeps = 24;       // per level
+  int max_sweeps = 32;       // per level
   float tolerance = 1e-5F;   // stop when no inverse depth changes by more than this share of itself in one sweep
+  float relaxation = 1.8F;   // of the over-relaxation, in (0, 2)
   float edge = 0.005F;       // slopes and curvatures of 1/z per pixel below this share of it count as squares
   float edge_inverse = 0;    // 1/m, on top: the noise of stereo is uniform in 1/z
 };
@@ -58,8 +59,11 @@ struct FillParams {
   if (params.max_sweeps < 0 || params.max_sweeps > 100000) {
     return {StatusCode::invalid_argument, "fill_depth: max_sweeps must lie in 0..100000"};
   }
-  if (!(params.tolerance >= 0) || !(params.edge > 0) || !(params.edge_inverse >= 0)) {
-    return {StatusCode::invalid_argument, "fill_depth: tolerance and edges must not be negative, edge positive"};
+  if (!(params.tolerance >= 0) || !(params.relaxation > 0 && params.relaxation < 2)) {
+    return {StatusCode::invalid_argument, "fill_depth: tolerance must not be negative, relaxation must lie in (0, 2)"};
+  }
+  if (!(params.edge > 0) || !(params.edge_inverse >= 0)) {
+    return {StatusCode::invalid_argument, "fill_depth: edge must be positive, edge_inverse not negative"};
   }
   if (!(params.ground_outlier == 0 || (params.ground_outlier >= 1 && params.ground_outlier <= 1e6F))) {
     return {StatusCode::invalid_argument, "fill_depth: ground_outlier must be 0 or lie in 1..1e6"};
@@ -359,9 +363,9 @@ template <class Executor>
   std::array<FillSlope, 256> slopes;
   for (std::size_t l = 0; l < slopes.size(); ++l) {
     const FillClass& c = state.classes[l];
-    slopes[l] = {c.slope_u, c.slope_v, c.low, c.high};
+    slopes[l] = {static_cast<float>(c.w0), c.slope_u, c.slope_v, c.low, c.high, c.plane};
   }
-  const FillSmoothness smoothness{params.edge, params.edge_inverse, params.max_sweeps, params.tolerance};
+  const FillSmoothness smoothness{params.edge, params.edge_inverse, params.relaxation, params.max_sweeps, params.tolerance};
   NPSIM_RETURN_IF_ERROR(fill_second_order(smoothness, objects, Span<const FillSlope>(slopes.data(), slopes.size()),
                                           state.w, state.kind, workspace, executor));
   executor.for_chunks(rows, kFillChunkRows, [&](std::size_t begin, std::size_t end) {

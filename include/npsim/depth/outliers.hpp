@@ -1,13 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Drops measurements that cannot be: stereo mismatches on the ground, and specks in an otherwise dense depth map.
+// Drops measurements that cannot be: stereo mismatches on the ground and at the left border, and specks in an otherwise
+// dense depth map.
 //
 // Off the ground: a pixel with a ground label whose point lies further from the ground plane than `ground_tolerance` of
 // the camera's height, or than `ground_slope` of its depth where that is more (streets rise and fall). Reflections on
 // the bonnet and on wet roads make such depths.
 // Speck: a sample with fewer than `speck_share` of the samples of its (2 r + 1)^2 window within `speck_tolerance` of
-// its inverse depth. Looked for only where at least half of the image is measured: a sparse range sensor has specks
-// only. Ground is exempt: seen at a grazing angle its depth does change within a window. Without labels nothing is
-// dropped.
+// its inverse depth; what is missing there is no sample, so that a lamp's head before the sky stays. With `by_object`
+// only samples of the same object count: matching smears the depth of objects over their borders, and leaves slivers of
+// other depth where an object is hidden from the other camera. Looked for only where at least half of the image is
+// measured: a sparse range sensor has specks only. Ground is exempt: seen at a grazing angle its depth does change
+// within a window. Without labels nothing of this is dropped.
+// Left border, for stereo: the left image shows a strip that the right one does not, as wide as the disparity of what
+// is seen there, and matching finds something farther off in it. In each row, from right to left, the median dr of the
+// last nine disparities that were kept says what goes on there; dropped is what lies at x < strip_width dr +
+// strip_margin_px and is smaller than dr by more than strip_step_px and strip_step. With or without labels.
 // Dropped samples become 0 (missing), to be filled like any other hole. Nothing is moved, nothing is added.
 // Cost: (2 r + 1)^2 comparisons per sample. Memory: none.
 #ifndef NPSIM_DEPTH_OUTLIERS_HPP
@@ -21,6 +28,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/depth/object_borders.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {
@@ -33,12 +41,18 @@ struct OutlierParams {
   int speck_radius_px = 5;  // 0 switches the test off; at most 32
   float speck_share = 0.25F;
   float speck_tolerance = 0.1F;  // relative
+  bool by_object = false;
+  float strip_width = 1.6F;        // 0 switches the test off
+  float strip_margin_px = 12.0F;
+  float strip_step_px = 2.0F;      // of disparity
+  float strip_step = 0.15F;        // of dr
 };
 
 [[nodiscard]] inline Status validate(const OutlierParams& params) noexcept {
   if (!(params.ground_tolerance >= 0.0F) || !(params.ground_slope >= 0.0F) || params.speck_radius_px < 0 ||
       params.speck_radius_px > 32 || !(params.speck_share >= 0.0F && params.speck_share <= 1.0F) ||
-      !(params.speck_tolerance > 0.0F)) {
+      !(params.speck_tolerance > 0.0F) || !(params.strip_width >= 0.0F) || !(params.strip_margin_px >= 0.0F) ||
+      !(params.strip_step_px >= 0.0F) || !(params.strip_step >= 0.0F)) {
     return {StatusCode::invalid_argument, "drop_outliers: tolerances positive, radius in 0..32, share in 0..1"};
   }
   return {};
@@ -46,7 +60,8 @@ struct OutlierParams {
 
 namespace depth_detail {
 
-[[nodiscard]] inline bool is_speck(const OutlierParams& p, ImageView<const float> depth, int x, int y) noexcept {
+[[nodiscard]] inline bool is_speck(const OutlierParams& p, ImageView<const float> depth, const ObjectMap& objects, int x,
+                                   int y) noexcept {
   const float z = depth(x, y);
   const float low = z / (1.0F + p.speck_tolerance);
   const float high = z * (1.0F + p.speck_tolerance);
@@ -55,36 +70,63 @@ namespace depth_detail {
   for (int j = y - p.speck_radius_px; j <= y + p.speck_radius_px; ++j) {
     for (int i = x - p.speck_radius_px; i <= x + p.speck_radius_px; ++i) {
       if (!depth.contains(i, j)) continue;
-      ++all;
       const float q = depth(i, j);
+      if (!is_valid_depth(q) || (p.by_object && !objects.same(x, y, i, j))) continue;
+      ++all;
       like += q > low && q < high ? 1 : 0;
     }
   }
   return static_cast<float>(like) < p.speck_share * static_cast<float>(all);
 }
 
+// Row of depth, in place. focal_baseline: disparity times depth, px m.
+inline void drop_left_strip(const OutlierParams& p, float focal_baseline, float* row, int width) noexcept {
+  constexpr int kLast = 9;
+  float last[kLast];
+  int count = 0;
+  for (int x = width - 1; x >= 0; --x) {
+    if (!is_valid_depth(row[x])) continue;
+    const float disparity = focal_baseline / row[x];
+    if (count >= kLast) {
+      float sorted[kLast];
+      for (int i = 0; i < kLast; ++i) {
+        int at = i;
+        for (; at > 0 && sorted[at - 1] > last[i]; --at) sorted[at] = sorted[at - 1];
+        sorted[at] = last[i];
+      }
+      const float dr = sorted[kLast / 2];
+      const float step = p.strip_step_px > p.strip_step * dr ? p.strip_step_px : p.strip_step * dr;
+      if (static_cast<float>(x) < p.strip_width * dr + p.strip_margin_px && disparity < dr - step) {
+        row[x] = 0.0F;
+        continue;
+      }
+    }
+    last[count % kLast] = disparity;
+    ++count;
+  }
+}
+
 }  // namespace depth_detail
 
 // up (unit) and height_m describe the ground plane dot(up, X) = -height_m; height_m <= 0: not known, test skipped.
-// output may not be the same memory as depth.
+// focal_baseline_px_m: of the stereo pair, disparity times depth; 0: no stereo. output may not be the same memory as
+// depth.
 template <class Executor>
 [[nodiscard]] Status drop_outliers(const OutlierParams& params, ImageView<const float> depth,
-                                   ImageView<const Label> labels, const Vec3f& up, float height_m,
-                                   const Intrinsics& camera, ImageView<float> output, Executor& executor) noexcept {
+                                   const ObjectMap& objects, const Vec3f& up, float height_m, const Intrinsics& camera,
+                                   float focal_baseline_px_m, ImageView<float> output, Executor& executor) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(params));
   const Shape shape = depth.shape();
-  if (output.shape() != shape || (!labels.empty() && labels.shape() != shape)) {
+  const ImageView<const Label> labels = objects.labels;
+  if (output.shape() != shape || !objects.fits(shape)) {
     return {StatusCode::shape_mismatch, "drop_outliers: depth, labels and output must have one shape"};
-  }
-  if (labels.empty()) {
-    copy_pixels(depth, output);
-    return {};
   }
   std::size_t measured = 0;
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) measured += is_valid_depth(depth(x, y)) ? 1U : 0U;
   }
-  const bool specks = params.speck_radius_px > 0 && 2 * measured >= shape.pixels();
+  const bool labelled = !labels.empty();
+  const bool specks = labelled && params.speck_radius_px > 0 && 2 * measured >= shape.pixels();
   const bool ground = params.ground_tolerance > 0.0F && height_m > 0.0F;
   executor.for_chunks(static_cast<std::size_t>(shape.height), 16, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
@@ -92,13 +134,16 @@ template <class Executor>
         const float z = depth(x, y);
         output(x, y) = z;
         if (!is_valid_depth(z)) continue;
-        if (params.ground.contains(labels(x, y))) {
+        if (labelled && params.ground.contains(labels(x, y))) {
           if (!ground) continue;
           const float off = std::fabs(dot(up, unproject_pixel(camera, x, y, z)) + height_m);
           if (!(off <= params.ground_tolerance * height_m || off <= params.ground_slope * z)) output(x, y) = 0.0F;
-        } else if (specks && depth_detail::is_speck(params, depth, x, y)) {
+        } else if (specks && depth_detail::is_speck(params, depth, objects, x, y)) {
           output(x, y) = 0.0F;
         }
+      }
+      if (focal_baseline_px_m > 0.0F && params.strip_width > 0.0F) {
+        depth_detail::drop_left_strip(params, focal_baseline_px_m, output.row(y), shape.width);
       }
     }
   });

@@ -162,6 +162,7 @@ namespace refine_detail {
 [[nodiscard]] constexpr OutlierParams scaled_outliers(const RefineDepthParams& params, Shape shape) noexcept {
   OutlierParams outliers = params.outliers;
   const float scale = reference_scale(params, shape);
+  outliers.strip_margin_px *= scale;
   if (scale < 1.0F) {
     outliers.speck_radius_px = static_cast<int>(static_cast<float>(outliers.speck_radius_px) * scale + 0.5F);
   }
@@ -320,11 +321,13 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, out.ground));
   if (params.drop_outliers) {
     const float height_m = out.ground.inlier_share > 0.0F ? out.ground.camera_height_m : 0.0F;
-    NPSIM_RETURN_IF_ERROR(drop_outliers(scaled_outliers(params, shape), scene.depth, scene.labels, out.ground.up,
-                                        height_m, scene.camera, measured, executor));
+    OutlierParams outliers = scaled_outliers(params, shape);
+    outliers.by_object = outliers.by_object || out.trust.focal_baseline_px_m > 0.0F;
+    NPSIM_RETURN_IF_ERROR(drop_outliers(outliers, scene.depth, objects, out.ground.up, height_m, scene.camera,
+                                        out.trust.focal_baseline_px_m, measured, executor));
   }
   FillParams fill = params.fill;
-  if (out.noise.power == 0) fill.edge_inverse += 0.6F * out.noise.amplitude;
+  if (out.noise.power == 0) fill.edge_inverse += 1.2F * out.noise.amplitude;
   NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), objects, out.depth, ImageView<std::uint8_t>(),
                                    workspace, executor));
   mark_surface(scene.depth, out.labels, out.depth, !scene.labels.empty(), out.surface);
@@ -441,7 +444,7 @@ template <class Executor>
   ImageView<float> smooth;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), smooth));
   static const auto env=[](const char*n,double d){const char*e=getenv(n);return (float)(e?atof(e):d);};
-  static const float A=env("XA",.06),K=env("XK",1),KG=env("XKG",3),S=env("XS",1.5),B=env("XB",3),OUT=env("XO",5);
+  static const float A=env("XA",.2),K=env("XK",1),KG=env("XKG",3),S=env("XS",1.5),B=env("XB",3),OUT=env("XO",5);
   FittedNormalsParams fp = params.normals.fitted; fp.angle_rad=A; fp.max_size_m=S; fp.broad_size_m=B;
   const LabelSet G = LabelSet::of(label::road,label::sidewalk,label::parking,label::ground,label::rail_track,label::terrain);
   NPSIM_RETURN_IF_ERROR(fitted_depth(
@@ -504,7 +507,9 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
   const bool labelled = !scene.labels.empty();
   const ObjectMap objects{scene.labels, labelled ? scene.instances : ImageView<const std::uint16_t>()};
   out.noise = depth_noise(out.source, scene.stereo_baseline_m, scene.depth, objects, scene.camera);
-  out.trust = depth_trust(params.source, params.use_source ? out.source : DepthSource::network, out.noise);
+  const float baseline_m = scene.stereo_baseline_m > 0.0F ? scene.stereo_baseline_m : params.source.unknown_baseline_m;
+  out.trust = depth_trust(params.source, params.use_source ? out.source : DepthSource::network, out.noise,
+                          scene.camera.fx * baseline_m);
   NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(params, scene, workspace, out));
 
   NPSIM_RETURN_IF_ERROR(step(
