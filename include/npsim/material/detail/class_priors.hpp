@@ -29,7 +29,7 @@ inline constexpr std::array<SurfacePrior, kLabelCount> kSurfacePriors = {{
     {0.25F, 0.50F},  // static
     {0.25F, 0.50F},  // dynamic
     {0.17F, 0.90F},  // ground
-    {0.11F, 0.85F},  // road: aged asphalt, polished by tyres
+    {0.10F, 0.85F},  // road: between new and aged asphalt, polished by tyres
     {0.17F, 0.90F},  // sidewalk: concrete
     {0.13F, 0.85F},  // parking
     {0.15F, 0.80F},  // rail track
