@@ -50,8 +50,8 @@ TEST_CASE("where the picture does not tell the sky apart it begins above the top
   View night;  // the road is brighter than all above it
   for (int y = 0; y < 60; ++y) {
     for (int x = 0; x < 100; ++x) {
-      Rgb8& c = night.image(x, y);
-      c = y >= 40 ? Rgb8{200, 200, 200} : Rgb8{static_cast<std::uint8_t>(c.r / 4), static_cast<std::uint8_t>(c.g / 4), static_cast<std::uint8_t>(c.b / 4)};
+      const auto grey = static_cast<std::uint8_t>(y >= 40 ? 200 : night.image(x, y).g / 4);
+      night.image(x, y) = Rgb8{grey, grey, grey};
     }
   }
   night.run();

@@ -4,11 +4,11 @@
 // What lies beneath the topmost measurement of its surroundings (8 columns to either side) is surface. Above it a range
 // sensor sees nothing, be it sky or a tree that is taller than its field of view; there the picture decides. By day the
 // sky is the brightest thing in it: the luma of the pixels above falls into two classes (Otsu, "A threshold selection
-// method from gray-level histograms", 1979), and sky is what is bright and connected to the picture's upper edge. What is
-// not, and is connected to the surface below, is surface too, so that trees and houses keep their outlines instead of
-// ending at the sensor's last row. If the bright class is not at least 1.5 times as bright as the dark one, if one of
-// them holds less than 2 % of the pixels, or if the measured surfaces are brighter than the bright class, all above is
-// sky.
+// method from gray-level histograms", 1979), and sky is what is bright and connected to the picture's upper edge. What
+// is not, and is connected to the surface below, is surface too, so that trees and houses keep their outlines instead
+// of ending at the sensor's last row. If the bright class is not at least 1.5 times as bright as the dark one, if one
+// of them holds less than 2 % of the pixels, or if the measured surfaces are brighter than the bright class, all above
+// is sky.
 // A dense depth map has nothing above and is all surface. Cost: a few passes. Memory: none.
 #ifndef NPSIM_DEPTH_SKY_HPP
 #define NPSIM_DEPTH_SKY_HPP
@@ -76,7 +76,8 @@ inline constexpr std::uint8_t kDark = 3;
   return apart ? best : 256;
 }
 
-// Turns what may become `to` and touches it into it, by raster passes to and fro; at most 16, which leaves only windings.
+// Turns what may become `to` and touches it into it, by raster passes to and fro; at most 16, which leaves only
+// windings.
 template <class May>
 void grow(ImageView<std::uint8_t> map, std::uint8_t to, May&& may) noexcept {
   const auto touch = [&](int x, int y, int i, int j) {

@@ -10,7 +10,8 @@
 // surfaces, not the edges between them. Without labels everything is one class and nothing is uncertain. Without given
 // normals those of the filtered depth, smoothed within each class, guide the refinement: it then flattens noise rather
 // than correcting shape. What each default is worth on generated streets stands in docs/evaluation.md.
-// Cost: that of the steps. Memory: see refine_depth_workspace_bytes(); the planes of RefinedDepth stay in the workspace.
+// Cost: that of the steps. Memory: see refine_depth_workspace_bytes(); the planes of RefinedDepth stay in the
+// workspace.
 #ifndef NPSIM_PIPELINE_REFINE_DEPTH_HPP
 #define NPSIM_PIPELINE_REFINE_DEPTH_HPP
 
@@ -267,7 +268,8 @@ namespace refine_detail {
 }
 
 // The sky is what is labelled so, without labels what the picture shows above all measurements.
-inline void mark_surface(const SceneView& scene, ImageView<const float> depth, ImageView<std::uint8_t> surface) noexcept {
+inline void mark_surface(const SceneView& scene, ImageView<const float> depth,
+                         ImageView<std::uint8_t> surface) noexcept {
   const Shape shape = surface.shape();
   const bool labelled = !scene.labels.empty();
   if (!labelled) find_sky(scene.image, scene.depth, surface);
@@ -320,8 +322,8 @@ template <class Executor>
   }
   FillParams fill = params.fill;
   if (out.noise.power == 0) fill.edge_inverse += 1.2F * out.noise.amplitude;
-  NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), objects, out.depth, ImageView<std::uint8_t>(),
-                                   workspace, executor));
+  NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), objects, out.depth,
+                                   ImageView<std::uint8_t>(), workspace, executor));
   mark_surface(scene, out.depth, out.surface);
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
@@ -505,7 +507,8 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
   NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(params, scene, workspace, out));
 
   NPSIM_RETURN_IF_ERROR(step(
-      Stage::fill, [&] { return refine_detail::complete_depth(params, scene, objects, workspace, executor, out); }, true));
+      Stage::fill, [&] { return refine_detail::complete_depth(params, scene, objects, workspace, executor, out); },
+      true));
   if (params.sharpen.radius_px > 0.0F && !out.trust.bounded) {
     NPSIM_RETURN_IF_ERROR(step(
         Stage::sharpen, [&] { return refine_detail::sharpen(params, objects, workspace, executor, out); }, true));
