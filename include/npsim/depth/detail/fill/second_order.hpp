@@ -13,8 +13,8 @@
 // Levels halve the image; a cell stands for one object, that of most of its pixels, and holds their mean. On a grid of
 // step h differences are 1/h of those between pixels at a distance h and curvatures 1/h^2; a cell counts h^2 times. The
 // coarsest level comes first, each finer one starts from the coarser one's result, bilinearly within objects.
-// Moves are over-relaxed, which lowers E all the same.  Cost: some 60 ns per free pixel and sweep. Memory: 8/3 x 8
-// bytes per pixel.
+// Moves are over-relaxed, which lowers E all the same. Cost: some 60 ns per free pixel and sweep. Memory: 6 bytes per
+// pixel beside the field and its kinds.
 #ifndef NPSIM_DEPTH_DETAIL_FILL_SECOND_ORDER_HPP
 #define NPSIM_DEPTH_DETAIL_FILL_SECOND_ORDER_HPP
 
