@@ -25,10 +25,11 @@ enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut, kNeither };  // neither g
                                             ThreadPool& pool) {
   io::Image<float> out(scene.shape());
   copy_pixels(scene.depth, out.view());
-  const DepthTrust trust = depth_trust(steps.source, source, scene.camera, scene.stereo_baseline_m);
+  if (source != DepthSource::stereo) return out;
+  const float baseline_m = scene.stereo_baseline_m > 0.0F ? scene.stereo_baseline_m : steps.source.unknown_baseline_m;
   OutlierParams strip = refine_detail::scaled_outliers(steps, scene.shape());
   strip.speck_radius_px = 0;
-  (void)drop_outliers(strip, scene.depth, {}, {0, -1, 0}, 0.0F, scene.camera, trust.focal_baseline_px_m, out.view(),
+  (void)drop_outliers(strip, scene.depth, {}, {0, -1, 0}, 0.0F, scene.camera, scene.camera.fx * baseline_m, out.view(),
                       pool)
       .ok();
   return out;
