@@ -57,6 +57,7 @@
 #include "npsim/depth/planar_segments.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/sharpen_edges.hpp"
+#include "npsim/depth/sky.hpp"
 #include "npsim/depth/source_noise.hpp"
 #include "npsim/depth/uncertainty.hpp"
 

@@ -25,10 +25,12 @@ enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut, kNeither };  // neither g
                                             ThreadPool& pool) {
   io::Image<float> out(scene.shape());
   copy_pixels(scene.depth, out.view());
-  const DepthTrust trust = depth_trust(steps.source, source, scene.camera, scene.stereo_baseline_m);
+  if (source != DepthSource::stereo) return out;
+  const float baseline_m = scene.stereo_baseline_m > 0.0F ? scene.stereo_baseline_m : steps.source.unknown_baseline_m;
   OutlierParams strip = refine_detail::scaled_outliers(steps, scene.shape());
   strip.speck_radius_px = 0;
-  (void)drop_outliers(strip, scene.depth, {}, {0, -1, 0}, 0.0F, scene.camera, trust.focal_baseline_px_m, out.view(), pool)
+  (void)drop_outliers(strip, scene.depth, {}, {0, -1, 0}, 0.0F, scene.camera, scene.camera.fx * baseline_m, out.view(),
+                      pool)
       .ok();
   return out;
 }
@@ -61,8 +63,8 @@ enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut, kNeither };  // neither g
 }
 
 // Of all pixels of one role whose label belongs to the set.
-[[nodiscard]] DepthShift shift(ImageView<const float> depth, const SceneView& scene, const io::Image<std::uint8_t>& roles,
-                               Role role, LabelSet labels) {
+[[nodiscard]] DepthShift shift(ImageView<const float> depth, const SceneView& scene,
+                               const io::Image<std::uint8_t>& roles, Role role, LabelSet labels) {
   DepthShift out;
   std::vector<float> all;
   double sum = 0;
@@ -194,7 +196,11 @@ OrderedJson to_json(const HoldOutResult& result) {
     for (std::size_t g = 0; g < kHoldOutGroups.size(); ++g) errors[kHoldOutGroups[g].name] = to_json(r.errors[g]);
     steps.push_back({{"step", r.key}, {"left_out", std::move(errors)}, {"kept_moved", to_json(r.kept)}});
   }
-  return {{"source", kDepthSourceNames[static_cast<std::size_t>(result.source)]}, {"measured", result.measured}, {"left_out", result.left_out}, {"false_strip", result.false_strip}, {"steps", std::move(steps)}};
+  return {{"source", kDepthSourceNames[static_cast<std::size_t>(result.source)]},
+          {"measured", result.measured},
+          {"left_out", result.left_out},
+          {"false_strip", result.false_strip},
+          {"steps", std::move(steps)}};
 }
 
 }  // namespace npsim::tool

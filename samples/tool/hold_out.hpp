@@ -3,9 +3,9 @@
 //
 // Left out are single pixels at random, or squares of 16 pixels of the working image that hold at least one measured
 // pixel. Only pixels whose label has a surface count; mismatches in the strip
-// at the left border that one camera of a stereo pair alone sees (depth/outliers.hpp) are no truth. Nearest neighbour and linear interpolation of 1/z
-// (simple_fill.hpp) stand beside the steps. Of the measured pixels that were not left out it says how far each step
-// moves them. The result depends on seed and size alone, not on threads.
+// at the left border that one camera of a stereo pair alone sees (depth/outliers.hpp) are no truth. Nearest neighbour
+// and linear interpolation of 1/z (simple_fill.hpp) stand beside the steps. Of the measured pixels that were not left
+// out it says how far each step moves them. The result depends on seed and size alone, not on threads.
 #ifndef NPSIM_SAMPLES_TOOL_HOLD_OUT_HPP
 #define NPSIM_SAMPLES_TOOL_HOLD_OUT_HPP
 
@@ -42,8 +42,8 @@ struct LabelGroup {
 };
 inline constexpr std::array<LabelGroup, 8> kHoldOutGroups = {{
     {"all", LabelSet::all()},
-    {"ground", LabelSet::of(label::ground, label::road, label::sidewalk, label::parking, label::rail_track,
-                            label::terrain)},
+    {"ground",
+     LabelSet::of(label::ground, label::road, label::sidewalk, label::parking, label::rail_track, label::terrain)},
     {"facades", LabelSet::of(label::building, label::wall, label::bridge, label::tunnel)},
     {"fences", LabelSet::of(label::fence, label::guard_rail)},
     {"plants", LabelSet::of(label::vegetation)},
@@ -70,10 +70,10 @@ struct HoldOutRow {
 
 struct HoldOutResult {
   DepthSource source = DepthSource::unknown;  // given, or found from all measured pixels
-  std::size_t measured = 0;  // pixels of surfaces
+  std::size_t measured = 0;                   // pixels of surfaces
   std::size_t false_strip = 0;
   std::size_t left_out = 0;
-  bool labelled = false;  // else the groups are all one
+  bool labelled = false;         // else the groups are all one
   std::vector<HoldOutRow> rows;  // nearest, linear, then each step
 };
 

@@ -28,8 +28,8 @@ struct Road {
   [[nodiscard]] Image<float> cleaned(float height_m = 1.5F, const OutlierParams& params = {}) const {
     Image<float> out(shape);
     SerialExecutor serial;
-    REQUIRE(drop_outliers(params, depth.view(), ObjectMap{labels.cview(), {}}, {0, -1, 0}, height_m, camera, 0.0F, out.view(),
-                          serial).ok());
+    const ObjectMap objects{labels.cview(), {}};
+    REQUIRE(drop_outliers(params, depth.view(), objects, {0, -1, 0}, height_m, camera, 0.0F, out.view(), serial).ok());
     return out;
   }
 };
@@ -73,7 +73,7 @@ TEST_CASE("a lamp's small head before a sky without depth is no speck") {
   CHECK(road.cleaned() == road.depth);
 }
 
-TEST_CASE("stereo: what lies farther off in the strip that the right camera does not see is dropped, and nothing else") {
+TEST_CASE("stereo: what lies farther off in the strip that the right camera does not see is dropped, nothing else") {
   const Shape shape{256, 4};
   const float focal_baseline = 400.0F;
   Image<float> depth(shape, focal_baseline / 40.0F);  // a wall of 40 px of disparity

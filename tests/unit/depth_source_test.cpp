@@ -77,7 +77,8 @@ TEST_CASE("missing sky is no hole, and a small map enlarged is not exact") {
       const float v = static_cast<float>(y % 2) / 2.0F;
       const int i = x / 2;
       const int j = y / 2;
-      const float w = (1 - v) * ((1 - u) * at(i, j) + u * at(i + 1, j)) + v * ((1 - u) * at(i, j + 1) + u * at(i + 1, j + 1));
+      const float w =
+          (1 - v) * ((1 - u) * at(i, j) + u * at(i + 1, j)) + v * ((1 - u) * at(i, j + 1) + u * at(i + 1, j + 1));
       enlarged(x, y) = 1.0F / w;
     }
   }

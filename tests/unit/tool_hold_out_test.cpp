@@ -95,7 +95,8 @@ TEST_CASE("hold-out: leaves out the share asked for, at random or whole squares,
     tool::HoldOutResult result;
     REQUIRE(tool::hold_out(params, scene, RefineDepthParams{}, pool, console, result).ok());
     CHECK(result.measured == 320U * 128U);  // the sky is not asked
-    CHECK(std::fabs(static_cast<double>(result.left_out) / (320 * 128) - 0.2) < (blocks ? 0.1 : 0.01));  // of 160 squares
+    CHECK(std::fabs(static_cast<double>(result.left_out) / (320 * 128) - 0.2) <
+          (blocks ? 0.1 : 0.01));  // of 160 squares
     if (blocks) CHECK(result.left_out % 256 == 0);
     REQUIRE(result.rows.size() >= 4);
     CHECK(result.rows.back().key == "normal_guided_refinement");

@@ -4,10 +4,13 @@
 // Found in this order:
 //   lidar: of the right and lower neighbours of measured pixels fewer than `dense` are measured. Scanners leave gaps
 //     between rows and beams; everything else gives whole areas.
-//   exact: of triples of pixels in line, a hundredth of the width apart and over which 1/z changes, at least `collinear`
-//     lie on a line to 2e-4 of 1/z, as they do on planes. Noise or the slow errors of a network leave chance: below .02.
+//   exact: of triples of pixels in line, a hundredth of the width apart and over which 1/z changes, at least
+// `collinear`
+//     lie on a line to 2e-4 of 1/z, as they do on planes. Noise or the slow errors of a network leave chance: below
+// .02.
 //     The distance is such that a small map enlarged bilinearly does not look like planes.
-//   stereo: of the pixels of surfaces between measured ones of their row and column, at least `enclosed` are missing. Stereo
+//   stereo: of the pixels of surfaces between measured ones of their row and column, at least `enclosed` are missing.
+// Stereo
 //     has no depth where only one camera looks and where nothing distinguishes one place from the next. Depth cameras
 //     with a pattern of light count as stereo: they triangulate too.
 //   network: what is left.
@@ -110,8 +113,8 @@ inline void count_triple(float za, float zb, float zc, DepthStatistics& s) noexc
   s.collinear += std::fabs(a + c - 2.0F) < 2e-4F ? 1U : 0U;
 }
 
-// Pixels of surfaces between the outermost measured ones of their row and between two of their column, the latter within
-// an eighth of the height: an open sky between towers is no hole.
+// Pixels of surfaces between the outermost measured ones of their row and between two of their column, the latter
+// within an eighth of the height: an open sky between towers is no hole.
 inline void count_enclosed(ImageView<const float> depth, ImageView<const Label> labels, DepthStatistics& s) noexcept {
   const Shape shape = depth.shape();
   for (int y = 0; y < shape.height; ++y) {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gives a depth to pixels that have none (stereo shadows, sparse LiDAR, bonnet), guided by labels where there are any.
 //
-// Depth is continued within its object only, in inverse depth, which is linear in the image on every plane, by the field
-// of least absolute slope and curvature with the valid pixels fixed (detail/fill/second_order.hpp): planes go on in
-// holes, and meet in creases. For the ground classes slope counts from the plane that fits all valid pixels of the class,
-// so that the ground also goes on as a plane beyond the last measurement. A region without any valid pixel takes the
-// plane of its class (ground that determines none: of the largest ground class), else what surrounds it. Labels without
-// a surface (the sky) get 0 and are never a source. Without labels the image is one region.
+// Depth is continued within its object only, in inverse depth, which is linear in the image on every plane, by the
+// field of least absolute slope and curvature with the valid pixels fixed (detail/fill/second_order.hpp): planes go on
+// in holes, and meet in creases. For the ground classes slope counts from the plane that fits all valid pixels of the
+// class, so that the ground also goes on as a plane beyond the last measurement. A region without any valid pixel takes
+// the plane of its class (ground that determines none: of the largest ground class), else what surrounds it. Labels
+// without a surface (the sky) get 0 and are never a source. Without labels the image is one region.
 //
 // Invariant: valid depths on surfaces come out unchanged, except those far beneath the near ground (stereo mismatches,
 // which would otherwise spread over the hole they stand in), and every other surface pixel gets a positive depth within
@@ -93,7 +93,7 @@ struct FillState {
   ImageView<std::uint8_t> kind;   // FillKind
   std::array<FillClass, 256> classes;
 
-  [[nodiscard]] Label label_at(int x, int y) const noexcept { 
+  [[nodiscard]] Label label_at(int x, int y) const noexcept {
     return objects.labels.empty() ? Label{0} : objects.labels(x, y);
   }
   [[nodiscard]] const FillClass& class_at(int x, int y) const noexcept { return classes[label_at(x, y)]; }
@@ -334,9 +334,9 @@ inline void initialise(FillState& state) noexcept {
 
 }  // namespace depth_detail
 
-// objects: empty views, or the shape of depth. output: the shape of depth; it may be the same memory. filled: empty, or gets 1
-// where a depth was made up and 0 elsewhere. Status no_valid_input if no surface pixel has a usable depth; then the
-// outputs are untouched.
+// objects: empty views, or the shape of depth. output: the shape of depth; it may be the same memory. filled: empty, or
+// gets 1 where a depth was made up and 0 elsewhere. Status no_valid_input if no surface pixel has a usable depth; then
+// the outputs are untouched.
 template <class Executor>
 [[nodiscard]] Status fill_depth(const FillParams& params, ImageView<const float> depth, const ObjectMap& objects,
                                 ImageView<float> output, ImageView<std::uint8_t> filled, Workspace& workspace,
@@ -345,7 +345,8 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(validate(params));
   if (depth.empty()) return {StatusCode::no_valid_input, "fill_depth: the depth image is empty"};
   const Shape shape = depth.shape();
-  if (output.empty() || output.shape() != shape || !objects.fits(shape) || (!filled.empty() && filled.shape() != shape)) {
+  if (output.empty() || output.shape() != shape || !objects.fits(shape) ||
+      (!filled.empty() && filled.shape() != shape)) {
     return {StatusCode::shape_mismatch, "fill_depth: labels and outputs must have the shape of the depth"};
   }
 
@@ -365,7 +366,8 @@ template <class Executor>
     const FillClass& c = state.classes[l];
     slopes[l] = {static_cast<float>(c.w0), c.slope_u, c.slope_v, c.low, c.high, c.plane};
   }
-  const FillSmoothness smoothness{params.edge, params.edge_inverse, params.relaxation, params.max_sweeps, params.tolerance};
+  const FillSmoothness smoothness{params.edge, params.edge_inverse, params.relaxation, params.max_sweeps,
+                                  params.tolerance};
   NPSIM_RETURN_IF_ERROR(fill_second_order(smoothness, objects, Span<const FillSlope>(slopes.data(), slopes.size()),
                                           state.w, state.kind, workspace, executor));
   executor.for_chunks(rows, kFillChunkRows, [&](std::size_t begin, std::size_t end) {

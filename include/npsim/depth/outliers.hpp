@@ -42,10 +42,10 @@ struct OutlierParams {
   float speck_share = 0.25F;
   float speck_tolerance = 0.1F;  // relative
   bool by_object = false;
-  float strip_width = 1.6F;        // 0 switches the test off
+  float strip_width = 1.6F;  // 0 switches the test off
   float strip_margin_px = 12.0F;
-  float strip_step_px = 2.0F;      // of disparity
-  float strip_step = 0.15F;        // of dr
+  float strip_step_px = 2.0F;  // of disparity
+  float strip_step = 0.15F;    // of dr
 };
 
 [[nodiscard]] inline Status validate(const OutlierParams& params) noexcept {
@@ -60,8 +60,8 @@ struct OutlierParams {
 
 namespace depth_detail {
 
-[[nodiscard]] inline bool is_speck(const OutlierParams& p, ImageView<const float> depth, const ObjectMap& objects, int x,
-                                   int y) noexcept {
+[[nodiscard]] inline bool is_speck(const OutlierParams& p, ImageView<const float> depth, const ObjectMap& objects,
+                                   int x, int y) noexcept {
   const float z = depth(x, y);
   const float low = z / (1.0F + p.speck_tolerance);
   const float high = z * (1.0F + p.speck_tolerance);
@@ -112,9 +112,9 @@ inline void drop_left_strip(const OutlierParams& p, float focal_baseline, float*
 // focal_baseline_px_m: of the stereo pair, disparity times depth; 0: no stereo. output may not be the same memory as
 // depth.
 template <class Executor>
-[[nodiscard]] Status drop_outliers(const OutlierParams& params, ImageView<const float> depth,
-                                   const ObjectMap& objects, const Vec3f& up, float height_m, const Intrinsics& camera,
-                                   float focal_baseline_px_m, ImageView<float> output, Executor& executor) noexcept {
+[[nodiscard]] Status drop_outliers(const OutlierParams& params, ImageView<const float> depth, const ObjectMap& objects,
+                                   const Vec3f& up, float height_m, const Intrinsics& camera, float focal_baseline_px_m,
+                                   ImageView<float> output, Executor& executor) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(params));
   const Shape shape = depth.shape();
   const ImageView<const Label> labels = objects.labels;

@@ -10,7 +10,8 @@
 // surfaces, not the edges between them. Without labels everything is one class and nothing is uncertain. Without given
 // normals those of the filtered depth, smoothed within each class, guide the refinement: it then flattens noise rather
 // than correcting shape. What each default is worth on generated streets stands in docs/evaluation.md.
-// Cost: that of the steps. Memory: see refine_depth_workspace_bytes(); the planes of RefinedDepth stay in the workspace.
+// Cost: that of the steps. Memory: see refine_depth_workspace_bytes(); the planes of RefinedDepth stay in the
+// workspace.
 #ifndef NPSIM_PIPELINE_REFINE_DEPTH_HPP
 #define NPSIM_PIPELINE_REFINE_DEPTH_HPP
 
@@ -38,6 +39,7 @@
 #include "npsim/depth/planar_segments.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/sharpen_edges.hpp"
+#include "npsim/depth/sky.hpp"
 #include "npsim/depth/source_noise.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/geometry/ground.hpp"
@@ -265,24 +267,16 @@ namespace refine_detail {
   return {};
 }
 
-// Without labels the sky is not known. What lies above the topmost measurement of its neighbourhood is taken for it:
-// a range sensor sees nothing there, and a dense depth map leaves no such pixel.
-inline void mark_surface(ImageView<const float> given, ImageView<const Label> labels, ImageView<const float> depth,
-                         bool labelled, ImageView<std::uint8_t> surface) {
-  constexpr int kReach = 8;
+// The sky is what is labelled so, without labels what the picture shows above all measurements.
+inline void mark_surface(const SceneView& scene, ImageView<const float> depth,
+                         ImageView<std::uint8_t> surface) noexcept {
   const Shape shape = surface.shape();
-  for (int x = 0; x < shape.width; ++x) {
-    int top = 0;
-    if (!labelled) {
-      top = shape.height;
-      for (int i = std::max(0, x - kReach); i <= std::min(shape.width - 1, x + kReach); ++i) {
-        int y = 0;
-        while (y < top && !is_valid_depth(given(i, y))) ++y;
-        top = y;
-      }
-    }
-    for (int y = 0; y < shape.height; ++y) {
-      surface(x, y) = y >= top && !kNoSurfaceLabels.contains(labels(x, y)) && is_valid_depth(depth(x, y)) ? 1 : 0;
+  const bool labelled = !scene.labels.empty();
+  if (!labelled) find_sky(scene.image, scene.depth, surface);
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const bool there = labelled ? !kNoSurfaceLabels.contains(scene.labels(x, y)) : surface(x, y) != 0;
+      surface(x, y) = there && is_valid_depth(depth(x, y)) ? 1 : 0;
     }
   }
 }
@@ -328,9 +322,9 @@ template <class Executor>
   }
   FillParams fill = params.fill;
   if (out.noise.power == 0) fill.edge_inverse += 1.2F * out.noise.amplitude;
-  NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), objects, out.depth, ImageView<std::uint8_t>(),
-                                   workspace, executor));
-  mark_surface(scene.depth, out.labels, out.depth, !scene.labels.empty(), out.surface);
+  NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), objects, out.depth,
+                                   ImageView<std::uint8_t>(), workspace, executor));
+  mark_surface(scene, out.depth, out.surface);
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       if (out.surface(x, y) == 0) out.depth(x, y) = 0.0F;
@@ -513,7 +507,8 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
   NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(params, scene, workspace, out));
 
   NPSIM_RETURN_IF_ERROR(step(
-      Stage::fill, [&] { return refine_detail::complete_depth(params, scene, objects, workspace, executor, out); }, true));
+      Stage::fill, [&] { return refine_detail::complete_depth(params, scene, objects, workspace, executor, out); },
+      true));
   if (params.sharpen.radius_px > 0.0F && !out.trust.bounded) {
     NPSIM_RETURN_IF_ERROR(step(
         Stage::sharpen, [&] { return refine_detail::sharpen(params, objects, workspace, executor, out); }, true));

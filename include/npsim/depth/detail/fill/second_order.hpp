@@ -8,12 +8,13 @@
 // Terms reach only over pixels of one object, but for a weak coupling of neighbours (kFillAcross). For labels with a
 // plane, the ground, w is the deviation from it.
 //
-// Method: on each level every free pixel in turn takes the minimum of E's quadratic majorant at the current field (half-
-// quadratic minimisation by Gauss-Seidel), pixels of the same (x + 2 y) mod 5 at a time, which share no term. Levels
-// halve the image; a cell stands for one object, that of most of its pixels, and holds their mean. On a grid of step h
-// differences are 1/h of those between pixels at a distance h and curvatures 1/h^2; a cell counts h^2 times. The coarsest
-// level comes first, each finer one starts from the coarser one's result, bilinearly within objects.
-// Moves are over-relaxed, which lowers E all the same.  Cost: some 60 ns per free pixel and sweep. Memory: 8/3 x 8 bytes per pixel.
+// Method: on each level every free pixel in turn takes the minimum of E's quadratic majorant at the current field
+// (half- quadratic minimisation by Gauss-Seidel), pixels of the same (x + 2 y) mod 5 at a time, which share no term.
+// Levels halve the image; a cell stands for one object, that of most of its pixels, and holds their mean. On a grid of
+// step h differences are 1/h of those between pixels at a distance h and curvatures 1/h^2; a cell counts h^2 times. The
+// coarsest level comes first, each finer one starts from the coarser one's result, bilinearly within objects.
+// Moves are over-relaxed, which lowers E all the same. Cost: some 60 ns per free pixel and sweep. Memory: 6 bytes per
+// pixel beside the field and its kinds.
 #ifndef NPSIM_DEPTH_DETAIL_FILL_SECOND_ORDER_HPP
 #define NPSIM_DEPTH_DETAIL_FILL_SECOND_ORDER_HPP
 
@@ -35,16 +36,30 @@ namespace depth_detail {
 
 inline constexpr std::size_t kFillChunkRows = 16;
 inline constexpr int kFillMaxLevels = 16;
-// Of a coupling between objects, but for the ground, whose plane says more. Absolute differences make it nearly harmless:
-// where an object knows its own depth a step to its neighbour costs the same wherever the object lies; where it does not,
-// the neighbour says. Labels are drawn by hand, and a hole often leaves an object no sample but those on its border.
+// Of a coupling between objects, but for the ground, whose plane says more. Absolute differences make it nearly
+// harmless: where an object knows its own depth a step to its neighbour costs the same wherever the object lies; where
+// it does not, the neighbour says. Labels are drawn by hand, and a hole often leaves an object no sample but those on
+// its border.
 inline constexpr float kFillAcross = 0.1F;
 
 // Bits of FillLevel::links: which pixels around a free one belong to its terms.
 enum FillLink : std::uint16_t {
-  kLeft = 1, kRight = 2, kUp = 4, kDown = 8, kLeft2 = 16, kRight2 = 32, kUp2 = 64, kDown2 = 128,
-  kUpLeft = 256, kUpRight = 512, kDownLeft = 1024, kDownRight = 2048,
-  kOtherLeft = 4096, kOtherRight = 8192, kOtherUp = 16384, kOtherDown = 32768  // of another object
+  kLeft = 1,
+  kRight = 2,
+  kUp = 4,
+  kDown = 8,
+  kLeft2 = 16,
+  kRight2 = 32,
+  kUp2 = 64,
+  kDown2 = 128,
+  kUpLeft = 256,
+  kUpRight = 512,
+  kDownLeft = 1024,
+  kDownRight = 2048,
+  kOtherLeft = 4096,
+  kOtherRight = 8192,
+  kOtherUp = 16384,
+  kOtherDown = 32768  // of another object
 };
 inline constexpr unsigned kOwnLinks = 4095;
 
@@ -83,8 +98,9 @@ struct FillSmoothness {
 };
 
 [[nodiscard]] constexpr std::size_t fill_pyramid_bytes(Shape shape) noexcept {
-  std::size_t bytes = kWorkspaceAlignment + allocation_bytes<std::uint16_t>(shape.pixels()) +
-                      allocation_bytes<std::uint8_t>(chunk_count(static_cast<std::size_t>(shape.height), kFillChunkRows));
+  std::size_t bytes =
+      kWorkspaceAlignment + allocation_bytes<std::uint16_t>(shape.pixels()) +
+      allocation_bytes<std::uint8_t>(chunk_count(static_cast<std::size_t>(shape.height), kFillChunkRows));
   while (shape.width > 4 && shape.height > 4) {
     shape = {(shape.width + 1) / 2, (shape.height + 1) / 2};
     bytes += allocation_bytes<float>(shape.pixels()) + 2 * allocation_bytes<std::uint8_t>(shape.pixels()) +
@@ -154,7 +170,7 @@ struct FillTerms {
 }
 
 inline void link_pixels(const FillLevel& level, int y) noexcept {
-  constexpr int kOffsets[12][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}, {-2, 0}, {2, 0},
+  constexpr int kOffsets[12][2] = {{-1, 0}, {1, 0}, {0, -1},  {0, 1},  {-2, 0}, {2, 0},
                                    {0, -2}, {0, 2}, {-1, -1}, {1, -1}, {-1, 1}, {1, 1}};
   for (int x = 0; x < level.w.width(); ++x) {
     unsigned links = 0;
@@ -254,24 +270,24 @@ void smooth_level(const FillLevel& level, const FillSmoothness& s, Span<const Fi
   for (int sweep = 0; sweep < s.sweeps; ++sweep) {
     for (std::uint8_t& c : changed) c = 0;
     for (int colour = 0; colour < 5; ++colour) {
-      executor.for_chunks(
-          static_cast<std::size_t>(level.w.height()), kFillChunkRows, [&](std::size_t begin, std::size_t end) {
-            bool moved = false;
-            for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-              for (int x = (colour + 3 * y) % 5; x < width; x += 5) {  // x + 2 y = colour, modulo 5
-                if (level.links(x, y) == 0) continue;
-                const FillSlope& slope = slopes[level.label_at(x, y)];
-                const float plane = slope.plane ? level.plane_at(slope, x, y) : 0.0F;
-                const float before = level.w(x, y);
-                float after = before + s.relaxation * second_order_move(level, s, slopes, x, y);
-                after = after > slope.low - plane ? after : slope.low - plane;
-                after = after < slope.high - plane ? after : slope.high - plane;
-                level.w(x, y) = after;
-                moved = moved || std::abs(after - before) > s.tolerance * (after + plane);
-              }
-            }
-            if (moved) changed[begin / kFillChunkRows] = 1;
-          });
+      executor.for_chunks(static_cast<std::size_t>(level.w.height()), kFillChunkRows,
+                          [&](std::size_t begin, std::size_t end) {
+                            bool moved = false;
+                            for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+                              for (int x = (colour + 3 * y) % 5; x < width; x += 5) {  // x + 2 y = colour, modulo 5
+                                if (level.links(x, y) == 0) continue;
+                                const FillSlope& slope = slopes[level.label_at(x, y)];
+                                const float plane = slope.plane ? level.plane_at(slope, x, y) : 0.0F;
+                                const float before = level.w(x, y);
+                                float after = before + s.relaxation * second_order_move(level, s, slopes, x, y);
+                                after = after > slope.low - plane ? after : slope.low - plane;
+                                after = after < slope.high - plane ? after : slope.high - plane;
+                                level.w(x, y) = after;
+                                moved = moved || std::abs(after - before) > s.tolerance * (after + plane);
+                              }
+                            }
+                            if (moved) changed[begin / kFillChunkRows] = 1;
+                          });
     }
     bool any = false;
     for (const std::uint8_t c : changed) any = any || c != 0;
@@ -316,11 +332,12 @@ template <class Executor>
     if (!objects.labels.empty()) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, labels));
     if (!objects.instances.empty()) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, instances));
     coarse.objects = {labels, instances};
-    executor.for_chunks(static_cast<std::size_t>(shape.height), kFillChunkRows, [&](std::size_t begin, std::size_t end) {
-      for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-        for (int x = 0; x < shape.width; ++x) coarsen_cell(fine, coarse, labels, instances, x, y);
-      }
-    });
+    executor.for_chunks(static_cast<std::size_t>(shape.height), kFillChunkRows,
+                        [&](std::size_t begin, std::size_t end) {
+                          for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+                            for (int x = 0; x < shape.width; ++x) coarsen_cell(fine, coarse, labels, instances, x, y);
+                          }
+                        });
   }
   for (int l = levels - 1; l >= 0; --l) {
     const FillLevel& here = level[l];
