@@ -197,7 +197,7 @@ inline void set_plane(const PlanarSegmentsParams& p, const CellInput& in, const 
                         kShared * moments.weight;
   const double scatter = std::max(1.0, fit.cost / moments.weight);
   const double turn = std::sqrt(std::min(10.0, moments.turn_variance(in.basis, fit.q) * shared * scatter));
-  if (s.upright && common != nullptr && turn > kSquare_rad) {
+  if (s.upright && common != nullptr && turn > kSquare_rad && moments.weight >= kSamplesWanted) {
     const double far = fit.cost + 9.0 * shared * scatter;  // three deviations
     const PlaneFit one = moments.facing_plane(in.basis.at(*common));
     const PlaneFit other = moments.facing_plane(in.basis.at(*common + 1.5707963267948966));
@@ -279,6 +279,23 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
 
 [[nodiscard]] inline bool is_blind(const Grid& grid, Span<const Cell> cells, std::uint8_t slot, int x, int y) noexcept {
   return cells[grid.cell(x / grid.cell_px, y / grid.cell_px, slot - 1)].blind;
+}
+
+// Of one object in a square; 0 where it has no depth.
+[[nodiscard]] inline float mean_inverse_depth(const CellInput& in, const Grid& grid, ImageView<const std::uint8_t> slots,
+                                              int column, int row, int slot) noexcept {
+  const int x1 = std::min(grid.image.width, (column + 1) * grid.cell_px);
+  const int y1 = std::min(grid.image.height, (row + 1) * grid.cell_px);
+  float sum = 0.0F;
+  int count = 0;
+  for (int y = row * grid.cell_px; y < y1; y += 2) {
+    for (int x = column * grid.cell_px; x < x1; x += 2) {
+      if (slots(x, y) != slot + 1 || !is_valid_depth(in.depth(x, y))) continue;
+      sum += 1.0F / in.depth(x, y);
+      ++count;
+    }
+  }
+  return count > 0 ? sum / static_cast<float>(count) : 0.0F;
 }
 
 // The plane that surrounds a pixel which lies on none: in at least six of eight directions a plane is the first thing of
@@ -382,7 +399,7 @@ template <class Executor>
         return plane_of_ray(in, plane_of(n), column * grid.cell_px + grid.cell_px / 2,
                             row * grid.cell_px + grid.cell_px / 2);
       },
-      cells);
+      [&](int column, int row, int slot) { return mean_inverse_depth(in, grid, slots, column, row, slot); }, cells);
   const auto planar = [&](int x, int y) {
     return is_valid_depth(depth(x, y)) && (objects.labels.empty() || params.labels.contains(objects.labels(x, y)));
   };
