@@ -24,8 +24,8 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 namespace planes_detail {
 
-inline constexpr int kReach = 3;                                           // squares
-inline constexpr std::size_t kLinks = 2 * kReach * (kReach + 1);           // of a cell, each pair counted once
+inline constexpr int kReach = 3;                                  // squares
+inline constexpr std::size_t kLinks = 2 * kReach * (kReach + 1);  // of a cell, each pair counted once
 
 struct Link {
   std::uint32_t a, b;
@@ -72,13 +72,15 @@ struct Choice {
   return root;
 }
 
-[[nodiscard]] inline PlaneFit best_plane(const PlaneMoments& moments, bool upright, const UprightBasis& basis) noexcept {
+[[nodiscard]] inline PlaneFit best_plane(const PlaneMoments& moments, bool upright,
+                                         const UprightBasis& basis) noexcept {
   return upright ? moments.upright_plane(basis) : moments.free_plane();
 }
 
 // Rise of the mean squared residual, in variances, over the smaller of the two. Two upright regions make an upright one
 // where that passes; a leaning one costs `tolerance` more, so it is chosen last.
-[[nodiscard]] inline Choice union_cost(const Cell& a, const Cell& b, const UprightBasis& basis, double tolerance) noexcept {
+[[nodiscard]] inline Choice union_cost(const Cell& a, const Cell& b, const UprightBasis& basis,
+                                       double tolerance) noexcept {
   Choice choice;
   const double smaller = std::min(a.moments.weight, b.moments.weight);
   const PlaneFit own_a = best_plane(a.moments, a.upright, basis);
@@ -178,7 +180,8 @@ void smooth_regions(const Grid& grid, const PlaneOf& plane_of, const UprightBasi
             for (int i = std::max(0, column - 1); i <= std::min(grid.columns - 1, column + 1); ++i) {
               for (int k = 0; k < kSlots; ++k) {
                 const Cell& other = cells[grid.cell(i, j, k)];
-                if (&other == &cell || !other.valid || other.label != cell.label || other.instance != cell.instance) continue;
+                if (&other == &cell || !other.valid || other.label != cell.label || other.instance != cell.instance)
+                  continue;
                 around[count++] = other.plane;
               }
             }
