@@ -77,8 +77,7 @@ int run_flatness(const EvaluateOptions& options) {
   if (!loaded) return fail(loaded.error());
   const io::Scene& scene = loaded.value();
   ThreadPool pool(thread_count(options.threads));
-  const RefineDepthParams params =
-      (options.preset == "thesis" ? thesis_night_params() : default_night_params()).depth;
+  const RefineDepthParams params = (options.preset == "thesis" ? thesis_night_params() : default_night_params()).depth;
   std::vector<unsigned char> memory(refine_depth_workspace_bytes(params, scene.shape()));
   Workspace workspace(memory.data(), memory.size());
   RefinedDepth refined;

@@ -21,7 +21,7 @@ struct FlatnessParams {
 };
 
 struct Flatness {
-  std::size_t pairs = 0;    // along rows and columns, both of the label and with a normal
+  std::size_t pairs = 0;     // along rows and columns, both of the label and with a normal
   std::size_t agreeing = 0;  // of those, within the angle
 
   [[nodiscard]] double share() const {

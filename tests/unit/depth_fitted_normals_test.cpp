@@ -69,8 +69,9 @@ struct Tower {
   }
   template <class Executor>
   [[nodiscard]] Status run(Executor& executor) {
-    return fitted_normals({}, depth.cview(), ObjectMap{labels.cview(), {}}, noise, k, [](int, int) { return true; },
-                          normals.view(), executor);
+    return fitted_normals(
+        {}, depth.cview(), ObjectMap{labels.cview(), {}}, noise, k, [](int, int) { return true; }, normals.view(),
+        executor);
   }
   // Mean angle to the truth, degrees, where the surface is not seen from the side.
   [[nodiscard]] double error() const {
@@ -102,8 +103,9 @@ TEST_CASE("fitted normals: exact on a plane, to the border of the image") {
     }
   }
   SerialExecutor serial;
-  REQUIRE(fitted_normals({}, depth.cview(), ObjectMap{}, DepthNoise{0.002F, 1, 1.0F}, k, [](int, int) { return true; },
-                         normals.view(), serial)
+  REQUIRE(fitted_normals(
+              {}, depth.cview(), ObjectMap{}, DepthNoise{0.002F, 1, 1.0F}, k, [](int, int) { return true; },
+              normals.view(), serial)
               .ok());
   float worst = 1.0F;
   for (int y = 0; y < kShape.height; ++y) {

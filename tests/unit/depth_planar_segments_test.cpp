@@ -47,7 +47,9 @@ struct Street {
     for (int y = 0; y < kShape.height; ++y) {
       RandomStream random(5, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y), 0);
       for (int x = 0; x < kShape.width; ++x) {
-        if (x % 240 == 0) random = RandomStream(5, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y), static_cast<std::uint32_t>(x));
+        if (x % 240 == 0)
+          random =
+              RandomStream(5, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y), static_cast<std::uint32_t>(x));
         const float sum = random.uniform() + random.uniform() + random.uniform() + random.uniform() - 2.0F;
         const float w = 1.0F / truth(x, y);
         measured(x, y) = truth(x, y) > 0.0F ? 1.0F / (w + times * 1.732F * sum * noise.deviation(w)) : 0.0F;
@@ -89,13 +91,6 @@ struct Street {
     }
     return static_cast<double>(good) / static_cast<double>(all);
   }
-  [[nodiscard]] double error(const Image<float>& z) const {
-    double sum = 0;
-    for (int y = 0; y < kShape.height; ++y) {
-      for (int x = 0; x < kShape.width; ++x) sum += static_cast<double>(std::fabs(z(x, y) / truth(x, y) - 1.0F));
-    }
-    return sum / static_cast<double>(kShape.pixels());
-  }
   std::vector<PlanarSegment> segments;
 };
 
@@ -126,14 +121,14 @@ TEST_CASE("planar segments: two noisy walls at a corner, parted by a pole, becom
   CHECK(s.share_facing(kSide, 240, 480, 1.5F) > 0.97);
   CHECK(s.at(105, 100) == nullptr);
   CHECK(s.of(50, 100) == s.of(200, 100));  // across the pole
-  CHECK(s.error(s.depth) < 0.35 * s.error(s.measured));
+  CHECK(s.depth == s.measured);            // planes give normals; measured depth stays
   REQUIRE(s.at(50, 100) != nullptr);
   CHECK(s.at(50, 100)->upright);
   CHECK(s.at(50, 100)->support_px > 0.9F * 228 * 240);
   CHECK(s.at(50, 100)->residual < 1.2F);
 }
 
-TEST_CASE("planar segments: relief beyond the noise stays, and what is curved is not drawn to planes") {
+TEST_CASE("planar segments: relief stays, and what is curved is not drawn to planes") {
   Street s = corner();
   for (int y = 60; y < 140; ++y) {
     for (int x = 60; x < 120; ++x) s.truth(x, y) = 12.8F;  // a bay
@@ -155,18 +150,11 @@ TEST_CASE("planar segments: relief beyond the noise stays, and what is curved is
   }
   tower.measure(0.2F);
   REQUIRE(tower.run().ok());
-  double sum = 0;
-  std::size_t count = 0;
-  for (int y = 0; y < kShape.height; y += 3) {
-    for (int x = 0; x < kShape.width; x += 3) {
-      if (!(tower.truth(x, y) > 0.0F)) continue;
-      const float off = 1.0F / tower.depth(x, y) - 1.0F / tower.measured(x, y);
-      CHECK(std::fabs(off) <= 3.01F * tower.noise.deviation(0.0F));
-      sum += static_cast<double>(std::fabs(tower.depth(x, y) / tower.truth(x, y) - 1.0F));
-      ++count;
-    }
-  }
-  CHECK(sum / static_cast<double>(count) < 0.006);
+  CHECK(tower.depth == tower.measured);
+  // No single plane takes it: the segments turn with the surface.
+  REQUIRE(tower.at(150, 120) != nullptr);
+  REQUIRE(tower.at(330, 120) != nullptr);
+  CHECK(dot(tower.at(150, 120)->normal, tower.at(330, 120)->normal) < 0.8F);
 }
 
 TEST_CASE("planar segments: a dent of 5 m that a wall surrounds is closed, of a laser too deep a point is its own") {

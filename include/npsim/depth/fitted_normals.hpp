@@ -38,14 +38,14 @@ struct FittedNormalsParams {
   LabelSet broad = LabelSet::of(label::vegetation, label::terrain, label::road, label::sidewalk, label::parking,
                                 label::ground, label::rail_track);
   float broad_size_m = 5.0F;  // of theirs: ground, and plants, whose leaves have no normal that depth could know
-  float min_px = 9.0F;       // of an image 960 wide
-  float max_share = 0.08F;   // of the image's width
-  float step = 0.02F;        // relative difference of depth, above the noise, at which a sample of the first fit counts half
+  float min_px = 9.0F;        // of an image 960 wide
+  float max_share = 0.08F;    // of the image's width
+  float step = 0.02F;  // relative difference of depth, above the noise, at which a sample of the first fit counts half
 };
 
 [[nodiscard]] inline Status validate(const FittedNormalsParams& p) noexcept {
-  const bool good = p.angle_rad > 0.0F && p.max_size_m > 0.0F && p.broad_size_m > 0.0F && p.min_px >= 0.0F && p.max_share > 0.0F &&
-                    p.max_share <= 1.0F && p.step > 0.0F;
+  const bool good = p.angle_rad > 0.0F && p.max_size_m > 0.0F && p.broad_size_m > 0.0F && p.min_px >= 0.0F &&
+                    p.max_share > 0.0F && p.max_share <= 1.0F && p.step > 0.0F;
   return good ? Status() : Status(StatusCode::invalid_argument, "fitted normals: a parameter lies outside its range");
 }
 
@@ -75,7 +75,7 @@ struct FittedPlane {
 
 template <class Weight>
 [[nodiscard]] FittedPlane fit_local(ImageView<const float> depth, const ObjectMap& objects, int x, int y, float spacing,
-                                   Weight&& weight) noexcept {
+                                    Weight&& weight) noexcept {
   float s = 0, su = 0, sv = 0, suu = 0, suv = 0, svv = 0, sw = 0, suw = 0, svw = 0;
   const float w0 = 1.0F / depth(x, y);
   for (int j = 0; j < kTaps; ++j) {
@@ -121,8 +121,8 @@ template <class Weight>
 }
 
 // What most of the surroundings show: the centre's w, or their median where the centre is not among them.
-[[nodiscard]] inline float typical_w(ImageView<const float> depth, const ObjectMap& objects, int x, int y, float spacing,
-                                     float tolerance) noexcept {
+[[nodiscard]] inline float typical_w(ImageView<const float> depth, const ObjectMap& objects, int x, int y,
+                                     float spacing, float tolerance) noexcept {
   std::array<float, 25> some;
   int count = 0;
   for (int j = -2; j <= 2; ++j) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The normals that guide the refinement and shade the surface: given ones, else those of the depth; smoothed within
-// surfaces, and set upright on the ground.
+// The normals that guide the refinement and shade the surface: given ones, else those of planes where the depth has
+// them (planar_segments.hpp), else those fitted to the depth (fitted_normals.hpp); smoothed within surfaces, and set
+// upright on the ground.
 //
 // Where a given normal is missing the depth's stands in.
 // smooth_normals is the edge-avoiding a-trous filter (Dammertz et al., HPG 2010): iteration i takes 5 x 5 taps 2^i
@@ -168,8 +169,8 @@ inline void straighten_ground(const GroundNormalsParams& params, const GroundPla
 
 }  // namespace refine_detail
 
-// The normals that guide the refinement and shade the surface: given ones, else those of the filtered depth.
-// given: the scene's normals, may be empty. ground: the ground plane of the depth; inlier_share 0: none.
+// The normals that guide the refinement and shade the surface: given ones, else those of planes, else fitted ones.
+// given: the scene's normals, may be empty. noise: of the depth. planes: may be empty. ground: the ground plane of the depth; inlier_share 0: none.
 template <class Executor>
 [[nodiscard]] Status guiding_normals(const GuidingNormalsParams& params, ImageView<const Vec3f> given,
                                      ImageView<const float> depth, ImageView<const Label> labels,

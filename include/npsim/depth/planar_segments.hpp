@@ -7,9 +7,10 @@
 // agree within the noise are united, also across what stands before them (merge.hpp); and those with enough support are
 // kept. Inverse depth of a plane is linear in the image, and everything is measured in deviations of it
 // (source_noise.hpp).
-// A pixel that a plane explains is on it: it takes the plane's normal, and its depth is drawn to the plane as far as
-// its distance may be noise. Buildings have relief: what is off by more than that stays where it was measured.
-// Invariant: depth that no plane explains is not touched, but for dents (see PlanarSegmentsParams::dent_share).
+// A pixel that a plane explains is on it and takes its normal. Its depth stays as it was measured: buildings have relief,
+// and on held-out points of real frames depth drawn to planes, even within the noise, is worse. Only where nothing was
+// measured does the plane stand in (extend_planes()), and where a mismatch makes a dent (PlanarSegmentsParams::dent_m).
+// Invariant: all other depth is not touched.
 // Deterministic: seeded, and the same for any number of threads.
 // Cost: some 250 operations a pixel in planar classes. Memory: 1 byte per pixel and some 800 per square.
 #ifndef NPSIM_DEPTH_PLANAR_SEGMENTS_HPP
@@ -42,41 +43,38 @@ inline namespace NPSIM_ABI {
 struct PlanarSegmentsParams {
   bool enabled = true;
   std::uint64_t seed = 0;
-  LabelSet labels = LabelSet::of(label::building, label::wall, label::fence, label::guard_rail, label::bridge,
-                                 label::tunnel, label::traffic_sign, label::truck, label::bus, label::caravan,
-                                 label::trailer, label::train);
+  LabelSet labels =
+      LabelSet::of(label::building, label::wall, label::fence, label::guard_rail, label::bridge, label::tunnel,
+                   label::traffic_sign, label::truck, label::bus, label::caravan, label::trailer, label::train);
   LabelSet upright = labels;
-  float cell_px = 24.0F;            // of an image 2048 wide
-  float min_support_px = 4000.0F;   // of an image 2048 x 1024; fewer, at least three squares, where the noise is so low
-  float sure_rad = 0.035F;          // that the plane's angle is known to this
-  float relief_m = 0.05F;           // of what counts as one plane
-  float inlier = 4.0F;              // deviations; of stereo .7 px
+  float cell_px = 24.0F;           // of an image 2048 wide
+  float min_support_px = 4000.0F;  // of an image 2048 x 1024; fewer, at least three squares, where the noise is so low
+  float sure_rad = 0.035F;         // that the plane's angle is known to this
+  float relief_m = 0.05F;          // of what counts as one plane
+  float inlier = 4.0F;             // deviations; of stereo .7 px
   float outlier = 8.0F;            // where Tukey's weight ends; of stereo 2 px
-  float merge_rise = 1.2F;          // of the residual when planes are united, deviations; of stereo .2 px
-  float min_share = 0.5F;           // of a cell's samples that its plane explains
-  float on_plane = 6.0F;            // deviations within which a pixel takes a plane's normal
-  float noise_from = 1.0F;          // up to here its depth is the plane's,
-  float noise_to = 3.0F;            // from here on its own
-  float dent_m = 1.0F;              // what a plane surrounds and lies this far behind it is a mismatch, not an opening
-  float dent_px = 128.0F;           // reach of the search for what surrounds a dent, of an image 2048 wide
+  float merge_rise = 1.2F;         // of the residual when planes are united, deviations; of stereo .2 px
+  float min_share = 0.5F;          // of a cell's samples that its plane explains
+  float on_plane = 6.0F;           // deviations within which a pixel takes a plane's normal
+  float dent_m = 1.0F;             // what a plane surrounds and lies this far behind it is a mismatch, not an opening
+  float dent_px = 64.0F;           // reach of the search for what surrounds a dent, of an image 2048 wide
 };
 
 [[nodiscard]] inline Status validate(const PlanarSegmentsParams& p) noexcept {
   const bool good = p.cell_px >= 4.0F && p.cell_px <= 1024.0F && p.min_support_px > 0.0F && p.inlier > 0.0F &&
-                    p.outlier > 0.0F && p.merge_rise >= 0.0F && p.min_share >= 0.0F && p.on_plane >= 0.0F &&
-                    p.noise_from >= 0.0F && p.noise_to > p.noise_from;
+                    p.outlier > 0.0F && p.merge_rise >= 0.0F && p.min_share >= 0.0F && p.on_plane >= 0.0F;
   return good ? Status() : Status(StatusCode::invalid_argument, "planar segments: a parameter lies outside its range");
 }
 
 struct PlanarSegment {
-  Vec3f q;                 // 1/z = q . (ray_x, ray_y, 1), 1/m
-  Vec3f normal;            // unit, towards the camera
+  Vec3f q;       // 1/z = q . (ray_x, ray_y, 1), 1/m
+  Vec3f normal;  // unit, towards the camera
   Label label = 0;
   bool upright = false;
   float support_px = 0.0F;
-  float residual = 0.0F;   // root mean square, deviations
-  float turn_rad = 0.0F;   // deviation of the angle about the vertical
-  bool squared = false;    // the angle is that of the street, or at right angles to it
+  float residual = 0.0F;  // root mean square, deviations
+  float turn_rad = 0.0F;  // deviation of the angle about the vertical
+  bool squared = false;   // the angle is that of the street, or at right angles to it
 };
 
 namespace planes_detail {
@@ -87,7 +85,7 @@ inline constexpr double kNone = 8.0;
 inline constexpr double kSamplesWanted = 32.0;  // of a square
 // Of the variance of a sample what the whole plane shares: sub-pixel locking of stereo, relief.
 inline constexpr double kShared = 0.03;
-inline constexpr float kSure_rad = 0.035F;    // angles known to this make the common one,
+inline constexpr float kSure_rad = 0.035F;     // angles known to this make the common one,
 inline constexpr double kSquare_rad = 0.0087;  // and those that are not known to this may be it
 
 [[nodiscard]] constexpr int cell_px(const PlanarSegmentsParams& p, Shape shape) noexcept {
@@ -112,7 +110,8 @@ inline constexpr double kSquare_rad = 0.0087;  // and those that are not known t
 
 }  // namespace planes_detail
 
-[[nodiscard]] constexpr std::size_t planar_segments_workspace_bytes(const PlanarSegmentsParams& p, Shape shape) noexcept {
+[[nodiscard]] constexpr std::size_t planar_segments_workspace_bytes(const PlanarSegmentsParams& p,
+                                                                    Shape shape) noexcept {
   const std::size_t cells = planes_detail::squares(p, shape) * planes_detail::kSlots;
   return kWorkspaceAlignment + allocation_bytes<std::uint8_t>(shape.pixels()) +
          allocation_bytes<planes_detail::Cell>(cells) + allocation_bytes<planes_detail::Choice>(cells) +
@@ -186,8 +185,8 @@ inline void set_plane(const PlanarSegmentsParams& p, const CellInput& in, const 
   PlaneFit fit = moments.free_plane();
   const PlaneFit upright = moments.upright_plane(in.basis);
   const double rise = static_cast<double>(p.merge_rise);
-  s.upright = in.stands(s.label) && upright.found &&
-              (!fit.found || upright.cost - fit.cost <= rise * rise * moments.weight);
+  s.upright =
+      in.stands(s.label) && upright.found && (!fit.found || upright.cost - fit.cost <= rise * rise * moments.weight);
   s.support_px = 0.0F;
   s.squared = false;
   if (s.upright) fit = upright;
@@ -197,7 +196,7 @@ inline void set_plane(const PlanarSegmentsParams& p, const CellInput& in, const 
                         kShared * moments.weight;
   const double scatter = std::max(1.0, fit.cost / moments.weight);
   const double turn = std::sqrt(std::min(10.0, moments.turn_variance(in.basis, fit.q) * shared * scatter));
-  if (s.upright && common != nullptr && turn > kSquare_rad) {
+  if (s.upright && common != nullptr && turn > kSquare_rad && moments.weight >= kSamplesWanted) {
     const double far = fit.cost + 9.0 * shared * scatter;  // three deviations
     const PlaneFit one = moments.facing_plane(in.basis.at(*common));
     const PlaneFit other = moments.facing_plane(in.basis.at(*common + 1.5707963267948966));
@@ -281,10 +280,28 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
   return cells[grid.cell(x / grid.cell_px, y / grid.cell_px, slot - 1)].blind;
 }
 
-// The plane that surrounds a pixel which lies on none: in at least six of eight directions a plane is the first thing of
-// the object's within `reach_px` that lies on any, in at least three of them this one.
-[[nodiscard]] inline std::uint16_t surrounding_plane(const CellInput& in, ImageView<const std::uint16_t> of, int reach_px,
-                                                     int x, int y) noexcept {
+// Of one object in a square; 0 where it has no depth.
+[[nodiscard]] inline float mean_inverse_depth(const CellInput& in, const Grid& grid,
+                                              ImageView<const std::uint8_t> slots, int column, int row,
+                                              int slot) noexcept {
+  const int x1 = std::min(grid.image.width, (column + 1) * grid.cell_px);
+  const int y1 = std::min(grid.image.height, (row + 1) * grid.cell_px);
+  float sum = 0.0F;
+  int count = 0;
+  for (int y = row * grid.cell_px; y < y1; y += 2) {
+    for (int x = column * grid.cell_px; x < x1; x += 2) {
+      if (slots(x, y) != slot + 1 || !is_valid_depth(in.depth(x, y))) continue;
+      sum += 1.0F / in.depth(x, y);
+      ++count;
+    }
+  }
+  return count > 0 ? sum / static_cast<float>(count) : 0.0F;
+}
+
+// The plane that surrounds a pixel which lies on none: in at least seven of eight directions a plane is the first
+// thing of the object's within `reach_px` that lies on any, in at least six of them this one.
+[[nodiscard]] inline std::uint16_t surrounding_plane(const CellInput& in, ImageView<const std::uint16_t> of,
+                                                     int reach_px, int x, int y) noexcept {
   constexpr int kX[8] = {1, -1, 0, 0, 1, -1, 1, -1};
   constexpr int kY[8] = {0, 0, 1, -1, 1, -1, -1, 1};
   std::array<std::uint16_t, 8> met{};
@@ -299,9 +316,9 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
       break;
     }
   }
-  if (hits < 6) return kNoPlane;
+  if (hits < 7) return kNoPlane;
   std::uint16_t plane = kNoPlane;
-  int most = 2;
+  int most = 5;
   for (std::size_t k = 0; k < hits; ++k) {
     int same = 0;
     for (std::size_t i = 0; i < hits; ++i) same += met[i] == met[k] ? 1 : 0;
@@ -360,7 +377,8 @@ template <class Executor>
   in.min_share = params.min_share;
   in.relief_m = params.relief_m;
   in.seed = params.seed;
-  for (std::size_t i = 0; i < cells.size(); ++i) {  // also for an executor that leaves chunks out when it is told to stop
+  for (std::size_t i = 0; i < cells.size();
+       ++i) {  // also for an executor that leaves chunks out when it is told to stop
     cells[i] = Cell{};
     cells[i].parent = static_cast<std::uint32_t>(i);
   }
@@ -382,14 +400,15 @@ template <class Executor>
         return plane_of_ray(in, plane_of(n), column * grid.cell_px + grid.cell_px / 2,
                             row * grid.cell_px + grid.cell_px / 2);
       },
-      cells);
+      [&](int column, int row, int slot) { return mean_inverse_depth(in, grid, slots, column, row, slot); }, cells);
   const auto planar = [&](int x, int y) {
     return is_valid_depth(depth(x, y)) && (objects.labels.empty() || params.labels.contains(objects.labels(x, y)));
   };
   executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
       for (int x = 0; x < shape.width; ++x) {
-        nearest(x, y) = planar(x, y) ? nearest_plane(in, grid, cells, slots, plane_of, support, params.on_plane, x, y) : kNoPlane;
+        nearest(x, y) =
+            planar(x, y) ? nearest_plane(in, grid, cells, slots, plane_of, support, params.on_plane, x, y) : kNoPlane;
       }
     }
   });
@@ -405,17 +424,11 @@ template <class Executor>
         const float off = residual_at(in, plane_of(plane), x, y);
         const bool blind = on_plane && slots(x, y) != 0 && is_blind(grid, cells, slots(x, y), x, y);
         const float flat_z = 1.0F / plane_of_ray(in, plane_of(plane), x, y);
-        const bool dent = !on_plane && noise.power != 2 && !objects.labels.empty() &&
-                          depth(x, y) - flat_z > params.dent_m;
+        const bool dent =
+            !on_plane && noise.power != 2 && !objects.labels.empty() && depth(x, y) - flat_z > params.dent_m;
         if (!on_plane && !dent && std::fabs(off) > params.outlier) continue;
         map.of(x, y) = plane;
-        const float own =
-            dent || blind
-                 ? 0.0F
-                 : clamp_to((std::fabs(1.0F / depth(x, y) - 1.0F / flat_z) / noise.deviation(1.0F / depth(x, y)) - params.noise_from) / (params.noise_to - params.noise_from), 0.0F, 1.0F);
-        const float w = 1.0F / depth(x, y);
-        const float flat = 1.0F / flat_z;
-        if (flat > 0.0F) depth(x, y) = 1.0F / (flat + (w - flat) * own);
+        if ((dent || blind) && flat_z > 0.0F) depth(x, y) = flat_z;
       }
     }
   });

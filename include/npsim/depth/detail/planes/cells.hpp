@@ -27,7 +27,7 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 namespace planes_detail {
 
-inline constexpr int kSlots = 3;             // objects of a square that may have planes, the largest ones
+inline constexpr int kSlots = 3;              // objects of a square that may have planes, the largest ones
 inline constexpr std::size_t kSamples = 256;  // of a cell, at most
 inline constexpr std::size_t kFewest = 6;     // samples of a plane
 inline constexpr std::uint16_t kNoPlane = 0;
@@ -48,8 +48,8 @@ struct Cell {
   std::uint16_t plane = kNoPlane;
   std::uint16_t instance = 0;
   Label label = 0;
-  bool valid = false;        // has a plane of its own
-  bool blind = false;        // nothing was measured here
+  bool valid = false;  // has a plane of its own
+  bool blind = false;  // nothing was measured here
   bool upright = false;
 };
 
@@ -84,7 +84,9 @@ struct CellInput {
   float relief_m = 0.0F;
   std::uint64_t seed = 0;
 
-  [[nodiscard]] Label label(int x, int y) const noexcept { return objects.labels.empty() ? Label{0} : objects.labels(x, y); }
+  [[nodiscard]] Label label(int x, int y) const noexcept {
+    return objects.labels.empty() ? Label{0} : objects.labels(x, y);
+  }
   // Of w where a surface with relief was measured.
   [[nodiscard]] float deviation(float w) const noexcept {
     const float noisy = noise.deviation(w);
@@ -106,7 +108,8 @@ struct CellInput {
 }
 
 // The plane through two samples that stands upright.
-[[nodiscard]] inline bool upright_through(const UprightBasis& basis, const Sample& a, const Sample& b, Vec3d& q) noexcept {
+[[nodiscard]] inline bool upright_through(const UprightBasis& basis, const Sample& a, const Sample& b,
+                                          Vec3d& q) noexcept {
   const Vec3d ray_a{a.x, a.y, 1.0};
   const Vec3d ray_b{b.x, b.y, 1.0};
   const double ar = dot(basis.right, ray_a);
@@ -276,11 +279,10 @@ inline void fit_square(const CellInput& in, const Grid& grid, int column, int ro
     const std::size_t index = grid.cell(column, row, slot);
     Cell& cell = cells[index];
     if (!(cell.area_px > 0.0F)) continue;
-    const std::size_t count =
-        collect(in, slots, grid, column * grid.cell_px, row * grid.cell_px, static_cast<std::uint8_t>(slot + 1),
-                Span<Sample>(buffer.data(), buffer.size()));
-    cell.blind = count < kFewest;
-    if (cell.blind) continue;
+    const std::size_t count = collect(in, slots, grid, column * grid.cell_px, row * grid.cell_px,
+                                      static_cast<std::uint8_t>(slot + 1), Span<Sample>(buffer.data(), buffer.size()));
+    cell.blind = count == 0;
+    if (count < kFewest) continue;
     const Span<const Sample> samples(buffer.data(), count);
     const auto id = static_cast<std::uint32_t>(index);
     Vec3d q;

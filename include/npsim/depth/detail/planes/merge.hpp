@@ -24,8 +24,8 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 namespace planes_detail {
 
-inline constexpr int kReach = 3;                                           // squares
-inline constexpr std::size_t kLinks = 2 * kReach * (kReach + 1);           // of a cell, each pair counted once
+inline constexpr int kReach = 3;                                  // squares
+inline constexpr std::size_t kLinks = 2 * kReach * (kReach + 1);  // of a cell, each pair counted once
 
 struct Link {
   std::uint32_t a, b;
@@ -72,13 +72,15 @@ struct Choice {
   return root;
 }
 
-[[nodiscard]] inline PlaneFit best_plane(const PlaneMoments& moments, bool upright, const UprightBasis& basis) noexcept {
+[[nodiscard]] inline PlaneFit best_plane(const PlaneMoments& moments, bool upright,
+                                         const UprightBasis& basis) noexcept {
   return upright ? moments.upright_plane(basis) : moments.free_plane();
 }
 
 // Rise of the mean squared residual, in variances, over the smaller of the two. Two upright regions make an upright one
 // where that passes; a leaning one costs `tolerance` more, so it is chosen last.
-[[nodiscard]] inline Choice union_cost(const Cell& a, const Cell& b, const UprightBasis& basis, double tolerance) noexcept {
+[[nodiscard]] inline Choice union_cost(const Cell& a, const Cell& b, const UprightBasis& basis,
+                                       double tolerance) noexcept {
   Choice choice;
   const double smaller = std::min(a.moments.weight, b.moments.weight);
   const PlaneFit own_a = best_plane(a.moments, a.upright, basis);
@@ -178,7 +180,8 @@ void smooth_regions(const Grid& grid, const PlaneOf& plane_of, const UprightBasi
             for (int i = std::max(0, column - 1); i <= std::min(grid.columns - 1, column + 1); ++i) {
               for (int k = 0; k < kSlots; ++k) {
                 const Cell& other = cells[grid.cell(i, j, k)];
-                if (&other == &cell || !other.valid || other.label != cell.label || other.instance != cell.instance) continue;
+                if (&other == &cell || !other.valid || other.label != cell.label || other.instance != cell.instance)
+                  continue;
                 around[count++] = other.plane;
               }
             }
@@ -207,12 +210,16 @@ void smooth_regions(const Grid& grid, const PlaneOf& plane_of, const UprightBasi
 // Where nothing was measured an object goes on as it is known: upwards and downwards first, for what stands upright
 // keeps its plane there (a laser's topmost line, roofs above it), then a few squares sideways. Of the last squares
 // before the gap the plane with the largest support counts, since the very last may hold the rim of something else.
-// A plane that would be much nearer or farther there ends: it is steep, and how far it goes is not known.
-// support(n): of plane n. w_of(n, column, row): its inverse depth in the middle of a square.
-template <class Support, class InverseDepth>
-void extend_planes(const Grid& grid, const Support& support, const InverseDepth& w_of, Span<Cell> cells) noexcept {
+// A plane that would be much nearer or farther there ends: it is steep, and how far it goes is not known. Sideways it
+// must also agree with what was made up there, which knows what stands below, but for a third.
+// support(n): of plane n. w_of(n, column, row): its inverse depth in the middle of a square. made_up(column, row, slot):
+// the mean of the inverse depth there.
+template <class Support, class InverseDepth, class MadeUp>
+void extend_planes(const Grid& grid, const Support& support, const InverseDepth& w_of, const MadeUp& made_up,
+                   Span<Cell> cells) noexcept {
   constexpr int kSideways = 4;
   constexpr int kBack = 3;
+  constexpr float kAgree = 0.33F;
   constexpr float kStep = 0.15F;  // of w, from one square to the next
   const auto take = [&](int column, int row, int dx, int dy) {
     for (int slot = 0; slot < kSlots; ++slot) {
@@ -230,6 +237,8 @@ void extend_planes(const Grid& grid, const Support& support, const InverseDepth&
           copied = from.blind;  // has chosen already
           if (!copied && !(support(from.plane) > most)) continue;
           const float w = w_of(from.plane, i, j);
+          const float here = dx != 0 ? made_up(column, row, slot) : 0.0F;
+          if (here > 0.0F && !(std::fabs(w_of(from.plane, column, row) - here) <= kAgree * here)) continue;
           if (!(std::fabs(w_of(from.plane, column, row) - w) <= kStep * static_cast<float>(back) * w)) continue;
           most = support(from.plane);
           cell.plane = from.plane;
