@@ -50,6 +50,7 @@
 #include "npsim/depth/kerb_faces.hpp"
 #include "npsim/depth/loss_gradient.hpp"
 #include "npsim/depth/losses.hpp"
+#include "npsim/depth/measured_ground.hpp"
 #include "npsim/depth/normal_convention.hpp"
 #include "npsim/depth/normals.hpp"
 #include "npsim/depth/object_borders.hpp"

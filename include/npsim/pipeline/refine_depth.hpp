@@ -17,7 +17,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <cstddef>
 #include <cstdint>
 
@@ -34,6 +33,7 @@
 #include "npsim/depth/fill.hpp"
 #include "npsim/depth/guiding_normals.hpp"
 #include "npsim/depth/kerb_faces.hpp"
+#include "npsim/depth/measured_ground.hpp"
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/depth/outliers.hpp"
 #include "npsim/depth/planar_segments.hpp"
@@ -91,6 +91,7 @@ struct RefineDepthParams {
   // this share. The slopes there lead from surface to surface, all others are a surface's own. 0: (3.3) as in the text.
   float border_jump = 0.02F;
   KerbFaceParams kerbs;
+  MeasuredGroundParams measured_ground;
 
   [[nodiscard]] static constexpr RefineDepthParams thesis() noexcept {
     RefineDepthParams params;
@@ -202,6 +203,7 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.uncertainty));
   NPSIM_RETURN_IF_ERROR(validate(params.normals));
   NPSIM_RETURN_IF_ERROR(validate(params.kerbs));
+  NPSIM_RETURN_IF_ERROR(validate(params.measured_ground));
   return validate(params.refine);
 }
 
@@ -229,7 +231,7 @@ namespace refine_detail {
       planar_segments_workspace_bytes(params.planes, shape), uncertainty_workspace_bytes(params.uncertainty, shape),
       guiding_normals_workspace_bytes(params.normals, shape),
       refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels),
-      kerb_faces_workspace_bytes(shape));
+      kerb_faces_workspace_bytes(shape), measured_ground_workspace_bytes(shape));
   return 3 * allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
          allocation_bytes<Vec3f>(pixels) + planar_map_bytes(params.planes, shape) + steps + kWorkspaceAlignment;
 }
@@ -238,9 +240,9 @@ namespace refine_detail {
 
 // The steps, each from and to the planes of RefinedDepth.
 
-// Given normals know more than planes do.
+// Given normals know more than planes do; and without labels nothing says where a facade ends.
 [[nodiscard]] inline bool finds_planes(const RefineDepthParams& params, const SceneView& scene) noexcept {
-  return params.planes.enabled && scene.normals.empty();
+  return params.planes.enabled && scene.normals.empty() && !scene.labels.empty();
 }
 
 [[nodiscard]] inline Status allocate_planes(const RefineDepthParams& params, const SceneView& scene,
@@ -430,36 +432,13 @@ template <class Executor>
   return {};
 }
 
-// What neighbours share stays, what they do not is noise: measured depth, each pixel within its trust, where no plane
-// says it already.
-template <class Executor>
-[[nodiscard]] Status smooth_measured(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
-                                     Workspace& workspace, Executor& executor, RefinedDepth& out) {
-  ImageView<float> smooth;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), smooth));
-  static const auto env=[](const char*n,double d){const char*e=getenv(n);return (float)(e?atof(e):d);};
-  static const float A=env("XA",.2),K=env("XK",1),KG=env("XKG",3),S=env("XS",1.5),B=env("XB",3),OUT=env("XO",5);
-  FittedNormalsParams fp = params.normals.fitted; fp.angle_rad=A; fp.max_size_m=S; fp.broad_size_m=B;
-  const LabelSet G = LabelSet::of(label::road,label::sidewalk,label::parking,label::ground,label::rail_track,label::terrain);
-  NPSIM_RETURN_IF_ERROR(fitted_depth(
-      fp, out.depth, objects, out.noise, scene.camera,
-      [&](int x, int y) { return out.planes.at(x, y) == nullptr; }, smooth, executor));
-  for (int y = 0; y < scene.shape().height; ++y) for (int x = 0; x < scene.shape().width; ++x) {
-    const float z=out.depth(x,y), q=smooth(x,y); if(!(z>0)||!(q>0)||z==q) continue;
-    const float w=1/z, t=1/q, sg=out.noise.deviation(w); const bool g=G.contains(out.labels(x,y));
-    float d=t-w; const float lim=(g?KG:K)*sg;
-    if(g&&std::fabs(d)>OUT*sg){ out.depth(x,y)=q; out.filled(x,y)=q; continue;}
-    d=clamp_to(d,-lim,lim); out.depth(x,y)=1/(w+d);
-  }
-  hold_depth(out, executor);
-  return {};
-}
-
 template <class Executor>
 [[nodiscard]] Status refine(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
                             Workspace& workspace, Executor& executor, RefinedDepth& out) {
   NPSIM_RETURN_IF_ERROR(guiding_normals(params.normals, scene.normals, out.depth, out.labels, objects, out.noise,
                                         out.planes, scene.camera, out.ground, out.normals, workspace, executor));
+  // Normals of measured depth know nothing that it does not.
+  if (out.trust.bounded && scene.normals.empty()) return {};
   ImageView<std::uint8_t> edges;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), edges));
   if (params.border_jump > 0.0F) {
@@ -513,7 +492,6 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
     NPSIM_RETURN_IF_ERROR(step(
         Stage::sharpen, [&] { return refine_detail::sharpen(params, objects, workspace, executor, out); }, true));
   }
-  const bool smooths = out.trust.bounded && out.source != DepthSource::exact;
   if (!out.trust.bounded) {
     NPSIM_RETURN_IF_ERROR(step(
         Stage::ground, [&] { return refine_detail::anchor(params, scene, workspace, executor, out); },
@@ -526,10 +504,15 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
         Stage::planes, [&] { return refine_detail::fit_planes(params, scene, objects, workspace, executor, out); },
         true));
   }
-  if (smooths) {
+  if (out.trust.bounded && out.source != DepthSource::exact) {
     NPSIM_RETURN_IF_ERROR(step(
-        Stage::cross_bilateral,
-        [&] { return refine_detail::smooth_measured(params, scene, objects, workspace, executor, out); }, true));
+        Stage::ground,
+        [&] {
+          return smooth_measured_ground(params.measured_ground, objects, out.noise, out.trust, out.source, scene.camera,
+                                        out.ground, ImageView<const float>(out.confidence), out.filled, out.depth,
+                                        workspace, executor);
+        },
+        true));
   }
   NPSIM_RETURN_IF_ERROR(step(
       Stage::uncertainty,
