@@ -298,10 +298,10 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
   return count > 0 ? sum / static_cast<float>(count) : 0.0F;
 }
 
-// The plane that surrounds a pixel which lies on none: in at least seven of eight directions a plane is the first
-// thing of the object's within `reach_px` that lies on any, in at least six of them this one.
+// The plane that surrounds a pixel which lies on none: in at least six of eight directions a plane is the first
+// thing of the object's within `reach_px` that lies on any, in `most`, at least three, this one.
 [[nodiscard]] inline std::uint16_t surrounding_plane(const CellInput& in, ImageView<const std::uint16_t> of,
-                                                     int reach_px, int x, int y) noexcept {
+                                                     int reach_px, int x, int y, int& most) noexcept {
   constexpr int kX[8] = {1, -1, 0, 0, 1, -1, 1, -1};
   constexpr int kY[8] = {0, 0, 1, -1, 1, -1, -1, 1};
   std::array<std::uint16_t, 8> met{};
@@ -316,9 +316,9 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
       break;
     }
   }
-  if (hits < 7) return kNoPlane;
+  if (hits < 6) return kNoPlane;
   std::uint16_t plane = kNoPlane;
-  int most = 5;
+  most = 2;
   for (std::size_t k = 0; k < hits; ++k) {
     int same = 0;
     for (std::size_t i = 0; i < hits; ++i) same += met[i] == met[k] ? 1 : 0;
@@ -419,7 +419,8 @@ template <class Executor>
         map.of(x, y) = nearest(x, y);
         if (!planar(x, y)) continue;
         const bool on_plane = nearest(x, y) != kNoPlane;
-        const std::uint16_t plane = on_plane ? nearest(x, y) : surrounding_plane(in, nearest, reach_px, x, y);
+        int around = 0;
+        const std::uint16_t plane = on_plane ? nearest(x, y) : surrounding_plane(in, nearest, reach_px, x, y, around);
         if (plane == kNoPlane) continue;
         const float off = residual_at(in, plane_of(plane), x, y);
         const bool blind = on_plane && slots(x, y) != 0 && is_blind(grid, cells, slots(x, y), x, y);
