@@ -50,7 +50,7 @@ struct Sheet {
     mesh.background = {vertices.view(), quads.view()};
     mesh.visible_vertex = visible.cview();
     SerialExecutor serial;
-    ray_lifts(mesh, {normals.data(), normals.size()}, {lifts.data(), lifts.size()}, serial);
+    ray_lifts(mesh, DepthNoise{}, {normals.data(), normals.size()}, {lifts.data(), lifts.size()}, serial);
   }
   [[nodiscard]] float lift(int x, int y) const { return lifts[static_cast<std::size_t>(y * kShape.width + x)]; }
 };

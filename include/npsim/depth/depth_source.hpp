@@ -40,7 +40,7 @@ struct DepthSourceParams {
   float collinear = 0.12F;
   float enclosed = 0.01F;
   float lidar_noise_m = 0.02F;      // of scanners on cars; a pixel is also as wide as this at 15 m
-  float lidar_noise = 0.002F;       // at most this share of the depth
+  float lidar_noise = 0.0005F;      // at most this share of the depth
   float deviations = 3.0F;          // of the noise of stereo (depth/source_noise.hpp)
   float unknown_baseline_m = 0.2F;  // of a stereo pair on a car's windscreen
   float made_up = 0.005F;           // relative; for what is made up without any support

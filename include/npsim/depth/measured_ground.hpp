@@ -4,11 +4,12 @@
 // The light of headlamps and far street lamps comes in within a few degrees of the ground, where centimetres of noise
 // between neighbours throw shadows all over it; and nothing else in a street is known to be smooth. So each measured
 // depth of the ground moves to the middle of the plane in 1/z that fits its surroundings (fitted_normals.hpp), by at
-// most `deviations` of the sensor's noise and by what its source leaves open (DepthTrust). What stereo measured further
-// off than `mismatch` deviations is a wrong match, and the plane takes its place.
+// most `deviations` of the sensor's noise and by what its source leaves open (DepthTrust). Before that, what stereo
+// measured further than `mismatch` deviations off the plane of far wider surroundings, which outvotes patches of wrong
+// matches, and further off the ground plane too, is one, and the wide plane takes its place.
 // Ground: by label; without labels what lies within height_m of the ground plane.
 // Everything else stays: on held-out points of real frames smoothing within the noise makes facades and plants worse.
-// Cost: 2 x 81 samples per pixel of ground. Memory: a number a pixel.
+// Cost: 2 x 81 samples per pixel of ground, of stereo twice. Memory: a number a pixel.
 #ifndef NPSIM_DEPTH_MEASURED_GROUND_HPP
 #define NPSIM_DEPTH_MEASURED_GROUND_HPP
 
@@ -39,7 +40,8 @@ struct MeasuredGroundParams {
   float angle_rad = 0.4F;   // FittedNormalsParams::angle_rad: surroundings a fifth as wide as those of normals
   float size_m = 3.0F;      // of the surroundings, at most
   float deviations = 2.0F;
-  float mismatch = 5.0F;    // deviations
+  float mismatch = 6.0F;    // deviations
+  FittedNormalsParams wide;  // surroundings that find wrong matches
 };
 
 [[nodiscard]] inline Status validate(const MeasuredGroundParams& p) noexcept {
@@ -73,29 +75,43 @@ template <class Executor>
   fit.max_size_m = params.size_m;
   fit.broad_size_m = params.size_m;
   const bool labelled = !objects.labels.empty();
+  const auto height = [&](int x, int y, float z) {  // above the ground plane, m
+    return dot(ground.up, unproject_pixel(camera, x, y, z)) + ground.camera_height_m;
+  };
   const auto is_ground = [&](int x, int y) {
     if (labelled) return params.labels.contains(objects.labels(x, y));
-    const float height = dot(ground.up, unproject_pixel(camera, x, y, depth(x, y))) + ground.camera_height_m;
-    return ground.inlier_share > 0.0F && std::fabs(height) < params.height_m;
+    return ground.inlier_share > 0.0F && std::fabs(height(x, y, depth(x, y))) < params.height_m;
   };
+  const auto each = [&](const auto& f) {
+    executor.for_chunks(static_cast<std::size_t>(shape.height), 16, [&](std::size_t begin, std::size_t end) {
+      for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+        for (int x = 0; x < shape.width; ++x) {
+          if (smooth(x, y) != depth(x, y)) f(x, y);
+        }
+      }
+    });
+  };
+  if (source == DepthSource::stereo) {
+    NPSIM_RETURN_IF_ERROR(fitted_depth(params.wide, ImageView<const float>(depth), objects, noise, camera, is_ground,
+                                       smooth, executor));
+    each([&](int x, int y) {
+      const float w = 1.0F / smooth(x, y);
+      if (std::fabs(1.0F / depth(x, y) - w) <= params.mismatch * noise.deviation(w)) return;
+      // Where the ground rises and falls it is the wide plane that is wrong.
+      if (ground.inlier_share > 0.0F && std::fabs(height(x, y, depth(x, y))) < std::fabs(height(x, y, smooth(x, y)))) {
+        return;
+      }
+      filled(x, y) = smooth(x, y);
+      depth(x, y) = smooth(x, y);
+    });
+  }
   NPSIM_RETURN_IF_ERROR(fitted_depth(fit, ImageView<const float>(depth), objects, noise, camera, is_ground, smooth,
                                      executor));
-  executor.for_chunks(static_cast<std::size_t>(shape.height), 16, [&](std::size_t begin, std::size_t end) {
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        if (smooth(x, y) == depth(x, y)) continue;
-        const float w = 1.0F / depth(x, y);
-        const float deviation = noise.deviation(w);
-        const float off = 1.0F / smooth(x, y) - w;
-        if (source == DepthSource::stereo && std::fabs(off) > params.mismatch * deviation) {
-          filled(x, y) = smooth(x, y);
-          depth(x, y) = smooth(x, y);
-          continue;
-        }
-        const float reach = params.deviations * deviation;
-        depth(x, y) = trust.held(filled(x, y), 1.0F / (w + clamp_to(off, -reach, reach)), confidence(x, y));
-      }
-    }
+  each([&](int x, int y) {
+    const float w = 1.0F / depth(x, y);
+    const float reach = params.deviations * noise.deviation(w);
+    const float moved = clamp_to(1.0F / smooth(x, y) - w, -reach, reach);
+    depth(x, y) = trust.held(filled(x, y), 1.0F / (w + moved), confidence(x, y));
   });
   return {};
 }

@@ -4,7 +4,8 @@
 // A reconstructed surface is rough where the true one is smooth: its vertices stand before and behind the plane that the
 // point's normal tells. A ray starts above what the neighbours of its point stick out, and no higher: a kerb, a frame or
 // a wall next to it keeps its shadow. With p the point, n its normal and q the vertices of its layer within kReach
-// pixels: lift = max over q of dot(n, q - p), of those that rise by less than kSteepest; steeper is another surface. At
+// pixels: lift = max over q of dot(n, q - p), of those that rise by less than kSteepest; steeper is another surface, or
+// noise of the sensor: what rises by less than kNoise deviations of the depth counts however steep. At
 // least what rounding needs: 2^-20 of the largest coordinate covers the error of the sum and of a ray's own translation
 // (trace/ray.hpp).
 // Cost: (2 kReach + 1)^2 dot products a vertex of the sheets. Memory: none. Error: none; a rule.
@@ -18,6 +19,7 @@
 
 #include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/depth/source_noise.hpp"
 #include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 
@@ -27,13 +29,14 @@ namespace ray_start_detail {
 
 inline constexpr int kReach = 4;          // px
 inline constexpr float kSteepest = 0.5F;  // rise over distance along the surface: 27 degrees
+inline constexpr float kNoise = 4.0F;     // deviations; the difference of two samples stays below with all but 5e-3
 
 [[nodiscard]] inline float rounding_lift(const Vec3f& p) noexcept {
   return 0x1p-20F * std::fmax(std::fabs(p.x), std::fmax(std::fabs(p.y), std::fabs(p.z)));
 }
 
 [[nodiscard]] inline float lift_over_neighbours(ImageView<const Vec3f> layer, int x, int y, const Vec3f& p,
-                                                const Vec3f& n) noexcept {
+                                                const Vec3f& n, float noise_m) noexcept {
   float lift = rounding_lift(p);
   for (int v = std::max(0, y - kReach); v <= std::min(layer.height() - 1, y + kReach); ++v) {
     for (int u = std::max(0, x - kReach); u <= std::min(layer.width() - 1, x + kReach); ++u) {
@@ -43,7 +46,7 @@ inline constexpr float kSteepest = 0.5F;  // rise over distance along the surfac
       const float rise = dot(n, away);
       if (!(rise > lift)) continue;
       const float along2 = dot(away, away) - rise * rise;
-      if (rise * rise < kSteepest * kSteepest * along2) lift = rise;
+      if (rise < kNoise * noise_m || rise * rise < kSteepest * kSteepest * along2) lift = rise;
     }
   }
   return lift;
@@ -51,9 +54,10 @@ inline constexpr float kSteepest = 0.5F;  // rise over distance along the surfac
 
 }  // namespace ray_start_detail
 
-// lift_m: of every vertex of the mesh, in metres.
+// noise: of the depth that the mesh was made of. lift_m: of every vertex of the mesh, in metres.
 template <class Executor>
-void ray_lifts(const SceneMesh& mesh, Span<const Vec3f> normal, Span<float> lift_m, Executor& executor) noexcept {
+void ray_lifts(const SceneMesh& mesh, const DepthNoise& noise, Span<const Vec3f> normal, Span<float> lift_m,
+               Executor& executor) noexcept {
   using namespace ray_start_detail;
   const auto width = static_cast<std::uint32_t>(mesh.visible_vertex.width());
   executor.for_chunks(lift_m.size(), 4096, [&](std::size_t begin, std::size_t end) {
@@ -64,8 +68,9 @@ void ray_lifts(const SceneMesh& mesh, Span<const Vec3f> normal, Span<float> lift
         continue;
       }
       const SheetLayer& layer = v < mesh.background_vertices ? mesh.background : mesh.foreground;
+      const float noise_m = p.z > 0.0F ? noise.deviation(1.0F / p.z) * p.z * p.z : 0.0F;
       lift_m[v] = lift_over_neighbours(layer.vertices, static_cast<int>(mesh.vertex_pixel[v] % width),
-                                       static_cast<int>(mesh.vertex_pixel[v] / width), p, normal[v]);
+                                       static_cast<int>(mesh.vertex_pixel[v] / width), p, normal[v], noise_m);
     }
   });
 }
