@@ -409,8 +409,8 @@ Status lift_contacts(const GroundLightParams& p, const Picture& picture, Plane s
     const LightMixture& m = out.mixture[picture.region(x, y)];
     if (!m.known) return;
     const float off = smooth_y(x, y) - m.sun_y - log_light(out.sun(x, y), out.ratio_y) - out.level(x, y);
-    const float dark = clamp_to((-off - kFrom) / (kTo - kFrom), 0.0F, 1.0F);
-    out.level(x, y) += off * dark * clamp_to(near(x, y) * inverse, 0.0F, 1.0F);
+    const float lost = clamp_to((-off - kFrom) / (kTo - kFrom), 0.0F, 1.0F);
+    out.level(x, y) += off * lost * clamp_to(near(x, y) * inverse, 0.0F, 1.0F);
   });
   return {};
 }
