@@ -48,8 +48,8 @@ HeldOut held_out(const std::string& scene, const std::string& how) {
   for (const auto& step : steps) {
     if (step.at("step") == "linear") result.linear = step.at("left_out").at("all").at("mean");
     result.ours = step.at("left_out").at("all").at("mean");  // of the last
-    result.moved_median = step.at("kept").at("median");
-    result.moved_mean = step.at("kept").at("mean");
+    result.moved_median = step.at("kept_moved").at("median");
+    result.moved_mean = step.at("kept_moved").at("mean");
   }
   std::printf("%-12s %-12s left out %.4f, linear %.4f, ratio %.2f; measured pixels moved by %.5f (median %.5f)\n",
               fs::path(scene).filename().c_str(), how.c_str(), result.ours, result.linear,

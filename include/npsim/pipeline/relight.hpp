@@ -102,11 +102,12 @@ struct RelightSize {
   std::size_t receivers = 0;  // pixels that show a point
   std::size_t faces = 0;      // of the mesh
   std::size_t backs = 0;      // of these, the objects' backs
+  bool albedo_guessed = true;
 };
 
 [[nodiscard]] inline RelightSize relight_size(const SceneView& scene, const SceneMesh& mesh, int variants) noexcept {
   RelightSize size{scene.lights.size(),  variants, mesh.mesh.vertices.size(), 0, mesh.mesh.faces.size(),
-                   mesh.mesh.faces.size() - mesh.sheet_faces};
+                   mesh.mesh.faces.size() - mesh.sheet_faces, scene.albedo.empty()};
   for (int y = 0; y < scene.shape().height; ++y) {
     for (int x = 0; x < scene.shape().width; ++x) size.receivers += mesh.visible_vertex(x, y) != kNoVertex ? 1U : 0U;
   }
@@ -141,7 +142,7 @@ struct RelightSize {
                             allocation_bytes<std::uint8_t>(size.points);
   return shared +
          max_of(placement_workspace_bytes(params.placement, shape),
-                surface_attributes_workspace_bytes(params.material, shape), trace,
+                surface_attributes_workspace_bytes(params.material, shape, size.albedo_guessed), trace,
                 variant_workspace_bytes(params, shape, size.points, size.receivers)) +
          kWorkspaceAlignment;
 }

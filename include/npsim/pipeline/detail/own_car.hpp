@@ -56,7 +56,7 @@ inline void smooth_edge(Span<const int> edge, Span<int> window, Span<int> out) n
     const std::ptrdiff_t last = std::min(width, x + reach + 1);
     std::copy(edge.data() + first, edge.data() + last, window.data());
     int* const middle = window.data() + (last - first) / 2;
-    std::nth_element(window.data(), middle, window.data() + (last - first));
+    select_nth(window.data(), middle, window.data() + (last - first));
     out[static_cast<std::size_t>(x)] = std::max(*middle, edge[static_cast<std::size_t>(x)]);
   }
 }

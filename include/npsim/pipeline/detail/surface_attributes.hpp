@@ -50,11 +50,12 @@ struct SurfaceAttributes {
 
 inline constexpr float kHiddenAlpha = 0.8F;
 
-[[nodiscard]] constexpr std::size_t surface_attributes_workspace_bytes(const MaterialParams& params,
-                                                                       Shape shape) noexcept {
+// guessed: the scene gives no albedo.
+[[nodiscard]] constexpr std::size_t surface_attributes_workspace_bytes(const MaterialParams& params, Shape shape,
+                                                                       bool guessed) noexcept {
   return 2 * allocation_bytes<Vec3f>(shape.pixels()) + allocation_bytes<float>(shape.pixels()) +
-         allocation_bytes<std::uint8_t>(shape.pixels()) + estimate_albedo_workspace_bytes(params.albedo, shape) +
-         kWorkspaceAlignment;
+         allocation_bytes<std::uint8_t>(shape.pixels()) +
+         (guessed ? estimate_albedo_workspace_bytes(params.albedo, shape) : 0) + kWorkspaceAlignment;
 }
 
 namespace attributes_detail {
