@@ -103,11 +103,13 @@ struct RelightSize {
   std::size_t faces = 0;      // of the mesh
   std::size_t backs = 0;      // of these, the objects' backs
   bool albedo_guessed = true;
+  std::size_t groups = 0;     // of the marks, those that shine no light of their own
 };
 
 [[nodiscard]] inline RelightSize relight_size(const SceneView& scene, const SceneMesh& mesh, int variants) noexcept {
   RelightSize size{scene.lights.size(),  variants, mesh.mesh.vertices.size(), 0, mesh.mesh.faces.size(),
-                   mesh.mesh.faces.size() - mesh.sheet_faces, scene.albedo.empty()};
+                   mesh.mesh.faces.size() - mesh.sheet_faces, scene.albedo.empty(), 0};
+  for (const LightMark& mark : scene.lights) size.groups += is_group(mark.cls) ? 1U : 0U;
   for (int y = 0; y < scene.shape().height; ++y) {
     for (int x = 0; x < scene.shape().width; ++x) size.receivers += mesh.visible_vertex(x, y) != kNoVertex ? 1U : 0U;
   }
@@ -127,6 +129,7 @@ struct RelightSize {
 [[nodiscard]] constexpr std::size_t relight_workspace_bytes(const RelightParams& params, TracedFaces traced,
                                                             Shape shape, const RelightSize& size) noexcept {
   const std::size_t emitters = std::max(size.marks, params.lamps.size()) + kEgoHeadlampCount;
+  const std::size_t traced_lamps = emitters - (params.lamps.empty() ? size.groups : 0);
   const std::size_t rays = params.gather.rays > 0 ? static_cast<std::size_t>(params.gather.rays) : 0;
   const std::size_t drawn = emitters * (size.variants > 0 ? static_cast<std::size_t>(size.variants) : 0);
   const std::size_t shared =
@@ -135,7 +138,7 @@ struct RelightSize {
       allocation_bytes<std::uint32_t>(size.marks) + 2 * allocation_bytes<float>(size.marks) +
       2 * allocation_bytes<Vec3f>(size.points) + 2 * allocation_bytes<float>(size.points) +
       allocation_bytes<std::uint32_t>(size.receivers) + allocation_bytes<std::uint32_t>(size.receivers * rays) +
-      allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<std::uint8_t>(emitters * size.points);
+      allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<std::uint8_t>(traced_lamps * size.points);
   const std::size_t trace = scene_rays_workspace_bytes(traced, shape, size.faces, size.backs) +
                             allocation_bytes<std::uint16_t>(traced_face_count(traced, shape, size.faces, size.backs)) +
                             mark_faces_workspace_bytes(shape, size.marks, emitters) +
