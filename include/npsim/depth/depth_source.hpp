@@ -16,8 +16,8 @@
 //   network: what is left.
 //
 // What may be changed (DepthTrust): nothing of exact depth; laser points by centimetres, and where near by a share;
-// stereo by three deviations of its noise, which is uniform in 1/z; the depth of networks freely. What was made up between
-// measurements may move further the less certain it is.
+// stereo by three deviations of its noise, which is uniform in 1/z; the depth of networks freely. What was made up
+// between measurements may move further the less certain it is.
 // Cost: two passes. Memory: none.
 #ifndef NPSIM_DEPTH_DEPTH_SOURCE_HPP
 #define NPSIM_DEPTH_DEPTH_SOURCE_HPP
@@ -53,7 +53,7 @@ struct DepthTrust {
   float depth_m = 0.0F;   // the smaller one of both; 0: of no account
   DepthNoise noise;       // of stereo, on top
   float deviations = 0.0F;
-  float made_up = 0.0F;   // relative, on top where confidence is 0
+  float made_up = 0.0F;              // relative, on top where confidence is 0
   float focal_baseline_px_m = 0.0F;  // disparity times depth; 0: not stereo
 
   // How far 1/z may move for a depth of z.
@@ -177,7 +177,8 @@ inline void count_enclosed(ImageView<const float> depth, ImageView<const Label> 
 
 [[nodiscard]] inline Status validate(const DepthSourceParams& p) noexcept {
   const bool good = p.dense >= 0.0F && p.collinear >= 0.0F && p.enclosed >= 0.0F && p.lidar_noise_m >= 0.0F &&
-                    p.lidar_noise >= 0.0F && p.deviations >= 0.0F && p.unknown_baseline_m > 0.0F && p.made_up >= 0.0F && p.made_up < 1.0F;  // false for NaN
+                    p.lidar_noise >= 0.0F && p.deviations >= 0.0F && p.unknown_baseline_m > 0.0F && p.made_up >= 0.0F &&
+                    p.made_up < 1.0F;  // false for NaN
   return good ? Status() : Status(StatusCode::invalid_argument, "depth_source: shares and noise must not be negative");
 }
 

@@ -186,8 +186,7 @@ template <class Wanted, class Executor>
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
       for (int x = 0; x < shape.width; ++x) {
         if (!is_valid_depth(depth(x, y)) || !wanted(x, y)) continue;
-        const depth_detail::FittedPlane plane =
-            depth_detail::fitted_plane(params, depth, objects, noise, camera, x, y);
+        const depth_detail::FittedPlane plane = depth_detail::fitted_plane(params, depth, objects, noise, camera, x, y);
         const Vec3f n = depth_detail::fitted_normal(plane, camera, x, y);
         if (n != Vec3f{}) normals(x, y) = n;
       }
@@ -212,8 +211,7 @@ template <class Wanted, class Executor>
       for (int x = 0; x < shape.width; ++x) {
         out(x, y) = depth(x, y);
         if (!is_valid_depth(depth(x, y)) || !wanted(x, y)) continue;
-        const depth_detail::FittedPlane plane =
-            depth_detail::fitted_plane(params, depth, objects, noise, camera, x, y);
+        const depth_detail::FittedPlane plane = depth_detail::fitted_plane(params, depth, objects, noise, camera, x, y);
         if (plane.found) out(x, y) = 1.0F / plane.c;
       }
     }

@@ -34,8 +34,8 @@ inline namespace NPSIM_ABI {
 
 struct KerbFaceParams {
   bool enabled = true;
-  LabelSet labels = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground, label::terrain,
-                                 label::rail_track);
+  LabelSet labels =
+      LabelSet::of(label::road, label::sidewalk, label::parking, label::ground, label::terrain, label::rail_track);
   float min_step_m = 0.03F;
   float max_step_m = 0.4F;
   int most_px = 256;  // of a face's extent, 1..1024; nearer than where a kerb is this large it is cut
@@ -127,9 +127,8 @@ struct KerbScene {
 // depth, normals (empty, or unit and towards the camera): in place. ground: of the depth; inlier_share 0: nothing is
 // done. labels empty: nothing is done.
 [[nodiscard]] inline Status kerb_faces(const KerbFaceParams& params, const Intrinsics& camera,
-                                       const GroundPlane& ground, ImageView<const Label> labels,
-                                       ImageView<float> depth, ImageView<Vec3f> normals,
-                                       Workspace& workspace) noexcept {
+                                       const GroundPlane& ground, ImageView<const Label> labels, ImageView<float> depth,
+                                       ImageView<Vec3f> normals, Workspace& workspace) noexcept {
   using namespace depth_detail;
   NPSIM_RETURN_IF_ERROR(validate(params));
   const Shape shape = depth.shape();
@@ -139,8 +138,8 @@ struct KerbScene {
   if (!params.enabled || labels.empty() || !(ground.inlier_share > 0.0F)) return {};
   const WorkspaceScope scope(workspace);
   KerbScene s{params, camera, ground, labels, depth, {}};
-  ImageView<float> off;      // squared distance in pixels to the edge that a face was found for
-  ImageView<Vec3f> face;     // depth in z, and the normal's plan components
+  ImageView<float> off;   // squared distance in pixels to the edge that a face was found for
+  ImageView<Vec3f> face;  // depth in z, and the normal's plan components
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, s.height));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, off));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, face));

@@ -34,13 +34,13 @@ inline namespace NPSIM_ABI {
 
 struct MeasuredGroundParams {
   bool enabled = true;
-  LabelSet labels = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground, label::rail_track,
-                                 label::terrain);
+  LabelSet labels =
+      LabelSet::of(label::road, label::sidewalk, label::parking, label::ground, label::rail_track, label::terrain);
   float height_m = 0.15F;
-  float angle_rad = 0.4F;   // FittedNormalsParams::angle_rad: surroundings a fifth as wide as those of normals
-  float size_m = 3.0F;      // of the surroundings, at most
+  float angle_rad = 0.4F;  // FittedNormalsParams::angle_rad: surroundings a fifth as wide as those of normals
+  float size_m = 3.0F;     // of the surroundings, at most
   float deviations = 2.0F;
-  float mismatch = 6.0F;    // deviations
+  float mismatch = 6.0F;     // deviations
   FittedNormalsParams wide;  // surroundings that find wrong matches
 };
 
@@ -92,8 +92,8 @@ template <class Executor>
     });
   };
   if (source == DepthSource::stereo) {
-    NPSIM_RETURN_IF_ERROR(fitted_depth(params.wide, ImageView<const float>(depth), objects, noise, camera, is_ground,
-                                       smooth, executor));
+    NPSIM_RETURN_IF_ERROR(
+        fitted_depth(params.wide, ImageView<const float>(depth), objects, noise, camera, is_ground, smooth, executor));
     each([&](int x, int y) {
       const float w = 1.0F / smooth(x, y);
       if (std::fabs(1.0F / depth(x, y) - w) <= params.mismatch * noise.deviation(w)) return;
@@ -105,8 +105,8 @@ template <class Executor>
       depth(x, y) = smooth(x, y);
     });
   }
-  NPSIM_RETURN_IF_ERROR(fitted_depth(fit, ImageView<const float>(depth), objects, noise, camera, is_ground, smooth,
-                                     executor));
+  NPSIM_RETURN_IF_ERROR(
+      fitted_depth(fit, ImageView<const float>(depth), objects, noise, camera, is_ground, smooth, executor));
   each([&](int x, int y) {
     const float w = 1.0F / depth(x, y);
     const float reach = params.deviations * noise.deviation(w);

@@ -56,7 +56,7 @@ struct PlanarSegmentsParams {
   float merge_rise = 1.2F;         // of the residual when planes are united, deviations; of stereo .2 px
   float min_share = 0.5F;          // of a cell's samples that its plane explains
   float on_plane = 6.0F;           // deviations within which a pixel takes a plane's normal
-  float dent_m = 3.0F;              // what a plane surrounds and lies this far behind it is a mismatch, not an opening
+  float dent_m = 3.0F;             // what a plane surrounds and lies this far behind it is a mismatch, not an opening
   float dent_px = 64.0F;           // reach of the search for what surrounds a dent, of an image 2048 wide
 };
 

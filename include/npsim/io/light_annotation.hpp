@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inactive-light-source annotations in (table 3.1): a Segments.ai release or COCO panoptic JSON, and its id bitmap; or a
-// plain list of rectangles and polygons.
+// Inactive-light-source annotations in (table 3.1): a Segments.ai release or COCO panoptic JSON, and its id bitmap;
+// or a plain list of rectangles and polygons.
 //
 // Marks come in the order of the file; the index plane holds position + 1, 0 is no light. Bitmap pixels spell ids as
 // R + 256 G + 65536 B, 0 = none, alpha ignored. Groups are marks of their own: their pixels are the parts of the

@@ -140,7 +140,8 @@ struct DoubtCells {
   if (100 * depths.size() < pixels) {
     say("hardly any depth is measured (below 1 % of the pixels): expected more; is it the right file and encoding?");
   } else if (constant) {
-    say("the depth is nearly the same everywhere: expected that of a street; is it the right file, scale and encoding?");
+    say("the depth is nearly the same everywhere: expected that of a street; is it the right file, scale and "
+        "encoding?");
   } else {
     const detail::DoubtCells cells(scene);
     const double given = cells.agreement(false, false);
@@ -150,8 +151,9 @@ struct DoubtCells {
     if (std::max({mirrored, upside_down, turned}) > 1.1 * given && given > 0) {
       say(mirrored >= upside_down && mirrored >= turned
               ? "the depth fits the picture better mirrored left to right: turn one of the two files"
-          : upside_down >= turned ? "the depth fits the picture better upside down: turn one of the two files"
-                                  : "the depth fits the picture better turned by half a circle: turn one of the two files");
+          : upside_down >= turned
+              ? "the depth fits the picture better upside down: turn one of the two files"
+              : "the depth fits the picture better turned by half a circle: turn one of the two files");
     }
   }
   bool street = false;

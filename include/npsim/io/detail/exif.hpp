@@ -27,7 +27,9 @@ namespace detail {
   const auto two = [&](std::size_t at) -> std::size_t {
     return little ? tiff[at] | (std::size_t{tiff[at + 1]} << 8U) : (std::size_t{tiff[at]} << 8U) | tiff[at + 1];
   };
-  const auto four = [&](std::size_t at) { return little ? two(at) | two(at + 2) << 16U : two(at) << 16U | two(at + 2); };
+  const auto four = [&](std::size_t at) {
+    return little ? two(at) | two(at + 2) << 16U : two(at) << 16U | two(at + 2);
+  };
   const std::size_t directory = four(4);
   if (two(2) != 42 || directory > bytes - 2) return 1;
   const std::size_t entries = two(directory);
@@ -59,8 +61,8 @@ namespace detail {
 [[nodiscard]] inline int png_orientation(const Bytes& b) noexcept {
   std::size_t at = 8;
   while (at + 12 <= b.size()) {
-    const std::size_t length = (std::size_t{b[at]} << 24U) | (std::size_t{b[at + 1]} << 16U) |
-                               (std::size_t{b[at + 2]} << 8U) | b[at + 3];
+    const std::size_t length =
+        (std::size_t{b[at]} << 24U) | (std::size_t{b[at + 1]} << 16U) | (std::size_t{b[at + 2]} << 8U) | b[at + 3];
     if (length > b.size() - at - 12) return 1;
     if (std::memcmp(b.data() + at + 4, "eXIf", 4) == 0) return tiff_orientation(b.data() + at + 8, length);
     at += length + 12;

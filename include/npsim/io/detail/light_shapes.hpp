@@ -3,8 +3,8 @@
 //
 //   {"lights": [{"class": "street_light_HT", "rectangle": [x0, y0, x1, y1]},
 //               {"class": "window_building", "polygon": [[x, y], [x, y], [x, y]], "id": 7, "group": 3}]}
-// Coordinates count from the image's upper left corner, so pixel (0, 0) reaches from 0 to 1. A pixel belongs to the last
-// shape that holds its centre (even-odd rule); a shape between centres gets the pixel of its middle. `id` is the
+// Coordinates count from the image's upper left corner, so pixel (0, 0) reaches from 0 to 1. A pixel belongs to the
+// last shape that holds its centre (even-odd rule); a shape between centres gets the pixel of its middle. `id` is the
 // position in the list, from 1, where it is left out; `group` and `state` are those of the other formats.
 #ifndef NPSIM_IO_DETAIL_LIGHT_SHAPES_HPP
 #define NPSIM_IO_DETAIL_LIGHT_SHAPES_HPP
