@@ -8,7 +8,7 @@
 // noise of the sensor: what rises by less than kNoise deviations of the depth counts however steep. At
 // least what rounding needs: 2^-20 of the largest coordinate covers the error of the sum and of a ray's own translation
 // (trace/ray.hpp).
-// Cost: (2 kReach + 1)^2 dot products a vertex of the sheets. Memory: none. Error: none; a rule.
+// Cost: (2 kReach + 1)^2 dot products a vertex of the sheets, with noise (2 kNoisyReach + 1)^2. Memory: none. Error: none; a rule.
 #ifndef NPSIM_PIPELINE_DETAIL_RAY_STARTS_HPP
 #define NPSIM_PIPELINE_DETAIL_RAY_STARTS_HPP
 
@@ -29,7 +29,8 @@ namespace ray_start_detail {
 
 inline constexpr int kReach = 4;          // px
 inline constexpr float kSteepest = 0.5F;  // rise over distance along the surface: 27 degrees
-inline constexpr float kNoise = 4.0F;     // deviations; the difference of two samples stays below with all but 5e-3
+inline constexpr int kNoisyReach = 10;    // px, where depth is noisy: patches of wrong matches are as large
+inline constexpr float kNoise = 10.0F;    // deviations; half of a wrong match's patch is within
 
 [[nodiscard]] inline float rounding_lift(const Vec3f& p) noexcept {
   return 0x1p-20F * std::fmax(std::fabs(p.x), std::fmax(std::fabs(p.y), std::fabs(p.z)));
@@ -38,8 +39,9 @@ inline constexpr float kNoise = 4.0F;     // deviations; the difference of two s
 [[nodiscard]] inline float lift_over_neighbours(ImageView<const Vec3f> layer, int x, int y, const Vec3f& p,
                                                 const Vec3f& n, float noise_m) noexcept {
   float lift = rounding_lift(p);
-  for (int v = std::max(0, y - kReach); v <= std::min(layer.height() - 1, y + kReach); ++v) {
-    for (int u = std::max(0, x - kReach); u <= std::min(layer.width() - 1, x + kReach); ++u) {
+  const int reach = noise_m > 0.0F ? kNoisyReach : kReach;
+  for (int v = std::max(0, y - reach); v <= std::min(layer.height() - 1, y + reach); ++v) {
+    for (int u = std::max(0, x - reach); u <= std::min(layer.width() - 1, x + reach); ++u) {
       const Vec3f& q = layer(u, v);
       if (!has_vertex(q)) continue;
       const Vec3f away = q - p;
