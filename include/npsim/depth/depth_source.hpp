@@ -5,14 +5,11 @@
 //   lidar: of the right and lower neighbours of measured pixels fewer than `dense` are measured. Scanners leave gaps
 //     between rows and beams; everything else gives whole areas.
 //   exact: of triples of pixels in line, a hundredth of the width apart and over which 1/z changes, at least
-// `collinear`
-//     lie on a line to 2e-4 of 1/z, as they do on planes. Noise or the slow errors of a network leave chance: below
-// .02.
-//     The distance is such that a small map enlarged bilinearly does not look like planes.
+//     `collinear` lie on a line to 2e-4 of 1/z, as they do on planes. Noise or the slow errors of a network leave
+//     chance: below .02. The distance is such that a small map enlarged bilinearly does not look like planes.
 //   stereo: of the pixels of surfaces between measured ones of their row and column, at least `enclosed` are missing.
-// Stereo
-//     has no depth where only one camera looks and where nothing distinguishes one place from the next. Depth cameras
-//     with a pattern of light count as stereo: they triangulate too.
+//     Stereo has no depth where only one camera looks and where nothing distinguishes one place from the next. Depth
+//     cameras with a pattern of light count as stereo: they triangulate too.
 //   network: what is left.
 //
 // What may be changed (DepthTrust): nothing of exact depth; laser points by centimetres, and where near by a share;

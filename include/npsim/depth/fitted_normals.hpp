@@ -164,10 +164,32 @@ template <class Weight>
 }
 
 [[nodiscard]] inline Vec3f fitted_normal(const FittedPlane& plane, const Intrinsics& camera, int x, int y) noexcept {
-  if (!plane.found) return {};
   const float a = static_cast<float>(x) + 0.5F - camera.cx;
   const float b = static_cast<float>(y) + 0.5F - camera.cy;
   return normalized(Vec3f{-camera.fx * plane.a, -camera.fy * plane.b, a * plane.a + b * plane.b - plane.c});
+}
+
+// Hands every plane that is found to found(x, y, plane). other: of the plane that it fills.
+template <class Wanted, class Found, class Executor>
+[[nodiscard]] Status for_fitted_planes(const FittedNormalsParams& params, ImageView<const float> depth,
+                                       const ObjectMap& objects, const DepthNoise& noise, const Intrinsics& camera,
+                                       Shape other, const Wanted& wanted, const Found& found,
+                                       Executor& executor) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(params));
+  const Shape shape = depth.shape();
+  if (other != shape || !objects.fits(shape)) {
+    return {StatusCode::shape_mismatch, "fitted planes: depth, objects and output must have one shape"};
+  }
+  executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        if (!is_valid_depth(depth(x, y)) || !wanted(x, y)) continue;
+        const FittedPlane plane = fitted_plane(params, depth, objects, noise, camera, x, y);
+        if (plane.found) found(x, y, plane);
+      }
+    }
+  });
+  return {};
 }
 
 }  // namespace depth_detail
@@ -177,46 +199,25 @@ template <class Wanted, class Executor>
 [[nodiscard]] Status fitted_normals(const FittedNormalsParams& params, ImageView<const float> depth,
                                     const ObjectMap& objects, const DepthNoise& noise, const Intrinsics& camera,
                                     const Wanted& wanted, ImageView<Vec3f> normals, Executor& executor) noexcept {
-  NPSIM_RETURN_IF_ERROR(validate(params));
-  const Shape shape = depth.shape();
-  if (normals.shape() != shape || !objects.fits(shape)) {
-    return {StatusCode::shape_mismatch, "fitted normals: depth, objects and normals must have one shape"};
-  }
-  executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        if (!is_valid_depth(depth(x, y)) || !wanted(x, y)) continue;
-        const depth_detail::FittedPlane plane = depth_detail::fitted_plane(params, depth, objects, noise, camera, x, y);
+  return depth_detail::for_fitted_planes(
+      params, depth, objects, noise, camera, normals.shape(), wanted,
+      [&](int x, int y, const depth_detail::FittedPlane& plane) {
         const Vec3f n = depth_detail::fitted_normal(plane, camera, x, y);
         if (n != Vec3f{}) normals(x, y) = n;
-      }
-    }
-  });
-  return {};
+      },
+      executor);
 }
 
-// The same planes' depth at their middle, which is the depth without most of its noise. A pixel that no plane was found
-// for keeps its own.
+// The same planes' depth at their middle, which is the depth without most of its noise, into `out`, which is
+// not the same memory; a pixel that no plane was found for keeps its own.
 template <class Wanted, class Executor>
 [[nodiscard]] Status fitted_depth(const FittedNormalsParams& params, ImageView<const float> depth,
                                   const ObjectMap& objects, const DepthNoise& noise, const Intrinsics& camera,
                                   const Wanted& wanted, ImageView<float> out, Executor& executor) noexcept {
-  NPSIM_RETURN_IF_ERROR(validate(params));
-  const Shape shape = depth.shape();
-  if (out.shape() != shape || !objects.fits(shape)) {
-    return {StatusCode::shape_mismatch, "fitted depth: depth, objects and output must have one shape"};
-  }
-  executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        out(x, y) = depth(x, y);
-        if (!is_valid_depth(depth(x, y)) || !wanted(x, y)) continue;
-        const depth_detail::FittedPlane plane = depth_detail::fitted_plane(params, depth, objects, noise, camera, x, y);
-        if (plane.found) out(x, y) = 1.0F / plane.c;
-      }
-    }
-  });
-  return {};
+  if (out.shape() == depth.shape()) copy_pixels(depth, out);
+  return depth_detail::for_fitted_planes(
+      params, depth, objects, noise, camera, out.shape(), wanted,
+      [&](int x, int y, const depth_detail::FittedPlane& plane) { out(x, y) = 1.0F / plane.c; }, executor);
 }
 
 }  // namespace NPSIM_ABI
