@@ -124,7 +124,7 @@ Status evaluate_mesh(const ReconstructParams& params, const SceneView& scene, co
   io::Image<std::uint8_t> quads(quad_shape(shape));
   const SheetLayer sheet{vertices.view(), quads.view()};
   std::array<LayerMesh, 2> sheets;
-  NPSIM_RETURN_IF_ERROR(build_sheet(params.sheet, ImageView<const float>(refined.depth),
+  NPSIM_RETURN_IF_ERROR(build_sheet(params.sheet, refined.surface_depth(),
                                     ImageView<const std::uint8_t>(refined.surface), scene.camera, sheet, pool));
   NPSIM_RETURN_IF_ERROR(sheets[0].take(sheet, pool));
   {
@@ -185,7 +185,7 @@ Status evaluate_mesh(const ReconstructParams& params, const SceneView& scene, co
       stage.background_faces = stage.sheet_faces = stage.mesh.faces.size();
     }
     NPSIM_RETURN_IF_ERROR(
-        cast(stage, i < 2 ? ImageView<const float>(refined.depth) : ImageView<const float>(shown[which].view()),
+        cast(stage, i < 2 ? refined.surface_depth() : ImageView<const float>(shown[which].view()),
              casters[i]));
   }
   SceneMesh traced = mesh;
@@ -221,6 +221,7 @@ Status TrueDepthAsRefined::take(const SceneView& scene, const RefinedDepth& like
   NPSIM_RETURN_IF_ERROR(estimate_ground(GroundParams{}, ImageView<const float>(depth.view()), like.labels, scene.camera,
                                         workspace, refined.ground));
   refined.depth = depth.view();
+  refined.smooth = {};
   refined.surface = surface.view();
   refined.uncertain = uncertain.view();
   return {};

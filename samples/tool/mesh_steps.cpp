@@ -96,7 +96,7 @@ Status measure_mesh_steps(const ReconstructParams& params, const SceneView& scen
   NPSIM_RETURN_IF_ERROR(timed("outlines", params.outline_px == 0 ? 0 : shape.pixels(),
                               [&](Workspace&) { return find_doubt(params, refined, doubt_workspace, pool, doubt); }));
   NPSIM_RETURN_IF_ERROR(timed("sheet", layer_bytes, [&](Workspace&) {
-    return build_sheet(params.sheet, refined.depth, refined.surface, scene.camera, background, pool);
+    return build_sheet(params.sheet, refined.surface_depth(), refined.surface, scene.camera, background, pool);
   }));
   NPSIM_RETURN_IF_ERROR(timed("prune", quad_shape(shape).pixels(), [&](Workspace&) {
     return prune(params.prune, doubt, refined.labels, background, pool);
@@ -109,7 +109,7 @@ Status measure_mesh_steps(const ReconstructParams& params, const SceneView& scen
   NPSIM_RETURN_IF_ERROR(
       timed("complete_objects", layer_bytes + shape.pixels() * sizeof(std::uint32_t), [&](Workspace& workspace) {
         return complete_foreground(params.foreground,
-                                   {params.sheet, refined.depth, refined.surface, refined.labels, scene.instances,
+                                   {params.sheet, refined.surface_depth(), refined.surface, refined.labels, scene.instances,
                                     doubt, state.view(), scene.camera},
                                    foreground, object.view(), workspace, pool);
       }));

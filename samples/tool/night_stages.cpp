@@ -28,7 +28,7 @@ struct KeptDepth {
     const Shape shape = refined.depth.shape();
     KeptDepth kept{io::Image<float>(shape), io::Image<Label>(shape), io::Image<std::uint8_t>(shape),
                    io::Image<std::uint8_t>(shape), io::Image<Vec3f>(shape), refined};
-    copy_pixels(refined.depth, kept.depth.view());
+    copy_pixels(refined.surface_depth(), kept.depth.view());
     copy_pixels(refined.labels, kept.labels.view());
     copy_pixels(refined.surface, kept.surface.view());
     copy_pixels(refined.uncertain, kept.uncertain.view());
@@ -38,6 +38,7 @@ struct KeptDepth {
   [[nodiscard]] RefinedDepth refined() {
     RefinedDepth out = like;
     out.depth = depth.view();
+    out.smooth = {};
     out.labels = labels.view();
     out.surface = surface.view();
     out.uncertain = uncertain.view();

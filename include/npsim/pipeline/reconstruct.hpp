@@ -149,7 +149,7 @@ template <class Executor>
   UncertaintyOutput at;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(refined.depth.shape(), at.mask));
   out = at.mask;
-  return uncertainty(outlines, ImageView<const float>(refined.depth), refined.labels, at, workspace, executor);
+  return uncertainty(outlines, refined.surface_depth(), refined.labels, at, workspace, executor);
 }
 
 // Layers and planes of an image, and on top of them what completing them takes.
@@ -316,7 +316,7 @@ Status build_layers(const ReconstructParams& params, const SceneView& scene, con
   NPSIM_RETURN_IF_ERROR(find_doubt(params, refined, workspace, executor, doubt));
 
   observer.begin(Stage::sheet);
-  NPSIM_RETURN_IF_ERROR(build_sheet(params.sheet, refined.depth, refined.surface, scene.camera, sheet, executor));
+  NPSIM_RETURN_IF_ERROR(build_sheet(params.sheet, refined.surface_depth(), refined.surface, scene.camera, sheet, executor));
   observer.end(Stage::sheet);
 
   observer.begin(Stage::prune);
@@ -328,7 +328,7 @@ Status build_layers(const ReconstructParams& params, const SceneView& scene, con
                                             {sheet.vertices, refined.labels, doubt, refined.surface, scene.camera},
                                             sheet, out.background_state, workspace, executor));
   NPSIM_RETURN_IF_ERROR(complete_foreground(params.foreground,
-                                            {params.sheet, refined.depth, refined.surface, refined.labels,
+                                            {params.sheet, refined.surface_depth(), refined.surface, refined.labels,
                                              scene.instances, doubt, out.background_state, scene.camera},
                                             out.foreground, out.object, workspace, executor));
   NPSIM_RETURN_IF_ERROR(open_steps(params.open_steps, out.background, out.open_background, executor));

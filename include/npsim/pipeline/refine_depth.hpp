@@ -2,7 +2,8 @@
 // Section 3.4: the depth refinement kernel, from the depth as given to one that a mesh can be built on.
 //
 //   find the source -> fit the ground plane -> drop outliers, fill -> sharpen edges -> anchor ground
-//     -> cross-bilateral filter (3.2) -> uncertain map (3.3) -> normal-guided refinement (3.6 - 3.9) -> faces of kerbs
+//     -> cross-bilateral filter (3.2) -> uncertain map (3.3) -> normal-guided refinement (3.6 - 3.9)
+//     -> faces of kerbs, or surfaces without the noise that was measured
 // The thesis has neither sharpening nor anchoring, and no kerbs. The first two, and the filter, mend what networks do
 // wrong and harm what was measured (docs/evaluation.md), so they are left out for stereo, laser and exact depth
 // (depth/depth_source.hpp), and what refinement does to such depth is held within what its source leaves open. The
@@ -31,15 +32,16 @@
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/fill.hpp"
+#include "npsim/depth/ground_mismatches.hpp"
 #include "npsim/depth/guiding_normals.hpp"
 #include "npsim/depth/kerb_faces.hpp"
-#include "npsim/depth/measured_ground.hpp"
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/depth/outliers.hpp"
 #include "npsim/depth/planar_segments.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/sharpen_edges.hpp"
 #include "npsim/depth/sky.hpp"
+#include "npsim/depth/smooth_surfaces.hpp"
 #include "npsim/depth/source_noise.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/geometry/ground.hpp"
@@ -91,7 +93,8 @@ struct RefineDepthParams {
   // this share. The slopes there lead from surface to surface, all others are a surface's own. 0: (3.3) as in the text.
   float border_jump = 0.02F;
   KerbFaceParams kerbs;
-  MeasuredGroundParams measured_ground;
+  GroundMismatchParams ground_mismatches;  // of stereo
+  SmoothSurfacesParams smooth;
 
   [[nodiscard]] static constexpr RefineDepthParams thesis() noexcept {
     RefineDepthParams params;
@@ -117,6 +120,7 @@ struct RefineDepthParams {
 
 struct RefinedDepth {
   ImageView<float> depth;             // m; 0 where there is no surface
+  ImageView<float> smooth;            // the same without its sensor's noise; empty where there is none
   ImageView<const Label> labels;      // the scene's, or all one class
   ImageView<std::uint8_t> surface;    // 1 where the pixel shows a surface of the scene
   ImageView<std::uint8_t> uncertain;  // U of (3.3)
@@ -129,6 +133,9 @@ struct RefinedDepth {
   PlanarMap planes;                   // of facades and the like; empty where normals are given
   GroundPlane ground;                 // of the anchored depth; inlier_share 0: a guess
   RefineResult refinement;
+
+  // What a mesh is made of.
+  [[nodiscard]] ImageView<const float> surface_depth() const noexcept { return smooth.empty() ? depth : smooth; }
 };
 
 namespace refine_detail {
@@ -203,7 +210,8 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.uncertainty));
   NPSIM_RETURN_IF_ERROR(validate(params.normals));
   NPSIM_RETURN_IF_ERROR(validate(params.kerbs));
-  NPSIM_RETURN_IF_ERROR(validate(params.measured_ground));
+  NPSIM_RETURN_IF_ERROR(validate(params.ground_mismatches));
+  NPSIM_RETURN_IF_ERROR(validate(params.smooth));
   return validate(params.refine);
 }
 
@@ -231,8 +239,8 @@ namespace refine_detail {
       planar_segments_workspace_bytes(params.planes, shape), uncertainty_workspace_bytes(params.uncertainty, shape),
       guiding_normals_workspace_bytes(params.normals, shape),
       refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels),
-      kerb_faces_workspace_bytes(shape), measured_ground_workspace_bytes(shape));
-  return 3 * allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
+      kerb_faces_workspace_bytes(shape), ground_mismatches_workspace_bytes(shape));
+  return 4 * allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
          allocation_bytes<Vec3f>(pixels) + planar_map_bytes(params.planes, shape) + steps + kWorkspaceAlignment;
 }
 
@@ -251,6 +259,7 @@ namespace refine_detail {
   if (out.trust.bounded) {
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.filled));
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.confidence));
+    if (out.source != DepthSource::exact) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.smooth));
   }
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.depth));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.surface));
@@ -456,6 +465,19 @@ template <class Executor>
   return refine_with_normals(params.refine, input, out.depth, Span<float>(), out.refinement, workspace, executor);
 }
 
+// Stereo and laser show the faces of kerbs as ramps, and a step between two of their pixels is noise: surfaces are
+// smoothed. Other depth has steps, and lacks the faces.
+template <class Executor>
+[[nodiscard]] Status complete_surfaces(const RefineDepthParams& params, const SceneView& scene,
+                                       const ObjectMap& objects, Workspace& workspace, Executor& executor,
+                                       RefinedDepth& out) {
+  if (out.smooth.empty()) {
+    return kerb_faces(params.kerbs, scene.camera, out.ground, scene.labels, out.depth, out.normals, workspace);
+  }
+  return smooth_surfaces(params.smooth, ImageView<const float>(out.depth), objects, out.planes, out.noise,
+                         scene.camera, out.ground, out.smooth, executor);
+}
+
 }  // namespace refine_detail
 
 // A scene without a usable depth on any surface is no_valid_input.
@@ -477,6 +499,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
   if (out.source == DepthSource::unknown) out.source = find_depth_source(params.source, scene.depth, scene.labels);
   out.filled = {};
   out.confidence = {};
+  out.smooth = {};
   const bool labelled = !scene.labels.empty();
   const ObjectMap objects{scene.labels, labelled ? scene.instances : ImageView<const std::uint16_t>()};
   out.noise = depth_noise(out.source, scene.stereo_baseline_m, scene.depth, objects, scene.camera);
@@ -504,13 +527,12 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
         Stage::planes, [&] { return refine_detail::fit_planes(params, scene, objects, workspace, executor, out); },
         true));
   }
-  if (out.trust.bounded && out.source != DepthSource::exact) {
+  if (out.trust.bounded && out.source == DepthSource::stereo) {
     NPSIM_RETURN_IF_ERROR(step(
         Stage::ground,
         [&] {
-          return smooth_measured_ground(params.measured_ground, objects, out.noise, out.trust, out.source, scene.camera,
-                                        out.ground, ImageView<const float>(out.confidence), out.filled, out.depth,
-                                        workspace, executor);
+          return replace_ground_mismatches(params.ground_mismatches, objects, out.noise, scene.camera, out.ground,
+                                           out.filled, out.depth, workspace, executor);
         },
         true));
   }
@@ -528,7 +550,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
       [&] {
         NPSIM_RETURN_IF_ERROR(refine_detail::refine(params, scene, objects, workspace, executor, out));
         refine_detail::hold_depth(out, executor);
-        return kerb_faces(params.kerbs, scene.camera, out.ground, scene.labels, out.depth, out.normals, workspace);
+        return refine_detail::complete_surfaces(params, scene, objects, workspace, executor, out);
       },
       true);
 }

@@ -171,7 +171,7 @@ inline constexpr float kInversePi = 0.31830989F;
       emitters[count++] = lamp;
     }
   } else if (!scene.light_index.empty() && !scene.lights.empty()) {
-    const PlacementScene known{scene.camera,    refined.ground,  scene.lights,      scene.light_index, refined.depth,
+    const PlacementScene known{scene.camera,    refined.ground,  scene.lights,      scene.light_index, refined.surface_depth(),
                                refined.labels, scene.instances, refined.uncertain, refined.normals};
     NPSIM_RETURN_IF_ERROR(
         place_lights(params.placement, known, workspace, emitters.sub(0, scene.lights.size()), count));

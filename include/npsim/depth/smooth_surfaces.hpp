@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+// Surfaces without the noise of the sensor that measured them: the depth that a mesh is made of.
+//
+// As a measurement the depth with its noise is the best there is: on held-out points of real frames every smoothing makes
+// it worse. As a surface it is not. Light of headlamps and street lamps comes in within a few degrees of roads and walls,
+// where noise between neighbours throws shadows that are not there. So each depth is drawn, by at most some deviations of
+// its noise, to
+//   the plane of its facade (planar_segments.hpp), by at most plane_deviations: relief beyond that stays, less high;
+//   else the middle of the plane in 1/z that fits its surroundings (fitted_normals.hpp), by at most `deviations`, on the
+//   ground ground_deviations. A kerb is another plane to such a fit, and stays.
+// Plants stay as they were measured.
+// Error: |1/smooth - 1/depth| is at most that many deviations.
+// Cost: 2 x 81 samples per pixel that lies on no plane. Memory: that of the result.
+#ifndef NPSIM_DEPTH_SMOOTH_SURFACES_HPP
+#define NPSIM_DEPTH_SMOOTH_SURFACES_HPP
+
+#include <cstddef>
+
+#include "npsim/core/algorithm.hpp"
+#include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/depth/fitted_normals.hpp"
+#include "npsim/depth/ground_mismatches.hpp"
+#include "npsim/depth/object_borders.hpp"
+#include "npsim/depth/planar_segments.hpp"
+#include "npsim/depth/source_noise.hpp"
+#include "npsim/geometry/ground.hpp"
+#include "npsim/labels/cityscapes.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+
+struct SmoothSurfacesParams {
+  bool enabled = true;
+  LabelSet ground =
+      LabelSet::of(label::road, label::sidewalk, label::parking, label::ground, label::rail_track, label::terrain);
+  float ground_height_m = 0.15F;  // without labels: from the ground plane
+  LabelSet plants = LabelSet::of(label::vegetation);
+  FittedNormalsParams fit;
+  float ground_deviations = 12.0F;  // 3 cm of height for stereo at 5 m
+  float plane_deviations = 6.0F;    // PlanarSegmentsParams::on_plane
+  float deviations = 3.0F;          // of all else
+};
+
+[[nodiscard]] inline Status validate(const SmoothSurfacesParams& p) noexcept {
+  const bool good = p.ground_height_m >= 0.0F && p.ground_deviations >= 0.0F && p.deviations >= 0.0F &&
+                    p.plane_deviations >= 0.0F;  // false for NaN
+  if (!good) return {StatusCode::invalid_argument, "smooth surfaces: a parameter lies outside its range"};
+  return validate(p.fit);
+}
+
+// planes: of this depth, or empty. smooth: not the memory of the depth.
+template <class Executor>
+[[nodiscard]] Status smooth_surfaces(const SmoothSurfacesParams& params, ImageView<const float> depth,
+                                     const ObjectMap& objects, const PlanarMap& planes, const DepthNoise& noise,
+                                     const Intrinsics& camera, const GroundPlane& ground, ImageView<float> smooth,
+                                     Executor& executor) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(params));
+  const Shape shape = depth.shape();
+  if (smooth.shape() != shape || !objects.fits(shape) || !(planes.of.empty() || planes.of.shape() == shape)) {
+    return {StatusCode::shape_mismatch, "smooth surfaces: all planes must have one shape"};
+  }
+  copy_pixels(depth, smooth);
+  if (!params.enabled) return {};
+  const GroundTest is_ground(params.ground, params.ground_height_m, objects, camera, ground, depth);
+  const auto draw = [&](int x, int y, float w, float deviations) {
+    const float here = 1.0F / depth(x, y);
+    const float most = deviations * noise.deviation(here);
+    smooth(x, y) = 1.0F / (here + clamp_to(w - here, -most, most));
+  };
+  const auto fitted = [&](int x, int y) {
+    if (planes.at(x, y) != nullptr) return false;
+    return objects.labels.empty() || !params.plants.contains(objects.labels(x, y));
+  };
+  const auto draw_to_fit = [&](int x, int y, const depth_detail::FittedPlane& plane) {
+    draw(x, y, plane.c, is_ground(x, y) ? params.ground_deviations : params.deviations);
+  };
+  NPSIM_RETURN_IF_ERROR(depth_detail::for_fitted_planes(params.fit, depth, objects, noise, camera, shape, fitted,
+                                                        draw_to_fit, executor));
+  executor.for_chunks(static_cast<std::size_t>(shape.height), 16, [&](std::size_t begin, std::size_t end) {
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        const PlanarSegment* const plane = planes.at(x, y);
+        if (plane == nullptr || !is_valid_depth(depth(x, y))) continue;
+        const float w = dot(plane->q, unproject_pixel(camera, x, y, 1.0F));
+        if (w > 0.0F) draw(x, y, w, params.plane_deviations);
+      }
+    }
+  });
+  return {};
+}
+
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_DEPTH_SMOOTH_SURFACES_HPP
