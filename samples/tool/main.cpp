@@ -206,6 +206,7 @@ int main(int argc, char** argv) {
   evaluate_app->add_flag(
       "--simplified", evaluate.simplified,
       "Render one night with all faces of the mesh and one with the simplified ones, and compare them");
+  evaluate_app->add_flag("--depth-only", evaluate.depth_only, "Judge neither mesh, lamps nor albedo, which takes longer");
   evaluate_app->add_flag("--flatness", evaluate.flatness,
                          "Only how flat facades came out and on which planes; needs no truth");
   evaluate_app->add_flag("--quiet", evaluate.quiet, "No progress and no notes");
