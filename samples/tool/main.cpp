@@ -253,6 +253,10 @@ int main(int argc, char** argv) {
                         "Paths a pixel of the reference on our own mesh, to judge transport alone; 0: not judged")
       ->check(CLI::Range(0, 1 << 24))
       ->capture_default_str();
+  judge_app->add_option("--depth", judge.sources,
+                        "Also nights with depth from these, comma separated, beside those with a network's")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"stereo", "lidar", "exact"}));
   judge_app->add_option("--threads", judge.threads, "0 = one per processor")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
