@@ -15,6 +15,7 @@
 #include "flatness.hpp"
 #include "hold_out.hpp"
 #include "loading.hpp"
+#include "loss_report.hpp"
 #include "mesh_report.hpp"
 #include "night_stages.hpp"
 #include "npsim/core/config.hpp"
@@ -256,6 +257,10 @@ int run_hold_out(const EvaluateOptions& options) {
 int run_evaluate(const EvaluateOptions& options) {
   if (!options.hold_out.empty()) return run_hold_out(options);
   if (options.flatness) return run_flatness(options);
+  if (!options.losses.empty()) return run_losses(options);
+  if (!options.weights.empty()) {
+    return fail(io::Error{"", "--weights", "belongs to --losses, expected a folder for both"});
+  }
   Console console(options.quiet);
   const io::Expected<std::pair<io::Scene, Truth>> loaded =
       console.timed("read scene and truth", [&] { return load_with_truth(options.scene, options.size, options.output); });
