@@ -225,8 +225,9 @@ Status evaluate(const SceneView& scene, const Truth& truth, const RefineDepthPar
   }
   out.coverage = coverage_errors(scene, truth, refined, recorder.kept(), pool);
   if (mesh_params == nullptr) return {};
-  if (!scene.albedo.empty()) {
-    NPSIM_RETURN_IF_ERROR(albedo_errors(AlbedoParams{}, scene, refined, pool, out.albedo.emplace()));
+  const ImageView<const Vec3f> true_albedo = scene.albedo.empty() ? truth.albedo.view() : scene.albedo;
+  if (!true_albedo.empty()) {
+    NPSIM_RETURN_IF_ERROR(albedo_errors(AlbedoParams{}, scene, true_albedo, refined, pool, out.albedo.emplace()));
   }
   return evaluate_meshes(scene, truth, params.uncertainty, *mesh_params, refined, pool, console, out.meshes,
                          out.lamps);

@@ -71,7 +71,7 @@ struct Evaluation {
   MaskOverlap uncertain_near_edges;           // first: within a window of a true edge
   std::vector<MeshErrors> meshes;             // of the refined depth, of the true depth
   std::vector<LampErrors> lamps;              // the same, where the truth has any
-  std::optional<AlbedoErrors> albedo;         // where the scene gives albedo to judge by
+  std::optional<AlbedoErrors> albedo;         // where the scene or its truth has one to judge by
   std::vector<NightErrors> stages;            // of nights against the true one, when asked for
   std::optional<NightChange> night;           // when asked for
 };
