@@ -113,7 +113,7 @@ std::string svg_of_curves(const std::string& title, const std::string& along, co
   f.low = std::floor(std::log10(least));
   f.high = std::max(f.low + 1, std::ceil(std::log10(greatest)));
   std::string out;
-  begin(out, title, 720, 440);
+  begin(out, title, 860, 440);
   draw_axes(f, along, out);
   for (std::size_t k = 0; k < curves.size(); ++k) {
     const char* colour = kColours[k % kColours.size()];
@@ -124,8 +124,8 @@ std::string svg_of_curves(const std::string& title, const std::string& along, co
     }
     out += "<path class=\"c\" stroke=\"" + std::string(colour) + "\" d=\"" + path + "\"/>\n";
     const double y = f.top + 16 + 18 * static_cast<double>(k);
-    print(out, "<path class=\"c\" stroke=\"%s\" d=\"M%g %gh22\"/>\n", colour, f.right - 190, y - 4);
-    text(out, "s", f.right - 162, y, "start", curves[k].name);
+    print(out, "<path class=\"c\" stroke=\"%s\" d=\"M%g %gh22\"/>\n", colour, f.right + 16, y - 4);
+    text(out, "s", f.right + 44, y, "start", curves[k].name);
   }
   return out + "</svg>\n";
 }
@@ -151,7 +151,7 @@ void draw_map(const HeatMap& map, std::size_t columns, double left, double top, 
     greatest = std::max(greatest, v);
   }
   const auto part_of = [&](double v) {
-    if (!(greatest > least)) return 0.0;
+    if (!(greatest - least > std::pow(10.0, -map.digits))) return 0.0;  // all alike, as they are printed
     if (!(least > 0)) return (v - least) / (greatest - least);
     return std::log(v / least) / std::log(greatest / least);
   };
