@@ -80,7 +80,8 @@ struct Frame {
 void draw_axes(const Frame& f, const std::string& along, std::string& out) {
   const int span = static_cast<int>(std::ceil(f.high - f.low));
   const int skip = span > 8 ? 2 : 1;
-  for (int decade = static_cast<int>(std::ceil(f.low)); decade <= static_cast<int>(std::floor(f.high)); decade += skip) {
+  const int last = static_cast<int>(std::floor(f.high));
+  for (int decade = static_cast<int>(std::ceil(f.low)); decade <= last; decade += skip) {
     const double y = f.y(std::pow(10.0, decade));
     print(out, "<path class=\"g\" d=\"M%g %.1fH%g\"/>\n", f.left, y, f.right);
     char label[16];

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Small charts as SVG: curves over a count with a logarithmic axis, and tables of values as coloured squares.
 //
-// Colours follow the viewer's light or dark scheme. Values that are not finite, and on a logarithmic axis those that are
-// not above 0, are left out.
+// Colours follow the viewer's light or dark scheme. Values that are not finite, and on a logarithmic axis those that
+// are not above 0, are left out.
 #ifndef NPSIM_SAMPLES_TOOL_CHARTS_HPP
 #define NPSIM_SAMPLES_TOOL_CHARTS_HPP
 
@@ -26,8 +26,8 @@ struct HeatMap {
   int digits = 3;
 };
 
-// All maps have these columns and rows. The colour goes from a map's least to its greatest value, as their logarithms do
-// where all are above 0.
+// All maps have these columns and rows. The colour goes from a map's least to its greatest value, as their logarithms
+// do where all are above 0.
 [[nodiscard]] std::string svg_of_maps(const std::string& title, const std::string& across,
                                       const std::vector<std::string>& columns, const std::string& down,
                                       const std::vector<std::string>& rows, const std::vector<HeatMap>& maps);

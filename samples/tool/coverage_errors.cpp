@@ -130,7 +130,9 @@ CoverageErrors coverage_errors(const SceneView& scene, const Truth& truth, const
   judge("as given", "given", scene.depth);
   judge("nearest neighbour", "nearest", filled_by_nearest(samples.view()).view());
   judge("linear in 1/z", "linear", filled_linearly(samples.view()).view());
-  for (const auto& [stage, depth] : steps) judge(std::string("after ") + stage_name(stage), stage_key(stage), depth.view());
+  for (const auto& [stage, depth] : steps) {
+    judge(std::string("after ") + stage_name(stage), stage_key(stage), depth.view());
+  }
   judge_normals(scene, truth, refined, surface, pool, out);
   return out;
 }
@@ -214,8 +216,8 @@ void print_normals(const char* title, const CoverageErrors& e,
 
 void print_table(const CoverageErrors& e) {
   std::printf("\ndepth from %s: %zu pixels of surfaces without depth (%zu judged), %zu with\n",
-              kDepthSourceNames[static_cast<std::size_t>(e.source)], e.missing_pixels, e.rows[kLinear].missing[0].pixels,
-              e.given_pixels);
+              kDepthSourceNames[static_cast<std::size_t>(e.source)], e.missing_pixels,
+              e.rows[kLinear].missing[0].pixels, e.given_pixels);
   std::printf("%-30s %8s %8s %8s   %8s %8s %8s %8s\n", "relative error where missing", "mean", "median", "/linear",
               "given:", "mean", "median", "/input");
   for (const CoverageRow& row : e.rows) {

@@ -255,7 +255,8 @@ int run_losses(const EvaluateOptions& options) {
   const LossValues& first = run.result.first;
   const LossValues& last = run.result.last;
   std::printf("%-12s %12s %12s %12s %12s\n", "losses", "normal", "continuity", "depth", "sum");
-  std::printf("%-12s %12.6g %12.6g %12.6g %12.6g\n", "at first", first.normal, first.continuity, first.depth, first.total);
+  std::printf("%-12s %12.6g %12.6g %12.6g %12.6g\n", "at first", first.normal, first.continuity, first.depth,
+              first.total);
   std::printf("%-12s %12.6g %12.6g %12.6g %12.6g\n", ("step " + std::to_string(run.result.steps)).c_str(), last.normal,
               last.continuity, last.depth, last.total);
   std::vector<std::string> contents = {csv_of_curve(run), svg_of_curve(scene.value().name, run)};

@@ -2,9 +2,9 @@
 // npsim evaluate --losses: what the normal-guided refinement minimises, step by step (figure 4.4 of the thesis), and
 // with --weights grid what its weights do (appendix B).
 //
-// losses.csv has the three terms before their lambdas and the sum with them, before each step and at the end; losses.svg
-// draws the weighted terms. The grid is appendix B's: lambda_1 = 1, lambda_2 and lambda_3 from 1e-3 to 1e3 by decades,
-// in the forms of the preset. The appendix shows pictures; weights.csv has what it describes as figures:
+// losses.csv has the three terms before their lambdas and the sum with them, before each step and at the end;
+// losses.svg draws the weighted terms. The grid is appendix B's: lambda_1 = 1, lambda_2 and lambda_3 from 1e-3 to 1e3
+// by decades, in the forms of the preset. The appendix shows pictures; weights.csv has what it describes as figures:
 //   moved       mean |z / z before - 1| of the refinement: how far depth deviates from what it was
 //   angle_deg   mean angle between the normals of the refined depth and those that guided it
 //   gaps        share of the surface pixels at which depth jumps within one label (metrics/edge_errors.hpp)

@@ -207,12 +207,13 @@ int main(int argc, char** argv) {
       "--simplified", evaluate.simplified,
       "Render one night with all faces of the mesh and one with the simplified ones, and compare them");
   evaluate_app->add_option("--losses", evaluate.losses,
-                           "Folder for what the refinement by normals minimises, step by step, as CSV and SVG; needs no "
-                           "truth");
+                           "Folder for what the refinement by normals minimises, step by step, as CSV and SVG; needs "
+                           "no truth");
   evaluate_app->add_option("--weights", evaluate.weights,
                            "With --losses: grid, also the outcome for 7 x 7 weights of continuity and depth")
       ->check(CLI::IsMember({"grid"}));
-  evaluate_app->add_flag("--depth-only", evaluate.depth_only, "Judge neither mesh, lamps nor albedo, which takes longer");
+  evaluate_app->add_flag("--depth-only", evaluate.depth_only,
+                         "Judge neither mesh, lamps nor albedo, which takes longer");
   evaluate_app->add_flag("--flatness", evaluate.flatness,
                          "Only how flat facades came out and on which planes; needs no truth");
   evaluate_app->add_flag("--quiet", evaluate.quiet, "No progress and no notes");

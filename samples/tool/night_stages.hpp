@@ -61,7 +61,7 @@ inline constexpr const char* kWholeChainEstimated = "+ estimated materials";
                                      Console& console, std::vector<NightErrors>& out);
 
 // Median error of the nights of each source over that with a network's depth, with given and with estimated materials,
-// and of estimated over given materials; taken from rows that hold all of them. The first is the network itself.
+// and of estimated over given materials. The rows hold all of them. The first ratios are the network's own.
 struct SourceRatios {
   std::string name;
   double given = kNone;

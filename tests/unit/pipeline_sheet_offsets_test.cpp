@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <limits>
-#include <utility>
 
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
@@ -67,8 +66,9 @@ TEST_CASE("offsets of the sheet move the background, what is completed of it, an
   int behind = 0;
   for (int y = 0; y < still.shape.height; ++y) {
     for (int x = 0; x < still.shape.width; ++x) {
-      for (const auto& [a, b] : {std::pair(still.layers.background.vertices(x, y), moved.layers.background.vertices(x, y)),
-                                 std::pair(still.layers.foreground.vertices(x, y), moved.layers.foreground.vertices(x, y))}) {
+      for (SheetLayer SceneLayers::*layer : {&SceneLayers::background, &SceneLayers::foreground}) {
+        const Vec3f a = (still.layers.*layer).vertices(x, y);
+        const Vec3f b = (moved.layers.*layer).vertices(x, y);
         REQUIRE(has_vertex(a) == has_vertex(b));
         if (!has_vertex(a)) continue;
         CHECK(b.z == doctest::Approx(a.z).epsilon(1e-4));
