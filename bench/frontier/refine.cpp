@@ -110,11 +110,11 @@ Comparison refine_case(const Options& options) {
   input.intrinsics = scene.intrinsics;
 
   const int steps = options.quick ? 100 : 1000;
-  std::vector<float> adam_curve(static_cast<std::size_t>(steps) + 1, 0.0F);
+  std::vector<LossValues> adam_curve(static_cast<std::size_t>(steps) + 1);
   std::vector<std::shared_ptr<RefineResult>> results;  // of the contenders, in their order
   // change: applied to the parameters at every run, as the target is known only after Adam has run.
   const auto add = [&](const std::string& method, const std::string& setting, const RefineParams& params,
-                       std::vector<float>* curve, const std::function<void(RefineParams&)>& change) {
+                       std::vector<LossValues>* curve, const std::function<void(RefineParams&)>& change) {
     const auto out = std::make_shared<io::Image<float>>(shape);
     const auto arena = make_arena(refine_workspace_bytes(params, shape));
     const auto result = std::make_shared<RefineResult>();
@@ -123,9 +123,9 @@ Comparison refine_case(const Options& options) {
       RefineParams p = params;
       if (change) change(p);
       SerialExecutor executor;
-      must(refine_with_normals(p, input, out->view(),
-                               curve == nullptr ? Span<float>() : Span<float>(curve->data(), curve->size()), *result,
-                               arena->workspace(), executor));
+      const Span<LossValues> losses =
+          curve == nullptr ? Span<LossValues>() : Span<LossValues>(curve->data(), curve->size());
+      must(refine_with_normals(p, input, out->view(), losses, *result, arena->workspace(), executor));
     });
   };
   RefineParams adam = shared_params();
@@ -137,7 +137,7 @@ Comparison refine_case(const Options& options) {
   newton.solver = RefineSolver::gauss_newton;
   newton.gauss_newton.relative_decrease = 0;
   add("npsim gauss-newton", "to adam's loss", newton, nullptr,
-      [&](RefineParams& p) { p.gauss_newton.target_loss = adam_curve.back(); });
+      [&](RefineParams& p) { p.gauss_newton.target_loss = static_cast<float>(adam_curve.back().total); });
   for (const int outer : {1, 2, 3, 5}) {
     newton.gauss_newton.steps = outer;
     add("npsim gauss-newton", std::to_string(outer) + (outer == 1 ? " step" : " steps"), newton, nullptr, {});
@@ -145,13 +145,13 @@ Comparison refine_case(const Options& options) {
   newton.gauss_newton.steps = 20;
   newton.gauss_newton.inner_steps = 2;
   add("npsim gauss-newton", "to adam's loss by 2 inner steps at a time", newton, nullptr,
-      [&](RefineParams& p) { p.gauss_newton.target_loss = adam_curve.back(); });
+      [&](RefineParams& p) { p.gauss_newton.target_loss = static_cast<float>(adam_curve.back().total); });
   newton = shared_params();
   newton.solver = RefineSolver::gauss_newton;
   add("npsim gauss-newton", "until its own stop", newton, nullptr, {});
   measure(options, comparison);
 
-  const double target = static_cast<double>(adam_curve.back());
+  const double target = adam_curve.back().total;
   double least = target;
   for (const auto& result : results) least = std::min(least, result->last.total);
   const auto above = [&least](double loss) {
@@ -167,10 +167,10 @@ Comparison refine_case(const Options& options) {
   if (wanted(options, "pytorch adam")) {
     Torch torch;
     if (run_torch(scene, torch)) {
-      const double matching = static_cast<double>(adam_curve[kTorchSteps]);
+      const double matching = adam_curve[kTorchSteps].total;
       std::fprintf(stderr, "  pytorch %s: %.4g ms per step; loss %.7g then %.7g, ours %.7g then %.7g\n",
                    torch.version.c_str(), torch.ms_per_step, torch.first, torch.last,
-                   static_cast<double>(adam_curve.front()), matching);
+                   adam_curve.front().total, matching);
       if (!(std::fabs(torch.last - matching) < 1e-3 * matching)) {
         std::fprintf(stderr, "benchmark: PyTorch does not minimise the same loss\n");
         std::exit(1);
@@ -188,7 +188,7 @@ Comparison refine_case(const Options& options) {
     Contender& c = comparison.add_peer("npsim adam", std::to_string(part) + " steps", {});
     c.group = "parts";  // marks in the picture, not peers to be set against
     c.time_ms = adam_ms * part / steps;
-    c.errors = above(static_cast<double>(adam_curve[static_cast<std::size_t>(part)]));
+    c.errors = above(adam_curve[static_cast<std::size_t>(part)].total);
   }
   return comparison;
 }

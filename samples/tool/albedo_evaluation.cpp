@@ -84,8 +84,8 @@ void judge_shadow(std::vector<Asphalt>& pixels, AlbedoErrors& out) {
 
 }  // namespace
 
-Status albedo_errors(const AlbedoParams& params, const SceneView& scene, const RefinedDepth& refined, ThreadPool& pool,
-                     AlbedoErrors& out) {
+Status albedo_errors(const AlbedoParams& params, const SceneView& scene, ImageView<const Vec3f> true_albedo,
+                     const RefinedDepth& refined, ThreadPool& pool, AlbedoErrors& out) {
   const Shape shape = scene.shape();
   std::vector<unsigned char> memory(estimate_albedo_workspace_bytes(params, shape));
   Workspace workspace(memory.data(), memory.size());
@@ -99,7 +99,7 @@ Status albedo_errors(const AlbedoParams& params, const SceneView& scene, const R
   std::vector<double> off;
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
-      if (judged(x, y)) off.push_back(log2_of(luminance(albedo(x, y))) - log2_of(luminance(scene.albedo(x, y))));
+      if (judged(x, y)) off.push_back(log2_of(luminance(albedo(x, y))) - log2_of(luminance(true_albedo(x, y))));
     }
   }
   out.common_log2 = median(off);
@@ -116,7 +116,7 @@ Status albedo_errors(const AlbedoParams& params, const SceneView& scene, const R
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       if (!judged(x, y)) continue;
-      const float truth = luminance(scene.albedo(x, y));
+      const float truth = luminance(true_albedo(x, y));
       const float estimate = luminance(albedo(x, y));
       const double error = log2_of(estimate) - log2_of(truth) - out.common_log2;
       for (std::size_t g = 0; g < kGroups.size(); ++g) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Albedo estimated from the photograph against the one that the scene gives.
+// Albedo estimated from the photograph against the true one: that of the scene, or of its truth where it gives none.
 //
 // Errors are |log2(estimate / truth)| of luminance after one common factor for the picture, their median, because no
 // photograph knows it; what is darker than kDarkest counts as kDarkest in both.
@@ -47,8 +47,10 @@ struct AlbedoErrors {
   std::vector<CarAlbedo> cars;  // those of more than 1/1300 of the picture
 };
 
-[[nodiscard]] Status albedo_errors(const AlbedoParams& params, const SceneView& scene, const RefinedDepth& refined,
-                                   ThreadPool& pool, AlbedoErrors& out);
+// true_albedo: linear, of the scene's shape.
+[[nodiscard]] Status albedo_errors(const AlbedoParams& params, const SceneView& scene,
+                                   ImageView<const Vec3f> true_albedo, const RefinedDepth& refined, ThreadPool& pool,
+                                   AlbedoErrors& out);
 
 [[nodiscard]] OrderedJson to_json(const AlbedoErrors& errors);
 void print_table(const AlbedoErrors& errors);

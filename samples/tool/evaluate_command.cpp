@@ -15,6 +15,7 @@
 #include "flatness.hpp"
 #include "hold_out.hpp"
 #include "loading.hpp"
+#include "loss_report.hpp"
 #include "mesh_report.hpp"
 #include "night_stages.hpp"
 #include "npsim/core/config.hpp"
@@ -128,6 +129,7 @@ namespace {
            {{"given", to_json(e.given_normals)},
             {"guiding", to_json(e.guiding_normals)},
             {"of_true_depth", to_json(e.true_depth_normals)}}},
+          {"coverage", to_json(e.coverage)},
           {"uncertain",
            {{"share_of_judged", share(e.uncertain_on_edges.second, e.pixels)},
             {"edges", hits_json(e.uncertain_on_edges)},
@@ -205,6 +207,7 @@ void print_table(const Evaluation& e, const io::Scene& scene, const EvaluateOpti
       "true edge pixels, %.1f %% of the %zu on vehicles, persons, poles, lights and signs\n",
       percent(all.second, e.pixels), percent(near.both, near.second), percent(all.both, all.first), all.first,
       percent(front.both, front.first), front.first);
+  print_table(e.coverage);
   for (const MeshErrors& m : e.meshes) {
     print_table(m, m.key == "refined" ? "mesh of the refined depth" : "mesh of the true depth");
   }
@@ -254,6 +257,10 @@ int run_hold_out(const EvaluateOptions& options) {
 int run_evaluate(const EvaluateOptions& options) {
   if (!options.hold_out.empty()) return run_hold_out(options);
   if (options.flatness) return run_flatness(options);
+  if (!options.losses.empty()) return run_losses(options);
+  if (!options.weights.empty()) {
+    return fail(io::Error{"", "--weights", "belongs to --losses, expected a folder for both"});
+  }
   Console console(options.quiet);
   const io::Expected<std::pair<io::Scene, Truth>> loaded =
       console.timed("read scene and truth", [&] { return load_with_truth(options.scene, options.size, options.output); });
@@ -277,7 +284,8 @@ int run_evaluate(const EvaluateOptions& options) {
   ThreadPool pool(thread_count(options.threads));
   const NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
   Evaluation evaluation;
-  const Status status = evaluate(scene.view(), truth, params.depth, params.mesh, pool, console, evaluation);
+  const Status status = evaluate(scene.view(), truth, params.depth, options.depth_only ? nullptr : &params.mesh, pool,
+                                 console, evaluation);
   if (status.code() == StatusCode::no_valid_input) {
     return fail(io::Error{scene.file, "depth",
                           "has no usable sample on any surface: expected depth of 1e-3 m to 1e5 m "

@@ -132,7 +132,7 @@ Status evaluate_meshes(const SceneView& scene, const Truth& truth, const Uncerta
 }  // namespace
 
 Status evaluate(const SceneView& scene, const Truth& truth, const RefineDepthParams& params,
-                const ReconstructParams& mesh_params, ThreadPool& pool, Console& console, Evaluation& out) {
+                const ReconstructParams* mesh_params, ThreadPool& pool, Console& console, Evaluation& out) {
   const Shape shape = scene.shape();
   DepthRecorder recorder(console);
   std::vector<unsigned char> memory(refine_depth_workspace_bytes(params, shape));
@@ -223,10 +223,13 @@ Status evaluate(const SceneView& scene, const Truth& truth, const RefineDepthPar
     }
     out.labels.push_back(std::move(errors));
   }
-  if (!scene.albedo.empty()) {
-    NPSIM_RETURN_IF_ERROR(albedo_errors(AlbedoParams{}, scene, refined, pool, out.albedo.emplace()));
+  out.coverage = coverage_errors(scene, truth, refined, recorder.kept(), pool);
+  if (mesh_params == nullptr) return {};
+  const ImageView<const Vec3f> true_albedo = scene.albedo.empty() ? truth.albedo.view() : scene.albedo;
+  if (!true_albedo.empty()) {
+    NPSIM_RETURN_IF_ERROR(albedo_errors(AlbedoParams{}, scene, true_albedo, refined, pool, out.albedo.emplace()));
   }
-  return evaluate_meshes(scene, truth, params.uncertainty, mesh_params, refined, pool, console, out.meshes,
+  return evaluate_meshes(scene, truth, params.uncertainty, *mesh_params, refined, pool, console, out.meshes,
                          out.lamps);
 }
 

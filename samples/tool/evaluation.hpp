@@ -15,6 +15,7 @@
 
 #include "albedo_evaluation.hpp"
 #include "console.hpp"
+#include "coverage_errors.hpp"
 #include "lamp_evaluation.hpp"
 #include "mesh_evaluation.hpp"
 #include "night_change.hpp"
@@ -29,8 +30,6 @@
 #include "scene_truth.hpp"
 
 namespace npsim::tool {
-
-inline constexpr float kSmooth_deg = 5.0F;
 
 // Errors that could not be taken, for want of a pixel, an edge or a true normal, are left empty.
 struct NormalRow {
@@ -66,19 +65,20 @@ struct Evaluation {
   NormalRow given_normals;
   NormalRow guiding_normals;
   NormalRow true_depth_normals;
+  CoverageErrors coverage;  // missing and given pixels apart
   MaskOverlap uncertain_on_edges;             // first: true edges, second: the uncertain map
   MaskOverlap uncertain_on_foreground_edges;  // the same for edges of vehicles, persons, poles and signs
   MaskOverlap uncertain_near_edges;           // first: within a window of a true edge
   std::vector<MeshErrors> meshes;             // of the refined depth, of the true depth
   std::vector<LampErrors> lamps;              // the same, where the truth has any
-  std::optional<AlbedoErrors> albedo;         // where the scene gives albedo to judge by
+  std::optional<AlbedoErrors> albedo;         // where the scene or its truth has one to judge by
   std::vector<NightErrors> stages;            // of nights against the true one, when asked for
   std::optional<NightChange> night;           // when asked for
 };
 
-// Runs the depth steps on the scene and judges what each of them leaves.
+// Runs the depth steps on the scene and judges what each of them leaves. mesh_params: null: the depth alone is judged.
 [[nodiscard]] Status evaluate(const SceneView& scene, const Truth& truth, const RefineDepthParams& params,
-                              const ReconstructParams& mesh_params, ThreadPool& pool, Console& console,
+                              const ReconstructParams* mesh_params, ThreadPool& pool, Console& console,
                               Evaluation& out);
 
 }  // namespace npsim::tool

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "hold_out.hpp"
 
-#include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <cstdio>
 #include <system_error>
 #include <utility>
@@ -62,39 +60,16 @@ enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut, kNeither };  // neither g
   return roles;
 }
 
-// Of all pixels of one role whose label belongs to the set.
-[[nodiscard]] DepthShift shift(ImageView<const float> depth, const SceneView& scene,
-                               const io::Image<std::uint8_t>& roles, Role role, LabelSet labels) {
-  DepthShift out;
-  std::vector<float> all;
-  double sum = 0;
-  for (int y = 0; y < depth.height(); ++y) {
-    for (int x = 0; x < depth.width(); ++x) {
-      if (roles(x, y) != role || !(scene.labels.empty() || labels.contains(scene.labels(x, y)))) continue;
-      if (!is_valid_depth(depth(x, y))) {
-        ++out.lost;
-        continue;
-      }
-      const double e = std::fabs(static_cast<double>(depth(x, y)) / static_cast<double>(scene.depth(x, y)) - 1);
-      sum += e;
-      all.push_back(static_cast<float>(e));
+// All pixels of one role whose label belongs to the set.
+[[nodiscard]] io::Image<std::uint8_t> mask_of(const SceneView& scene, const io::Image<std::uint8_t>& roles, Role role,
+                                              LabelSet labels) {
+  io::Image<std::uint8_t> mask(roles.shape());
+  for (int y = 0; y < mask.height(); ++y) {
+    for (int x = 0; x < mask.width(); ++x) {
+      mask(x, y) = roles(x, y) == role && (scene.labels.empty() || labels.contains(scene.labels(x, y))) ? 1 : 0;
     }
   }
-  out.pixels = all.size();
-  if (all.empty()) return out;
-  const auto quantile = [&](double q) {
-    const auto nth = all.begin() + static_cast<std::ptrdiff_t>(q * static_cast<double>(all.size() - 1));
-    std::nth_element(all.begin(), nth, all.end());
-    return static_cast<double>(*nth);
-  };
-  out.mean = sum / static_cast<double>(all.size());
-  out.median = quantile(0.5);
-  out.most = quantile(0.95);
-  return out;
-}
-
-[[nodiscard]] OrderedJson to_json(const DepthShift& s) {
-  return {{"pixels", s.pixels}, {"lost", s.lost}, {"mean", s.mean}, {"median", s.median}, {"p95", s.most}};
+  return mask;
 }
 
 }  // namespace
@@ -130,14 +105,15 @@ Status hold_out(const HoldOut& params, const SceneView& scene, const RefineDepth
   rest.depth = left.view();
   rest.depth_source = out.source;
 
+  const io::Image<std::uint8_t> kept = mask_of(scene, roles, kKept, LabelSet::all());
   const auto judge = [&](std::string name, std::string key, ImageView<const float> depth) {
     HoldOutRow row;
     row.name = std::move(name);
     row.key = std::move(key);
-    for (std::size_t g = 0; g < kHoldOutGroups.size(); ++g) {
-      row.errors[g] = shift(depth, scene, roles, kLeftOut, kHoldOutGroups[g].labels);
+    for (std::size_t g = 0; g < kLabelGroups.size(); ++g) {
+      row.errors[g] = depth_shift(depth, scene.depth, mask_of(scene, roles, kLeftOut, kLabelGroups[g].labels).view());
     }
-    row.kept = shift(depth, scene, roles, kKept, LabelSet::all());
+    row.kept = depth_shift(depth, scene.depth, kept.view());
     out.rows.push_back(std::move(row));
   };
   // The yardsticks may not draw on what has no surface either.
@@ -174,11 +150,11 @@ void print_table(const HoldOutResult& result) {
   }
   if (!result.labelled) return;
   std::printf("\n%-30s", "mean by label");
-  for (std::size_t g = 1; g < kHoldOutGroups.size(); ++g) std::printf(" %8s", kHoldOutGroups[g].name);
+  for (std::size_t g = 1; g < kLabelGroups.size(); ++g) std::printf(" %8s", kLabelGroups[g].name);
   std::printf("\n");
   for (const HoldOutRow& r : result.rows) {
     std::printf("%-30s", r.name.c_str());
-    for (std::size_t g = 1; g < kHoldOutGroups.size(); ++g) {
+    for (std::size_t g = 1; g < kLabelGroups.size(); ++g) {
       if (r.errors[g].pixels > 0) {
         std::printf(" %8.5f", r.errors[g].mean);
       } else {
@@ -193,7 +169,7 @@ OrderedJson to_json(const HoldOutResult& result) {
   OrderedJson steps = OrderedJson::array();
   for (const HoldOutRow& r : result.rows) {
     OrderedJson errors = OrderedJson::object();
-    for (std::size_t g = 0; g < kHoldOutGroups.size(); ++g) errors[kHoldOutGroups[g].name] = to_json(r.errors[g]);
+    for (std::size_t g = 0; g < kLabelGroups.size(); ++g) errors[kLabelGroups[g].name] = to_json(r.errors[g]);
     steps.push_back({{"step", r.key}, {"left_out", std::move(errors)}, {"kept_moved", to_json(r.kept)}});
   }
   return {{"source", kDepthSourceNames[static_cast<std::size_t>(result.source)]},

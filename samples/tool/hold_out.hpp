@@ -16,11 +16,11 @@
 #include <vector>
 
 #include "console.hpp"
-#include "figures.hpp"
+#include "depth_shift.hpp"
+#include "label_groups.hpp"
 #include "npsim/core/scene_view.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/error.hpp"
-#include "npsim/labels/cityscapes.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
 
 namespace npsim::tool {
@@ -35,36 +35,10 @@ inline constexpr int kHoldOutBlock_px = 16;
 // "0.2" or "0.2,blocks".
 [[nodiscard]] io::Expected<HoldOut> parse_hold_out(const std::string& text);
 
-// What stands in the table by label: groups, and everything.
-struct LabelGroup {
-  const char* name;
-  LabelSet labels;
-};
-inline constexpr std::array<LabelGroup, 8> kHoldOutGroups = {{
-    {"all", LabelSet::all()},
-    {"ground",
-     LabelSet::of(label::ground, label::road, label::sidewalk, label::parking, label::rail_track, label::terrain)},
-    {"facades", LabelSet::of(label::building, label::wall, label::bridge, label::tunnel)},
-    {"fences", LabelSet::of(label::fence, label::guard_rail)},
-    {"plants", LabelSet::of(label::vegetation)},
-    {"vehicles", kVehicleLabels},
-    {"persons", LabelSet::of(label::person, label::rider)},
-    {"thin", LabelSet::of(label::pole, label::polegroup, label::traffic_light, label::traffic_sign)},
-}};
-
-// Relative differences of depth.
-struct DepthShift {
-  std::size_t pixels = 0;
-  std::size_t lost = 0;  // pixels that have no depth; they count nowhere else
-  double mean = kNone;
-  double median = kNone;
-  double most = kNone;  // 95th percentile
-};
-
 struct HoldOutRow {
   std::string name;                                      // in the table
   std::string key;                                       // in JSON
-  std::array<DepthShift, kHoldOutGroups.size()> errors;  // at the pixels that were left out
+  std::array<DepthShift, kLabelGroups.size()> errors;  // at the pixels that were left out
   DepthShift kept;                                       // of measured pixels that were not
 };
 

@@ -206,6 +206,14 @@ int main(int argc, char** argv) {
   evaluate_app->add_flag(
       "--simplified", evaluate.simplified,
       "Render one night with all faces of the mesh and one with the simplified ones, and compare them");
+  evaluate_app->add_option("--losses", evaluate.losses,
+                           "Folder for what the refinement by normals minimises, step by step, as CSV and SVG; needs "
+                           "no truth");
+  evaluate_app->add_option("--weights", evaluate.weights,
+                           "With --losses: grid, also the outcome for 7 x 7 weights of continuity and depth")
+      ->check(CLI::IsMember({"grid"}));
+  evaluate_app->add_flag("--depth-only", evaluate.depth_only,
+                         "Judge neither mesh, lamps nor albedo, which takes longer");
   evaluate_app->add_flag("--flatness", evaluate.flatness,
                          "Only how flat facades came out and on which planes; needs no truth");
   evaluate_app->add_flag("--quiet", evaluate.quiet, "No progress and no notes");
@@ -252,6 +260,10 @@ int main(int argc, char** argv) {
                         "Paths a pixel of the reference on our own mesh, to judge transport alone; 0: not judged")
       ->check(CLI::Range(0, 1 << 24))
       ->capture_default_str();
+  judge_app->add_option("--depth", judge.sources,
+                        "Also nights with depth from these, comma separated, beside those with a network's")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"stereo", "lidar", "exact"}));
   judge_app->add_option("--threads", judge.threads, "0 = one per processor")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

@@ -68,9 +68,9 @@ namespace {
 // Receives what the pipeline makes and writes it; remembers the first file that could not be written.
 class NightWriter {
  public:
-  NightWriter(const NightOptions& options, const io::Scene& scene, Span<const LightSetEntry> light_set,
-              Console& console, ThreadPool& pool)
-      : options_(options), scene_(scene), light_set_(light_set), console_(console), pool_(pool) {}
+  NightWriter(const NightOptions& options, const io::Scene& scene, const std::vector<std::string>& doubts,
+              Span<const LightSetEntry> light_set, Console& console, ThreadPool& pool)
+      : options_(options), scene_(scene), doubts_(doubts), light_set_(light_set), console_(console), pool_(pool) {}
 
   Status reconstructed(const RefinedDepth& refined, const SceneMesh& mesh, const Relighting& light) {
     return written(console_.timed("write depth and mesh", [&]() -> io::Outcome {
@@ -151,7 +151,7 @@ class NightWriter {
         {"ground", {{"camera_height_m", ground_.camera_height_m}, {"up", {ground_.up.x, ground_.up.y, ground_.up.z}}}},
         {"emitters", counts_.emitters},
         {"daylight", daylight_},
-        {"doubts", io::scene_doubts(scene_)},
+        {"doubts", doubts_},
         {"notes", scene_.notes}};
     return io::write_file(path("report.json"), report.dump(2) + "\n");
   }
@@ -217,6 +217,7 @@ class NightWriter {
 
   const NightOptions& options_;
   const io::Scene& scene_;
+  const std::vector<std::string>& doubts_;
   Span<const LightSetEntry> light_set_;
   Console& console_;
   ThreadPool& pool_;
@@ -251,7 +252,8 @@ int run_night(const NightOptions& options) {
   for (const std::string& note : scene.notes) {
     if (!options.quiet) std::fprintf(stderr, "  note: %s\n", note.c_str());
   }
-  for (const std::string& doubt : io::scene_doubts(scene)) {
+  const std::vector<std::string> doubts = io::scene_doubts(scene);
+  for (const std::string& doubt : doubts) {
     if (!options.quiet) std::fprintf(stderr, "  doubt: %s\n", doubt.c_str());
   }
   NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
@@ -279,7 +281,7 @@ int run_night(const NightOptions& options) {
   Workspace workspace = memory.workspace();
   const unsigned threads = thread_count(options.threads);
   ThreadPool pool(threads);
-  NightWriter writer(options, scene, params.relight.activation.light_set, console, pool);
+  NightWriter writer(options, scene, doubts, params.relight.activation.light_set, console, pool);
   const Status status = engine::make_nights(params, view, workspace, pool, console, writer);
   if (writer.error() != nullptr) return fail(*writer.error());
   if (status.code() == StatusCode::no_valid_input) {

@@ -33,6 +33,8 @@ struct KeptDepth {
     copy_pixels(refined.surface, kept.surface.view());
     copy_pixels(refined.uncertain, kept.uncertain.view());
     copy_pixels(refined.normals, kept.normals.view());
+    kept.like.filled = kept.like.confidence = {};  // nights need none of these
+    kept.like.planes = PlanarMap{};
     return kept;
   }
   [[nodiscard]] RefinedDepth refined() {
@@ -181,6 +183,13 @@ class Judge {
   io::Image<Rgb8> true_picture_, own_picture_;
 };
 
+[[nodiscard]] SceneView without_materials(const SceneView& scene) {
+  SceneView guessed = scene;  // they are estimated
+  guessed.albedo = {};
+  guessed.roughness = {};
+  return guessed;
+}
+
 // The renderer against the reference on one and the same mesh, with the same materials and lamps.
 [[nodiscard]] Status judge_transport(NightParams params, const SceneView& scene, const Truth& truth, KeptDepth depth,
                                      std::uint64_t samples, ThreadPool& pool, Console& console, NightErrors& out) {
@@ -212,9 +221,7 @@ Status night_stages(const NightParams& params, const SceneView& scene, const Tru
   NightParams known = placed;
   known.relight.lamps = Span<const Emitter>(night.lamps.data(), night.lamps.size());
   known.relight.ego_headlamps = false;  // they are among the lamps
-  SceneView guessed = scene;            // materials are estimated
-  guessed.albedo = {};
-  guessed.roughness = {};
+  const SceneView guessed = without_materials(scene);
 
   KeptDepth refined, given, exact, sheet, by_thesis;
   NPSIM_RETURN_IF_ERROR(refined_depth(params, scene, pool, console, refined));
@@ -240,8 +247,8 @@ Status night_stages(const NightParams& params, const SceneView& scene, const Tru
   const std::vector<Row> rows = {
       {"mesh of the true depth", &known, &scene, &exact},
       {"+ placed lamps", &placed, &scene, &exact},
-      {"+ refined depth", &placed, &scene, &refined},
-      {"+ estimated materials", &placed, &guessed, &refined},
+      {kWholeChain, &placed, &scene, &refined},
+      {kWholeChainEstimated, &placed, &guessed, &refined},
       {"refined depth alone", &known, &scene, &refined},
       {"given depth alone", &known, &scene, &given},
       {"estimated materials alone", &known, &guessed, &exact},
@@ -265,6 +272,64 @@ Status night_stages(const NightParams& params, const SceneView& scene, const Tru
     if (row.depth == &refined && row.scene == &scene && row.params == &placed) judge.pictures(own, pictures);
   }
   return {};
+}
+
+std::array<std::string, 2> source_rows(const std::string& name) {
+  return {name + " depth", name + ", estimated materials"};
+}
+
+Status night_of_source(const NightParams& params, const SceneView& scene, const Truth& truth, const TrueNight& night,
+                       const std::string& name, ThreadPool& pool, Console& console, std::vector<NightErrors>& out) {
+  NightParams placed = params;
+  placed.variants = 1;
+  KeptDepth refined;
+  NPSIM_RETURN_IF_ERROR(refined_depth(params, scene, pool, console, refined));
+  Judge judge(params, scene, truth, night, pool);
+  NPSIM_RETURN_IF_ERROR(judge.start());
+  const std::array<SceneView, 2> views = {scene, without_materials(scene)};
+  const std::array<std::string, 2> names = source_rows(name);
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    io::Image<Vec3f> own;
+    NPSIM_RETURN_IF_ERROR(night_of(placed, views[i], refined, pool, console, own));
+    NightErrors errors;
+    NPSIM_RETURN_IF_ERROR(judge.judge(names[i], own, errors));
+    out.push_back(std::move(errors));
+  }
+  return {};
+}
+
+std::vector<SourceRatios> source_ratios(const std::vector<NightErrors>& rows, const std::vector<std::string>& sources) {
+  const auto error_of = [&](const std::string& name) {
+    const auto row = std::find_if(rows.begin(), rows.end(), [&](const NightErrors& e) { return e.name == name; });
+    return row != rows.end() && row->all ? row->all->median : kNone;
+  };
+  const double given = error_of(kWholeChain);
+  const double estimated = error_of(kWholeChainEstimated);
+  std::vector<SourceRatios> out = {{"network", 1.0, 1.0, ratio(estimated, given)}};
+  for (const std::string& source : sources) {
+    const std::array<std::string, 2> names = source_rows(source);
+    out.push_back({source, ratio(error_of(names[0]), given), ratio(error_of(names[1]), estimated),
+                   ratio(error_of(names[1]), error_of(names[0]))});
+  }
+  return out;
+}
+
+OrderedJson to_json(const std::vector<SourceRatios>& ratios) {
+  OrderedJson out = OrderedJson::object();
+  for (const SourceRatios& r : ratios) {
+    out[r.name] = {{"given_materials", r.given},
+                   {"estimated_materials", r.estimated},
+                   {"estimated_over_given", r.estimated_over_given}};
+  }
+  return out;
+}
+
+void print_table(const std::vector<SourceRatios>& ratios) {
+  std::printf("\n%-30s %16s %20s %22s\n", "median over that of network", "given materials", "estimated materials",
+              "estimated over given");
+  for (const SourceRatios& r : ratios) {
+    std::printf("%-30s %16.2f %20.2f %22.2f\n", r.name.c_str(), r.given, r.estimated, r.estimated_over_given);
+  }
 }
 
 std::vector<NightErrors> mean_of(const std::vector<std::vector<NightErrors>>& scenes) {

@@ -49,6 +49,30 @@ struct NightPictures {
                                   const TrueNight& night, std::uint64_t transport_samples, ThreadPool& pool,
                                   Console& console, std::vector<NightErrors>& out, NightPictures& pictures);
 
+// Names of the rows that are the whole chain, with given and with estimated materials.
+inline constexpr const char* kWholeChain = "+ refined depth";
+inline constexpr const char* kWholeChainEstimated = "+ estimated materials";
+
+// The whole chain alone, on the same street with another depth: two rows behind those that are there, called NAME, and
+// NAME with estimated materials.
+[[nodiscard]] std::array<std::string, 2> source_rows(const std::string& name);
+[[nodiscard]] Status night_of_source(const NightParams& params, const SceneView& scene, const Truth& truth,
+                                     const TrueNight& night, const std::string& name, ThreadPool& pool,
+                                     Console& console, std::vector<NightErrors>& out);
+
+// Median error of the nights of each source over that with a network's depth, with given and with estimated materials,
+// and of estimated over given materials. The rows hold all of them. The first ratios are the network's own.
+struct SourceRatios {
+  std::string name;
+  double given = kNone;
+  double estimated = kNone;
+  double estimated_over_given = kNone;
+};
+[[nodiscard]] std::vector<SourceRatios> source_ratios(const std::vector<NightErrors>& rows,
+                                                      const std::vector<std::string>& sources);
+[[nodiscard]] OrderedJson to_json(const std::vector<SourceRatios>& ratios);
+void print_table(const std::vector<SourceRatios>& ratios);
+
 // Means over scenes, row by row; a row or label that a scene lacks does not count.
 [[nodiscard]] std::vector<NightErrors> mean_of(const std::vector<std::vector<NightErrors>>& scenes);
 

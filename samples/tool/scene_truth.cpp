@@ -51,6 +51,14 @@ io::Expected<std::pair<io::Scene, Truth>> load_with_truth(const std::string& fol
       return o.error();
     }
   }
+  if (!s.truth.albedo.empty()) {
+    io::Expected<io::Image<Vec3f>> albedo = io::read_truth_albedo(s);
+    if (!albedo) return albedo.error();
+    truth.albedo = std::move(albedo.value());
+    if (const io::Outcome o = io::expect_shape(s.truth.albedo, truth.albedo.shape(), s.shape(), "the image"); !o) {
+      return o.error();
+    }
+  }
   if (!s.truth.emitters.empty()) {
     io::Expected<std::vector<io::TrueEmitter>> emitters = io::read_truth_emitters(s);
     if (!emitters) return emitters.error();
@@ -64,6 +72,7 @@ io::Expected<std::pair<io::Scene, Truth>> load_with_truth(const std::string& fol
     truth.depth = io::resized_nearest(truth.depth, size);
     if (!truth.background_depth.empty()) truth.background_depth = io::resized_nearest(truth.background_depth, size);
     if (!truth.normals.empty()) truth.normals = io::resized_nearest(truth.normals, size);
+    if (!truth.albedo.empty()) truth.albedo = io::resized_area(truth.albedo, size);
   }
   return std::pair<io::Scene, Truth>(std::move(s), std::move(truth));
 }

@@ -19,6 +19,7 @@ struct Truth {
   io::Image<float> depth;
   io::Image<Vec3f> normals;               // this and all that follow may be empty
   io::Image<float> background_depth;      // behind the foreground
+  io::Image<Vec3f> albedo;                // linear
   MeshTruth mesh;
   std::vector<io::TrueEmitter> emitters;
 };

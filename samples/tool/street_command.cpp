@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "street_command.hpp"
 
-#include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
@@ -54,9 +53,7 @@ int run_street(const StreetOptions& options) {
   street::StreetParams params;
   params.seed = options.seed;
   params.shape = size.value();
-  for (std::size_t i = 0; i < kDepthSourceNames.size(); ++i) {
-    if (options.depth == kDepthSourceNames[i]) params.depth = static_cast<DepthSource>(i);
-  }
+  params.depth = depth_source_named(options.depth);  // one of them, the options say
   params.materials = options.albedo != "none";
   ThreadPool pool(thread_count(options.threads));
   const InterruptibleExecutor executor{pool};

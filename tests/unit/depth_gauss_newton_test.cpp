@@ -55,6 +55,13 @@ void check_safe(Street& s, const RefineParams& p) {
   for (int i = 0; i < s.result.steps; ++i) {
     CHECK(s.curve[static_cast<std::size_t>(i) + 1] <= s.curve[static_cast<std::size_t>(i)]);
   }
+  const LossWeights& lambda = p.loss.lambda;
+  for (int i = 0; i <= s.result.steps; ++i) {  // the sum is that of its terms
+    const LossValues& l = s.losses[static_cast<std::size_t>(i)];
+    CHECK(l.total == doctest::Approx(static_cast<double>(lambda.normal) * l.normal +
+                                     static_cast<double>(lambda.continuity) * l.continuity +
+                                     static_cast<double>(lambda.depth) * l.depth));
+  }
   CHECK(s.curve[static_cast<std::size_t>(s.result.steps)] == static_cast<float>(s.result.last.total));
 }
 void check_safe_all_forms(Street& s) {

@@ -96,9 +96,11 @@ struct Street {
   Status run(const RefineParams& p, Executor& executor) {
     npsim_test::Scratch scratch(refine_workspace_bytes(p, shape));
     Workspace& workspace = scratch.workspace();
-    curve.assign(static_cast<std::size_t>(refine_max_steps(p)) + 1, -1.0F);
-    const Status s = refine_with_normals<V>(p, input(), {out.data(), shape}, {curve.data(), curve.size()}, result,
+    losses.assign(static_cast<std::size_t>(refine_max_steps(p)) + 1, LossValues{-1, 0, 0, 0, 0, 0});
+    const Status s = refine_with_normals<V>(p, input(), {out.data(), shape}, {losses.data(), losses.size()}, result,
                                             workspace, executor);
+    curve.clear();
+    for (const LossValues& l : losses) curve.push_back(static_cast<float>(l.total));
     CHECK(workspace.used() == 0);
     return s;
   }
@@ -132,7 +134,8 @@ struct Street {
   std::vector<std::uint8_t> uncertain;
   std::vector<Label> labels;  // none by default
   std::vector<LossWeights> label_weights;
-  std::vector<float> curve;
+  std::vector<LossValues> losses;
+  std::vector<float> curve;  // their sums
   RefineResult result;
 };
 

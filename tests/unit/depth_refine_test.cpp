@@ -201,6 +201,8 @@ TEST_CASE("early stop: a converged problem ends after one window; the curve is w
   CHECK(s.result.steps == 20);
   CHECK(s.result.reason == StopReason::small_decrease);
   CHECK(s.curve[20] == static_cast<float>(s.result.last.total));
+  CHECK(s.losses[20].depth == s.result.last.depth);
+  CHECK(s.losses[0].normal == s.result.first.normal);
   CHECK(s.curve[21] == -1.0F);
   p.stop_relative_decrease = 0;
   p.adam.steps = 30;

@@ -4,6 +4,7 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <cstddef>
 
 #include "fixture.hpp"
 #include "npsim/core/random.hpp"
@@ -146,5 +147,15 @@ TEST_CASE("the chain moves measured points by no more than their source leaves o
       }
     }
     CHECK((moved > 0) == (source != DepthSource::exact));
+  }
+}
+
+TEST_CASE("depth source: names and sources belong together, other names are none") {
+  for (std::size_t i = 0; i < kDepthSourceNames.size(); ++i) {
+    CHECK(depth_source_named(kDepthSourceNames[i]) == static_cast<DepthSource>(i));
+  }
+  static_assert(depth_source_named("stereo") == DepthSource::stereo);
+  for (const char* name : {"", "Stereo", "stereo ", "lida", "radar"}) {
+    CHECK(depth_source_named(name) == DepthSource::unknown);
   }
 }

@@ -43,6 +43,31 @@ TEST_CASE("a sheet puts every vertex on its pixel's ray at its depth") {
   CHECK(r.boundary_edges == 2 * (30 + 16));
 }
 
+TEST_CASE("offsets move every vertex as equation (3.1) says") {
+  Picture p({40, 30});
+  const double half_width = std::tan(0.4);  // of the field of view, both ways
+  const double half_height = std::tan(0.25);
+  const Intrinsics camera{static_cast<float>(20 / half_width), static_cast<float>(15 / half_height), 20, 15};
+  const Vec2f offset{0.125F, -0.3F};
+  p.intrinsics = with_offsets(camera, p.depth.shape(), offset);
+  for (int y = 0; y < 30; ++y) {
+    for (int x = 0; x < 40; ++x) p.depth(x, y) = 3.0F + 0.5F * static_cast<float>(x) + static_cast<float>(y);
+  }
+  REQUIRE(build(p).ok());
+  for (int y = 0; y < 30; ++y) {
+    for (int x = 0; x < 40; ++x) {
+      const double d = static_cast<double>(p.depth(x, y));
+      const Vec3f v = p.sheet.vertices(x, y);
+      CHECK(static_cast<double>(v.x) == doctest::Approx(d * ((x + 0.5) / 20 - 1 + 0.125) * half_width).epsilon(1e-5));
+      CHECK(static_cast<double>(v.y) == doctest::Approx(d * ((y + 0.5) / 15 - 1 - 0.3) * half_height).epsilon(1e-5));
+      CHECK(v.z == p.depth(x, y));
+    }
+  }
+  const Intrinsics none = with_offsets(camera, p.depth.shape(), {0, 0});
+  CHECK(none.cx == camera.cx);
+  CHECK(none.cy == camera.cy);
+}
+
 TEST_CASE("the diagonal has the smaller depth jump, a tie goes from upper left to lower right") {
   Picture p({2, 2});
   p.depth(0, 0) = 5;  // A, against D = 10: jump 5 on A-D, 0 on B-C

@@ -7,6 +7,7 @@
 
 #include "fixture.hpp"
 #include "tool/albedo_evaluation.hpp"
+#include "tool_fixture.hpp"
 
 namespace {
 
@@ -48,7 +49,6 @@ struct Street {
     scene.camera = {400, 400, 240, 135};
     scene.image = ImageView<const Rgb8>(day.data(), shape);
     scene.labels = ImageView<const Label>(labels.data(), shape);
-    scene.albedo = ImageView<const Vec3f>(albedo.data(), shape);
     scene.depth = ImageView<const float>(depth.data(), shape);
     refined.labels = scene.labels;
     refined.surface = ImageView<std::uint8_t>(surface.data(), shape);
@@ -59,7 +59,7 @@ struct Street {
   [[nodiscard]] AlbedoErrors errors() const {
     ThreadPool pool(1);
     AlbedoErrors out;
-    REQUIRE(albedo_errors({}, scene, refined, pool, out).ok());
+    REQUIRE(albedo_errors({}, scene, ImageView<const Vec3f>(albedo.data(), shape), refined, pool, out).ok());
     return out;
   }
 };
@@ -90,4 +90,20 @@ TEST_CASE("a shadow that the estimate cannot know counts as one that is left; ev
   const AlbedoErrors even = Street({2, 2, 2}).errors();
   CHECK(!std::isfinite(even.sunlit_over_shadowed));
   CHECK(error_of(even, "all") < 0.15);
+}
+
+TEST_CASE("tool: a scene without materials is judged by its truth, and comes out as the same scene with them") {
+  using namespace tool_test;
+  const std::string street = fixture().out("without_materials");
+  REQUIRE(run_tool("street '" + street + "' --seed 1 --size 320x180 --albedo none --quiet").status == 0);
+  REQUIRE(!json_of(street + "/scene.json").contains("albedo"));
+  const auto albedo_of = [](const std::string& scene, const std::string& name) {
+    const std::string file = fixture().out(name);
+    const Run run = run_tool("evaluate '" + scene + "' --size 160x90 --quiet -o '" + file + "'");
+    REQUIRE_MESSAGE(run.status == 0, run.output);
+    return json_of(file).at("albedo");
+  };
+  const nlohmann::json without = albedo_of(street, "without.json");
+  REQUIRE(without.is_object());
+  CHECK(without == albedo_of(fixture().street, "with.json"));
 }

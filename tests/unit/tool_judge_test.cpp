@@ -31,6 +31,25 @@ TEST_CASE("tool: judge makes streets, true nights, pictures and a table; evaluat
   REQUIRE_MESSAGE(evaluated.status == 0, evaluated.output);
   CHECK(json_of(figures).at("nights") == judged.at("3"));
 
+  // The same street measured by a laser: the same rows, and two more with their ratios.
+  REQUIRE(run_tool(command + " --depth lidar").status == 0);
+  const nlohmann::json both = json_of(folder + "/judge.json");
+  REQUIRE(both.at("3").size() == judged.at("3").size() + 2);
+  for (std::size_t i = 0; i < judged.at("3").size(); ++i) CHECK(both.at("3").at(i) == judged.at("3").at(i));
+  const auto median = [&](const std::string& name) {
+    for (const nlohmann::json& row : both.at("3")) {
+      if (row.at("night") == name) return row.at("log2_luminance").at("median").get<double>();
+    }
+    return 0.0;
+  };
+  const nlohmann::json& ratios = both.at("ratios");
+  CHECK(ratios.at("network").at("given_materials") == 1.0);
+  CHECK(ratios.at("lidar").at("given_materials").get<double>() * median("+ refined depth") ==
+        doctest::Approx(median("lidar depth")));
+  CHECK(ratios.at("lidar").at("estimated_materials").get<double>() * median("+ estimated materials") ==
+        doctest::Approx(median("lidar, estimated materials")));
+  CHECK(median("lidar depth") > 0.0);
+
   // What is there is kept: the true night is not computed again.
   const std::string truth = bytes_of(folder + "/truth_3.pfm");
   REQUIRE(run_tool(command).status == 0);

@@ -8,7 +8,9 @@
 #define NPSIM_CORE_SCENE_VIEW_HPP
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <string_view>
 
 #include "npsim/core/annotation.hpp"
 #include "npsim/core/camera.hpp"
@@ -29,6 +31,14 @@ enum class DepthSource : std::uint8_t {
   exact     // rendered
 };
 inline constexpr std::array<const char*, 5> kDepthSourceNames = {"unknown", "network", "stereo", "lidar", "exact"};
+
+// The source of that name; unknown where it names none.
+[[nodiscard]] constexpr DepthSource depth_source_named(std::string_view name) noexcept {
+  for (std::size_t i = 0; i < kDepthSourceNames.size(); ++i) {
+    if (name == kDepthSourceNames[i]) return static_cast<DepthSource>(i);
+  }
+  return DepthSource::unknown;
+}
 
 struct SceneView {
   Intrinsics camera;

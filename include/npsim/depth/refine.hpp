@@ -212,7 +212,7 @@ inline void adam_rows(const RefineParams& params, const LossProblem<float>& prob
 // depth: gets the result, in the layout of the problem's planes.
 template <class Executor>
 [[nodiscard]] Status minimise_with_adam(const RefineParams& params, LossProblem<float>& problem, Shape shape,
-                                        ImageView<float>& depth, Span<float> loss_curve, RefineResult& done,
+                                        ImageView<float>& depth, Span<LossValues> loss_curve, RefineResult& done,
                                         Workspace& workspace, Executor& executor) noexcept {
   AdamState s;
   Span<double> history;
@@ -234,7 +234,7 @@ template <class Executor>
     if (!std::isfinite(done.last.total)) return {StatusCode::not_finite, "refine: the loss is not finite"};
     if (step == 0) done.first = done.last;
     history[index] = done.last.total;
-    if (index < loss_curve.size()) loss_curve[index] = static_cast<float>(done.last.total);
+    if (index < loss_curve.size()) loss_curve[index] = done.last;
     done.steps = step;
     if (step == params.adam.steps) {
       done.reason = StopReason::all_steps;
@@ -296,7 +296,7 @@ void take_step(const LossProblem<float>& problem, const GridLevel& level, ImageV
 // depth: gets the result, in the layout of the problem's planes.
 template <class V, class Executor>
 [[nodiscard]] Status minimise_with_gauss_newton(const GaussNewtonParams& params, LossProblem<float>& problem,
-                                                Shape shape, ImageView<float>& depth, Span<float> loss_curve,
+                                                Shape shape, ImageView<float>& depth, Span<LossValues> loss_curve,
                                                 RefineResult& done, Workspace& workspace, Executor& executor) noexcept {
   Multigrid grid;
   NewtonVectors v;
@@ -316,7 +316,7 @@ template <class V, class Executor>
   const auto record = [&](int step) {
     done.steps = step;
     const auto index = static_cast<std::size_t>(step);
-    if (index < loss_curve.size()) loss_curve[index] = static_cast<float>(done.last.total);
+    if (index < loss_curve.size()) loss_curve[index] = done.last;
   };
   const auto stop = [&done](StopReason reason) {
     done.reason = reason;
@@ -376,12 +376,12 @@ template <class V, class Executor>
 
 }  // namespace depth_detail
 
-// output: the shape of the depth, may be the same memory. loss_curve: gets the total loss before each step and at the
-// end, as far as it reaches; unused elements are left alone. Status not_finite if a loss is not finite.
+// output: the shape of the depth, may be the same memory. loss_curve: gets the losses before each step and at the end,
+// as far as it reaches; unused elements are left alone. Status not_finite if a loss is not finite.
 // V: the batch; the result is the same for all.
 template <class V = simd::F32, class Executor>
 [[nodiscard]] Status refine_with_normals(const RefineParams& params, const LossInput<float>& input,
-                                         ImageView<float> output, Span<float> loss_curve, RefineResult& result,
+                                         ImageView<float> output, Span<LossValues> loss_curve, RefineResult& result,
                                          Workspace& workspace, Executor& executor) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(params));
   NPSIM_RETURN_IF_ERROR(depth_detail::check_loss_input(input));

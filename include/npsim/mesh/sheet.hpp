@@ -5,7 +5,8 @@
 //
 //   V(x, y) = [(u - cx) d / fx, (v - cy) d / fy, d],  u = x + 0.5, v = y + 0.5        equation (3.1), offsets 0
 //
-// (3.1) after Hu et al., "Worldsheet", ICCV 2021, with general intrinsics in place of a field of view.
+// (3.1) after Hu et al., "Worldsheet", ICCV 2021, with general intrinsics in place of a field of view. Its offsets, one
+// pair for all vertices, are a shift of the principal point: with_offsets().
 //
 // Invariant: those of a layer. Cost: one pass, depth in and vertices and quads out: about the time of copying the
 // output. Memory: 10 KiB of stack. Error: of unproject(), at most 2.5 ulp a component (one subtraction, one product,
@@ -38,6 +39,13 @@ struct SheetParams {
     return {StatusCode::invalid_argument, "sheet depth range must satisfy 0 < min < max < infinity"};
   }
   return {};
+}
+
+// The camera whose sheet has the offsets of (3.1), in its coordinates, in which the picture spans -1 to 1 both ways:
+// (x^ + offset) tan(theta / 2) = (u - cx + offset width / 2) / fx.
+[[nodiscard]] constexpr Intrinsics with_offsets(const Intrinsics& k, Shape shape, Vec2f offset) noexcept {
+  return {k.fx, k.fy, k.cx - 0.5F * static_cast<float>(shape.width) * offset.x,
+          k.cy - 0.5F * static_cast<float>(shape.height) * offset.y};
 }
 
 namespace mesh_detail {

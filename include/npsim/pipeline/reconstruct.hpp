@@ -12,6 +12,7 @@
 #define NPSIM_PIPELINE_RECONSTRUCT_HPP
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -19,6 +20,7 @@
 #include "npsim/core/observe.hpp"
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
@@ -61,6 +63,8 @@ enum class TracedFaces {
 
 struct ReconstructParams {
   SheetParams sheet;
+  // Offsets of (3.1), see with_offsets(); the thesis predicts none. They move the mesh against photograph and lamps.
+  Vec2f offset{0.0F, 0.0F};
   PruneParams prune;
   // At the outlines of objects depth is not trusted: where windows so many pixels wide fire in (3.3). Refined depth has
   // its edges where the labels have theirs, so that few pixels do. 0: the depth's own uncertain map, as in the thesis.
@@ -93,6 +97,9 @@ struct ReconstructParams {
   }
   if (params.outline_px < 0 || params.outline_px > 256) {
     return {StatusCode::invalid_argument, "reconstruct: outlines are up to 256 pixels wide"};
+  }
+  if (!(std::fabs(params.offset.x) <= 1.0F && std::fabs(params.offset.y) <= 1.0F)) {
+    return {StatusCode::invalid_argument, "reconstruct: offsets of the sheet are at most half a picture"};
   }
   NPSIM_RETURN_IF_ERROR(validate(params.sheet));
   NPSIM_RETURN_IF_ERROR(validate(params.prune));
@@ -209,6 +216,13 @@ struct SceneMeshSize {
 
 namespace reconstruct_detail {
 
+// The scene with the camera on whose rays the vertices lie.
+[[nodiscard]] inline SceneView seen_by_sheet(const ReconstructParams& params, const SceneView& scene) noexcept {
+  SceneView out = scene;
+  out.camera = with_offsets(scene.camera, scene.shape(), params.offset);
+  return out;
+}
+
 inline void find_visible(const SceneMesh& mesh, ImageView<const Label> labels, LabelSet foreground,
                          ImageView<const std::uint8_t> surface, ImageView<std::uint32_t> visible) {
   const Shape shape = visible.shape();
@@ -299,8 +313,9 @@ template <class Executor>
 }  // namespace reconstruct_detail
 
 template <class Executor, class Observer>
-Status build_layers(const ReconstructParams& params, const SceneView& scene, const RefinedDepth& refined,
+Status build_layers(const ReconstructParams& params, const SceneView& given, const RefinedDepth& refined,
                     Workspace& workspace, Executor& executor, Observer& observer, SceneLayers& out) {
+  const SceneView scene = reconstruct_detail::seen_by_sheet(params, given);
   const Shape shape = scene.shape();
   NPSIM_RETURN_IF_ERROR(workspace.ensure(layers_workspace_bytes(params, shape)));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.object));
@@ -348,9 +363,10 @@ Status build_layers(const ReconstructParams& params, const SceneView& scene, con
 
 // `refined` and `layers` are what the mesh's views go on to show: they stay as long as it.
 template <class Executor, class Observer>
-Status build_mesh(const ReconstructParams& params, const SceneView& scene, const RefinedDepth& refined,
+Status build_mesh(const ReconstructParams& params, const SceneView& given, const RefinedDepth& refined,
                   const SceneLayers& layers, Workspace& workspace, Executor& executor, Observer& observer,
                   SceneMesh& out) {
+  const SceneView scene = reconstruct_detail::seen_by_sheet(params, given);
   const Shape shape = scene.shape();
   observer.begin(Stage::mesh);
   const SceneMeshSize room = mesh_size(params, layers);

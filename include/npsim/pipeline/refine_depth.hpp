@@ -26,6 +26,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/observe.hpp"
 #include "npsim/core/scene_view.hpp"
+#include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/anchor_ground.hpp"
@@ -35,6 +36,7 @@
 #include "npsim/depth/ground_mismatches.hpp"
 #include "npsim/depth/guiding_normals.hpp"
 #include "npsim/depth/kerb_faces.hpp"
+#include "npsim/depth/losses.hpp"
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/depth/outliers.hpp"
 #include "npsim/depth/planar_segments.hpp"
@@ -95,6 +97,9 @@ struct RefineDepthParams {
   KerbFaceParams kerbs;
   GroundMismatchParams ground_mismatches;  // of stereo
   SmoothSurfacesParams smooth;
+  // The caller's memory for the losses before each step of the refinement and at its end (figure 4.4), at most
+  // refine_max_steps() + 1 of them; RefinedDepth::refinement says how many there were. Empty: none are kept.
+  Span<LossValues> loss_curve;
 
   [[nodiscard]] static constexpr RefineDepthParams thesis() noexcept {
     RefineDepthParams params;
@@ -447,6 +452,7 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(guiding_normals(params.normals, scene.normals, out.depth, out.labels, objects, out.noise,
                                         out.planes, scene.camera, out.ground, out.normals, workspace, executor));
   // Normals of measured depth know nothing that it does not.
+  out.refinement = RefineResult{};
   if (out.trust.bounded && scene.normals.empty()) return {};
   ImageView<std::uint8_t> edges;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), edges));
@@ -462,7 +468,7 @@ template <class Executor>
   input.uncertain = edges;
   input.labels = out.labels;
   input.intrinsics = scene.camera;
-  return refine_with_normals(params.refine, input, out.depth, Span<float>(), out.refinement, workspace, executor);
+  return refine_with_normals(params.refine, input, out.depth, params.loss_curve, out.refinement, workspace, executor);
 }
 
 // Stereo and laser show the faces of kerbs as ramps, and a step between two of their pixels is noise: surfaces are

@@ -54,11 +54,8 @@ inline Outcome read_depth_source(const JsonObject& entry, DepthEncoding encoding
   if (!entry.has("source")) return Done{};
   const Expected<std::string> name = entry.text("source");
   if (!name) return name.error();
-  for (std::size_t i = 1; i < kDepthSourceNames.size(); ++i) {
-    if (name.value() != kDepthSourceNames[i]) continue;
-    source = static_cast<DepthSource>(i);
-    return Done{};
-  }
+  source = depth_source_named(name.value());
+  if (source != DepthSource::unknown) return Done{};
   return Error{entry.file(), entry.field("source"),
                "is '" + name.value() + "', expected network, stereo, lidar or exact"};
 }

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+// Groups of labels by which depth and normals are judged.
+#ifndef NPSIM_SAMPLES_TOOL_LABEL_GROUPS_HPP
+#define NPSIM_SAMPLES_TOOL_LABEL_GROUPS_HPP
+
+#include <array>
+
+#include "npsim/labels/cityscapes.hpp"
+
+namespace npsim::tool {
+
+struct LabelGroup {
+  const char* name;
+  LabelSet labels;
+};
+
+// The first holds everything.
+inline constexpr std::array<LabelGroup, 8> kLabelGroups = {{
+    {"all", LabelSet::all()},
+    {"ground",
+     LabelSet::of(label::ground, label::road, label::sidewalk, label::parking, label::rail_track, label::terrain)},
+    {"facades", LabelSet::of(label::building, label::wall, label::bridge, label::tunnel)},
+    {"fences", LabelSet::of(label::fence, label::guard_rail)},
+    {"plants", LabelSet::of(label::vegetation)},
+    {"vehicles", kVehicleLabels},
+    {"persons", LabelSet::of(label::person, label::rider)},
+    {"thin", LabelSet::of(label::pole, label::polegroup, label::traffic_light, label::traffic_sign)},
+}};
+
+}  // namespace npsim::tool
+
+#endif  // NPSIM_SAMPLES_TOOL_LABEL_GROUPS_HPP
