@@ -92,6 +92,7 @@
 #include "npsim/material/albedo.hpp"
 #include "npsim/material/albedo_scene.hpp"
 #include "npsim/material/bsdf.hpp"
+#include "npsim/material/retroreflection.hpp"
 #include "npsim/material/roughness.hpp"
 
 // section 3.6: light transport

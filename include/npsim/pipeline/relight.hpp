@@ -68,6 +68,7 @@ struct RelightParams {
   NPSIM_RETURN_IF_ERROR(validate(p.sky));
   NPSIM_RETURN_IF_ERROR(validate(p.material.albedo));
   NPSIM_RETURN_IF_ERROR(validate(p.material.roughness));
+  NPSIM_RETURN_IF_ERROR(validate(p.material.retroreflection));
   NPSIM_RETURN_IF_ERROR(validate(p.ego));
   if (p.bounces < 1 || p.bounces > 16) return {StatusCode::invalid_argument, "relight: bounces in 1..16"};
   if (!(p.f0 >= 0.0F && p.f0 <= 1.0F)) return {StatusCode::invalid_argument, "relight: f0 in [0, 1]"};
@@ -137,6 +138,7 @@ struct RelightSize {
       2 * allocation_bytes<float>(emitters) + allocation_bytes<Vec3f>(emitters) +
       allocation_bytes<std::uint32_t>(size.marks) + 2 * allocation_bytes<float>(size.marks) +
       2 * allocation_bytes<Vec3f>(size.points) + 2 * allocation_bytes<float>(size.points) +
+      allocation_bytes<Retroreflector>(size.points) +
       allocation_bytes<std::uint32_t>(size.receivers) + allocation_bytes<std::uint32_t>(size.receivers * rays) +
       allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<std::uint8_t>(traced_lamps * size.points);
   const std::size_t trace = scene_rays_workspace_bytes(traced, shape, size.faces, size.backs) +
@@ -293,6 +295,7 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, surface.normal));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, surface.albedo));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, surface.alpha));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, surface.retro));
   NPSIM_RETURN_IF_ERROR(
       surface_attributes(params.material, scene, refined, mesh, surface, workspace, executor));
   Span<float> lift_m;
@@ -300,7 +303,7 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   ray_lifts(mesh, refined.trust.bounded ? refined.noise : DepthNoise{}, surface.normal, lift_m, executor);
   observer.end(Stage::material);
 
-  out.points = SurfacePoints{mesh.mesh.vertices, surface.normal, surface.albedo, surface.alpha, lift_m};
+  out.points = SurfacePoints{mesh.mesh.vertices, surface.normal, surface.albedo, surface.alpha, lift_m, surface.retro};
   out.visible_point = mesh.visible_vertex;
   out.emitters = emitters;
   out.activations = activations;

@@ -3,6 +3,8 @@
 //
 //   E(p) = sum_e V(e, p) I_e f_e(direction) cos / d^2                       illuminance, lx, linear RGB
 //   L(p) = sum_e V(e, p) I_e f_e(direction) cos / d^2 * bsdf(camera, light)   luminance towards the camera, cd/m2
+//        + sum_e V(e, p) I_e f_e(direction) / d^2 * albedo * strength * retroreflection(camera, light)
+// What is retroreflected reaches the camera alone: no other surface lies where the lamp is.
 // Emitters count as points at their centre here; their extent enters through V and the bounded distance. Against the
 // integral over the patch, with d in units of its longer side: within 5 % from d = 2 where receiver and patch face each
 // other, 15 % where they stand at right angles (a pavement under a shop window), 7 % from d = 3; unbounded where the
@@ -21,11 +23,21 @@
 #include "npsim/light/activation.hpp"
 #include "npsim/light/emitter.hpp"
 #include "npsim/material/bsdf.hpp"
+#include "npsim/material/retroreflection.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/render/visibility.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
+
+// Of light that comes from a unit direction and makes the illuminance `received` on the surface.
+[[nodiscard]] inline Vec3f retroreflected(const SurfacePoints& points, std::size_t p, const Vec3f& received,
+                                          const Vec3f& to_camera, const Vec3f& to_light) noexcept {
+  const Retroreflector retro = points.retro[p];
+  const float cosine = dot(points.normal[p], to_light);
+  const float per_lx = eval_retroreflection(retro.kind, points.normal[p], to_camera, to_light);
+  return cosine > 0.0F ? points.albedo[p] * received * (retro.strength * per_lx / cosine) : Vec3f{};
+}
 
 // `activations` and `emitters` agree in length; `visibility` is that of compute_visibility().
 template <class Executor>
@@ -49,8 +61,12 @@ Status direct_light(const SurfacePoints& points, Span<const Emitter> emitters, S
         const float per_cd = illuminance_per_cd(emitters[e], points.position[p], points.normal[p], to_light);
         const Vec3f received = intensity * (per_cd * static_cast<float>(seen[p]) * (1.0F / 255.0F));
         illuminance[p] += received;
-        luminance_out[p] += received * eval_bsdf(points.albedo[p], points.alpha[p], f0, points.normal[p],
-                                                 normalized(-points.position[p]), to_light);
+        const Vec3f to_camera = normalized(-points.position[p]);
+        luminance_out[p] +=
+            received * eval_bsdf(points.albedo[p], points.alpha[p], f0, points.normal[p], to_camera, to_light);
+        if (!points.retro.empty() && points.retro[p].kind != RetroKind::none) {
+          luminance_out[p] += retroreflected(points, p, received, to_camera, to_light);
+        }
       }
     }
   });

@@ -15,6 +15,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/material/albedo.hpp"
+#include "npsim/material/retroreflection.hpp"
 #include "npsim/material/roughness.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
@@ -40,12 +41,14 @@ inline namespace NPSIM_ABI {
 struct MaterialParams {
   AlbedoParams albedo;
   RoughnessParams roughness;
+  RetroreflectionParams retroreflection;
 };
 
 struct SurfaceAttributes {
   Span<Vec3f> normal;  // unit, facing the camera; of an object's back, away from the object
   Span<Vec3f> albedo;
   Span<float> alpha;
+  Span<Retroreflector> retro;  // of what pixels show; nothing that is hidden has any
 };
 
 inline constexpr float kHiddenAlpha = 0.8F;
@@ -54,7 +57,8 @@ inline constexpr float kHiddenAlpha = 0.8F;
 [[nodiscard]] constexpr std::size_t surface_attributes_workspace_bytes(const MaterialParams& params, Shape shape,
                                                                        bool guessed) noexcept {
   return 2 * allocation_bytes<Vec3f>(shape.pixels()) + allocation_bytes<float>(shape.pixels()) +
-         allocation_bytes<std::uint8_t>(shape.pixels()) +
+         allocation_bytes<std::uint8_t>(shape.pixels()) + allocation_bytes<Retroreflector>(shape.pixels()) +
+         find_retroreflectors_workspace_bytes(shape) +
          (guessed ? estimate_albedo_workspace_bytes(params.albedo, shape) : 0) + kWorkspaceAlignment;
 }
 
@@ -90,10 +94,12 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
   ImageView<Vec3f> normal;
   ImageView<float> alpha;
   ImageView<std::uint8_t> known;
+  ImageView<Retroreflector> retro;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, albedo));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, normal));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, alpha));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, known));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, retro));
   if (scene.albedo.empty()) {
     DaylightReport daylight;
     NPSIM_RETURN_IF_ERROR(estimate_albedo(params.albedo, albedo_scene(scene, refined), workspace,
@@ -113,6 +119,8 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
       for (int x = 0; x < shape.width; ++x) alpha(x, y) = share(scene.roughness(x, y));
     }
   }
+  NPSIM_RETURN_IF_ERROR(find_retroreflectors(params.retroreflection, params.roughness.wetness, scene.labels, albedo,
+                                             retro, workspace, executor));
   copy_pixels(refined.normals, normal);
 
   const auto width = static_cast<std::uint32_t>(shape.width);
@@ -128,6 +136,7 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
       out.albedo[v] = albedo(x, y);
       const bool hidden = hidden_too && known(x, y) == row_state::missing;
       out.alpha[v] = hidden ? kHiddenAlpha : alpha(x, y);
+      out.retro[v] = mesh.visible_vertex(x, y) == v ? retro(x, y) : Retroreflector{};
     }
   };
   copy(mesh.background_vertices, mesh.mesh.vertices.size(), false);
