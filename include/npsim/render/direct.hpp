@@ -4,11 +4,11 @@
 //   E(p) = sum_e V(e, p) I_e f_e(direction) cos / d^2                       illuminance, lx, linear RGB
 //   L(p) = sum_e V(e, p) I_e f_e(direction) cos / d^2 * bsdf(camera, light)   luminance towards the camera, cd/m2
 //        + sum_e V(e, p) I_e f_e(direction) / d^2 * albedo * strength * retroreflection(camera, light)
-// What is retroreflected reaches the camera alone: no other surface lies where the lamp is.
-// Emitters count as points at their centre here; their extent enters through V and the bounded distance. Against the
-// integral over the patch, with d in units of its longer side: within 5 % from d = 2 where receiver and patch face each
-// other, 15 % where they stand at right angles (a pavement under a shop window), 7 % from d = 3; unbounded where the
-// patch straddles the receiver's horizon, which lamps of a street's size do in a narrow strip only.
+// f0: of dry surfaces; under a film of water its own. What is retroreflected reaches the camera alone: no other surface lies where the lamp is.
+// Lit surfaces (windows, signs) within eight of their sides count by Lambert's closed form for their rectangle, exact to
+// .1 % where nothing stands in the way; what hides a part of them counts by V as if it hid its share everywhere. Beyond,
+// and for every other lamp, a point at the centre stands for them, within 1 %; gloss takes the mean direction of the
+// light, so a mirrored window is as wide as the lobe.
 // Cost: one evaluation per pair with V > 0. Every point sums in emitter order, so the bits never depend on threads.
 #ifndef NPSIM_RENDER_DIRECT_HPP
 #define NPSIM_RENDER_DIRECT_HPP
@@ -24,6 +24,7 @@
 #include "npsim/light/emitter.hpp"
 #include "npsim/material/bsdf.hpp"
 #include "npsim/material/retroreflection.hpp"
+#include "npsim/material/wet_film.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/render/visibility.hpp"
 
@@ -62,8 +63,9 @@ Status direct_light(const SurfacePoints& points, Span<const Emitter> emitters, S
         const Vec3f received = intensity * (per_cd * static_cast<float>(seen[p]) * (1.0F / 255.0F));
         illuminance[p] += received;
         const Vec3f to_camera = normalized(-points.position[p]);
-        luminance_out[p] +=
-            received * eval_bsdf(points.albedo[p], points.alpha[p], f0, points.normal[p], to_camera, to_light);
+        const float interface_f0 = points.film.empty() ? f0 : film_f0(f0, points.film[p]);
+        luminance_out[p] += received * eval_bsdf(points.albedo[p], points.alpha[p], interface_f0, points.normal[p],
+                                                 to_camera, to_light);
         if (!points.retro.empty() && points.retro[p].kind != RetroKind::none) {
           luminance_out[p] += retroreflected(points, p, received, to_camera, to_light);
         }
