@@ -6,7 +6,8 @@
 // Rays that leave below the receiver's horizon do not count: what lies there is no part of the illuminance.
 // An occluder that hides part of a patch but none of the four rays is missed. It does not depend on which lamps are
 // lit, nor on their strength or colour, so every night of one day shares it.
-// Effort follows what is at stake, the unshadowed illuminance E at the emitter's peak intensity over all variants:
+// Effort follows what is at stake, the unshadowed illuminance E at the emitter's peak intensity over all variants, times
+// kShine where a surface mirrors or retroreflects:
 //   E < cutoff_lx         V = 0, as for points behind the emitter or turned away from it
 //   E < 50 cutoff_lx      every 16th point is traced; those between take the value of the last one, their neighbour
 //                         in a row of the image, unless depth or normal say that it is another surface
@@ -93,6 +94,16 @@ inline constexpr float kPointFromSides = 8.0F;
 
 namespace visibility_detail {
 
+// How much brighter than a matt surface a wet road or a sign may look: GGX of alpha .12 has f = 5/sr where asphalt has
+// .02, sheeting .3 to 250 where white has .13. [default] for both.
+inline constexpr float kShine = 100.0F;
+
+[[nodiscard]] inline float shine(const SurfacePoints& points, std::size_t p) noexcept {
+  const bool wet = !points.film.empty() && points.film[p] != 0;
+  const bool sign = !points.retro.empty() && points.retro[p].kind == RetroKind::sheeting;
+  return wet || sign ? kShine : 1.0F;
+}
+
 inline constexpr std::size_t kPointsPerChunk = 2048;
 inline constexpr std::size_t kRaysPerBatch = 256;  // room for the rays of one point
 
@@ -115,7 +126,8 @@ inline void plan_chunk(const VisibilityParams& params, const SurfacePoints& poin
     like = kDark;
     if (!wanted.empty() && wanted[p] == 0) continue;
     Vec3f to_light;
-    const float unshadowed = peak_cd * illuminance_per_cd(emitter, points.position[p], points.normal[p], to_light);
+    const float unshadowed = shine(points, p) * peak_cd *
+                             illuminance_per_cd(emitter, points.position[p], points.normal[p], to_light);
     if (!(unshadowed > params.cutoff_lx)) continue;
     if (plan.count > 0) {
       const std::size_t stride =
