@@ -215,7 +215,7 @@ struct SurfaceSample {
   Vec3d albedo;
   double alpha = 1;
   std::uint32_t lamp = 0;  // whose glass it is, 0: nobody's
-  Retroreflector retro;    // of a point that a pixel shows; what paths reach has none
+  Retroreflector retro = {};  // of a point that a pixel shows; what paths reach has none
 
   // What it retroreflects of light from wi, per illuminance across the beam.
   [[nodiscard]] Vec3d retroreflected(const Vec3d& wo, const Vec3d& wi) const {
