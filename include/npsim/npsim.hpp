@@ -93,12 +93,15 @@
 #include "npsim/material/albedo.hpp"
 #include "npsim/material/albedo_scene.hpp"
 #include "npsim/material/bsdf.hpp"
+#include "npsim/material/retroreflection.hpp"
 #include "npsim/material/roughness.hpp"
+#include "npsim/material/wet_film.hpp"
 
 // section 3.6: light transport
 #include "npsim/render/denoise.hpp"
 #include "npsim/render/direct.hpp"
 #include "npsim/render/gather.hpp"
+#include "npsim/render/mirror.hpp"
 #include "npsim/render/preview.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/render/visibility.hpp"

@@ -99,6 +99,9 @@ int main(int argc, char** argv) {
       "--lights", night.light_set,
       "JSON list of measured light sources [{class, strength, xy | rg_bg}] that replaces the built-in "
       "strengths and colours of the classes it names");
+  night_app->add_option("--wet", night.wet, "How wet road and pavement are: 0 dry, 1 under a closed film of water")
+      ->check(within(0.0, 1.0))
+      ->capture_default_str();
   night_app
       ->add_option("--mesh-error", night.mesh_error,
                    "Relative error of depth that the exported mesh is simplified to; 0: faces between "

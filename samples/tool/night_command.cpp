@@ -260,6 +260,7 @@ int run_night(const NightOptions& options) {
   params.seed = options.seed;
   params.photograph = scene.photograph;
   params.variants = options.variants;
+  params.relight.material.film.wetness = options.wet;
   if (options.mesh_error >= 0.0F) {
     params.mesh.simplify_faces = options.mesh_error > 0.0F;
     params.mesh.simplify.max_relative_depth_error = options.mesh_error;

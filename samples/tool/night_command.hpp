@@ -17,6 +17,7 @@ struct NightOptions {
   int threads = 0;
   std::string size;
   std::string light_set;
+  float wet = 0.0F;          // share of the ground under a film of water
   std::string texture = "photograph";
   float mesh_error = -1.0F;  // relative, of depth; 0: not simplified; negative: as the preset has it
   bool quiet = false;

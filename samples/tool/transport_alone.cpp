@@ -29,8 +29,15 @@ class Comparison {
         Span<const std::uint16_t>(mark.data(), mark.size()), light.emitters, light.of_variant(0), light.sky,
         params_.relight.f0);
     const reference::TriangleTree tree(night.mesh());
-    const std::vector<reference::ViewedPoint> seen =
+    std::vector<reference::ViewedPoint> seen =
         reference::viewed_points(night, tree, scene_.camera, scene_.shape());
+    std::size_t pixel = 0;
+    for (int y = 0; y < scene_.shape().height; ++y) {
+      for (int x = 0; x < scene_.shape().width; ++x, ++pixel) {
+        const std::uint32_t point = light.visible_point(x, y);
+        if (point != kNoPoint) seen[pixel].at.retro = light.points.retro[point];
+      }
+    }
     reference::PathParams path;
     path.seed = params_.seed;
     path.bounces = params_.relight.bounces;

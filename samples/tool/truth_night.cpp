@@ -161,10 +161,23 @@ struct DrawnLamp {
   return io::Done{};
 }
 
+// What the pixels retroreflect, by their labels and their true albedo.
+[[nodiscard]] io::Image<Retroreflector> retroreflectors(const io::Scene& scene) {
+  io::Image<Retroreflector> out(scene.shape());
+  if (scene.labels.empty() || scene.albedo.empty()) return out;
+  std::vector<unsigned char> memory(find_retroreflectors_workspace_bytes(scene.shape()));
+  Workspace workspace(memory.data(), memory.size());
+  SerialExecutor serial;
+  const Status found =
+      find_retroreflectors({}, 0.0F, scene.labels.view(), scene.albedo.view(), out.view(), workspace, serial);
+  return found.ok() ? out : io::Image<Retroreflector>(scene.shape());
+}
+
 // What each pixel's centre shows.
 void look(const io::Scene& scene, const SkyParams& sky, const std::map<std::uint32_t, Vec3f>& luminance,
           TruthNight& night) {
   const Shape shape = scene.shape();
+  const io::Image<Retroreflector> retro = retroreflectors(scene);
   night.shape = shape;
   night.seen = reference::viewed_points(night.scene, night.tree, scene.intrinsics, shape);
   night.emitted.assign(shape.pixels(), {});
@@ -180,6 +193,7 @@ void look(const io::Scene& scene, const SkyParams& sky, const std::map<std::uint
       }
       if (!scene.albedo.empty()) seen.at.albedo = vec_cast<double>(scene.albedo(x, y));
       if (!scene.roughness.empty()) seen.at.alpha = static_cast<double>(scene.roughness(x, y));
+      seen.at.retro = retro(x, y);
       const auto lit = luminance.find(night.scene.lamp_of_face(seen.face));
       if (lit != luminance.end()) night.emitted[p] = vec_cast<double>(lit->second);
     }
@@ -264,6 +278,8 @@ std::uint64_t fingerprint(const TruthNight& night, const reference::PathParams& 
     hash.add(seen.at.position);
     hash.add(seen.at.albedo);
     hash.add(seen.at.alpha);
+    hash.add(seen.at.retro.kind);
+    hash.add(seen.at.retro.strength);
   }
   return hash.value();
 }

@@ -61,7 +61,8 @@ class LampsOfPoint {
         const double spread = lamp.radius / distance;
         const double cosine = std::min(along / distance, 1.0);
         // A smooth surface may mirror a part of the lamp that is not its centre: a tenth of a white wall's share.
-        const double reflected = luminance_of(material.eval(at.normal, wo, to_lamp)) + 0.1 / kPi;
+        const double reflected = luminance_of(material.eval(at.normal, wo, to_lamp)) + 0.1 / kPi +
+                                 luminance_of(at.retroreflected(wo, to_lamp)) / std::max(cosine, 1e-3);
         sum += estimated_intensity(lamp, -to_lamp, spread) * cosine * reflected /
                std::max(squared, 0.25 * lamp.radius * lamp.radius);
       }

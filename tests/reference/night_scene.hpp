@@ -23,6 +23,7 @@
 #include "npsim/light/emitter.hpp"
 #include "npsim/light/photometry.hpp"
 #include "npsim/light/sky.hpp"
+#include "npsim/material/retroreflection.hpp"
 #include "rough_dielectric.hpp"
 #include "triangle_tree.hpp"
 
@@ -214,6 +215,14 @@ struct SurfaceSample {
   Vec3d albedo;
   double alpha = 1;
   std::uint32_t lamp = 0;  // whose glass it is, 0: nobody's
+  Retroreflector retro = {};  // of a point that a pixel shows; what paths reach has none
+
+  // What it retroreflects of light from wi, per illuminance across the beam.
+  [[nodiscard]] Vec3d retroreflected(const Vec3d& wo, const Vec3d& wi) const {
+    const auto share = static_cast<double>(
+        eval_retroreflection(retro.kind, vec_cast<float>(normal), vec_cast<float>(wo), vec_cast<float>(wi)));
+    return albedo * (static_cast<double>(retro.strength) * share);
+  }
 };
 
 // Triangles; each has a material, or each vertex has one and a normal, and both are interpolated.

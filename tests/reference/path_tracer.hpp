@@ -157,7 +157,7 @@ class PathTracer {
     const auto blocks = [&](std::uint32_t face) { return lamp.faces == 0 || scene_.lamp_of_face(face) != lamp.faces; };
     if (rays_.occluded(ray, blocks)) return {};
     const double lux = intensity * cosine / (squared * choice.probability);
-    return material.eval(at.normal, wo, wi) * lamp.colour * lux;
+    return (material.eval(at.normal, wo, wi) + at.retroreflected(wo, wi) / cosine) * lamp.colour * lux;
   }
 
   // What comes by way of other surfaces, and from the sky; `of_block`: which sample of its block this is.

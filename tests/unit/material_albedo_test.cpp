@@ -310,27 +310,17 @@ TEST_CASE("albedo: strided views, and refusals") {
   CHECK(run({}, copied, tiny.workspace(), output) == StatusCode::workspace_exhausted);
 }
 
-TEST_CASE("roughness follows the label and the weather; the priors are usable") {
+TEST_CASE("roughness follows the label; the priors are usable") {
   std::vector<Label> labels = {label::road, label::building, label::car, 99};
   std::vector<float> alpha(4);
   SerialExecutor serial;
   const Shape shape{2, 2};
-  REQUIRE(estimate_roughness({}, ImageView<const Label>(labels.data(), shape), ImageView<float>(alpha.data(), shape),
-                             serial)
-              .ok());
+  REQUIRE(
+      estimate_roughness(ImageView<const Label>(labels.data(), shape), ImageView<float>(alpha.data(), shape), serial).ok());
   CHECK(alpha[0] == surface_prior(label::road).alpha);
   CHECK(alpha[2] < alpha[1]);
   CHECK(alpha[3] == surface_prior(label::unlabeled).alpha);
-  RoughnessParams wet;
-  wet.wetness = 1;
-  REQUIRE(estimate_roughness(wet, ImageView<const Label>(labels.data(), shape), ImageView<float>(alpha.data(), shape),
-                             serial)
-              .ok());
-  CHECK(alpha[0] == doctest::Approx(0.12));
   CHECK(alpha[1] == surface_prior(label::building).alpha);
-  wet.wetness = 2;
-  CHECK(estimate_roughness(wet, {}, ImageView<float>(alpha.data(), shape), serial).code() ==
-        StatusCode::invalid_argument);
   for (const SurfacePrior& s : kSurfacePriors) {
     CHECK_UNARY(s.albedo > 0.02F && s.albedo < 0.9F && s.alpha > 0.0F && s.alpha <= 1.0F);
   }

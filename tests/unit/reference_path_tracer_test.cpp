@@ -486,6 +486,17 @@ TEST_CASE("reference: from the renderer's own points and small lamps comes the r
     emitters.push_back(e);
     lit.push_back(make_activation(e, profile != EmissionProfile::signal, 1, 500, {0.4F, 0.4F}));
   }
+  // One beside the camera, whose light signs, paint and stones send back.
+  Emitter beside = emitters[1];
+  beside.centre_m = {0.3F, 0.4F, 0.5F};
+  beside.axis = {0, 0, 1};
+  emitters.push_back(beside);
+  lit.push_back(make_activation(beside, true, 1, 500, {0.4F, 0.4F}));
+  std::vector<Retroreflector> retro;
+  for (std::size_t p = 0; p < position.size(); ++p) {
+    constexpr RetroKind kKinds[] = {RetroKind::none, RetroKind::sheeting, RetroKind::beads, RetroKind::grain};
+    retro.push_back({p % 2 == 0 ? 0.3F : 500.0F, kKinds[p % 4]});
+  }
   const Span<const Emitter> lamps(emitters.data(), emitters.size());
   const Span<const Activation> activations(lit.data(), lit.size());
   const Span<const Vec3f> positions(position.data(), position.size());
@@ -496,6 +507,7 @@ TEST_CASE("reference: from the renderer's own points and small lamps comes the r
   points.albedo = {albedo.data(), albedo.size()};
   points.alpha = {alpha.data(), alpha.size()};
   points.lift_m = {lift.data(), lift.size()};
+  points.retro = {retro.data(), retro.size()};
   const std::vector<std::uint8_t> visible(points.size() * lamps.size(), 255);
   std::vector<Vec3f> illuminance(points.size()), luminance_out(points.size());
   SerialExecutor serial;
@@ -505,7 +517,7 @@ TEST_CASE("reference: from the renderer's own points and small lamps comes the r
   const TriangleMeshView mesh{positions, {faces.data(), faces.size()}};
   const NightScene scene =
       scene_of_points(mesh, points.normal, points.albedo, points.alpha, {}, lamps, activations, SkyParams{}, 0.04F);
-  CHECK(scene.lamps.size() == 3);
+  CHECK(scene.lamps.size() == 4);
   const TriangleTree tree(scene.mesh());
   std::vector<ViewedPoint> seen;
   for (const Vec3f& p : position) {
@@ -517,6 +529,7 @@ TEST_CASE("reference: from the renderer's own points and small lamps comes the r
     REQUIRE(tree.closest(ray, hit));
     point.surface = surface_at(scene, ray, hit, point.at);
     point.to_eye = normalized(-at);
+    point.at.retro = retro[seen.size()];
     seen.push_back(point);
   }
   PathParams params;

@@ -127,6 +127,95 @@ TEST_CASE("illuminance of a square lamp is within 5 % of its patch integral from
   }
 }
 
+namespace {
+
+// Illuminance per candela of a lit rectangle, by quadrature in double.
+double by_quadrature(const Emitter& e, const Vec3f& position, const Vec3f& normal) {
+  constexpr int n = 400;
+  const Vec3d u = vec_cast<double>(e.half_u_m);
+  const Vec3d v = vec_cast<double>(e.half_v_m);
+  const Vec3d middle = vec_cast<double>(e.centre_m) - vec_cast<double>(position);
+  double sum = 0;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) {
+      const Vec3d q = middle + u * (2 * (i + 0.5) / n - 1) + v * (2 * (j + 0.5) / n - 1);
+      const double r2 = dot(q, q);
+      const double received = dot(vec_cast<double>(normal), q);
+      const double sent = -dot(vec_cast<double>(e.axis), q);
+      if (received > 0 && sent > 0) sum += received * sent / (r2 * r2);
+    }
+  }
+  return sum / (n * n);
+}
+
+}  // namespace
+
+TEST_CASE("illuminance of lit surfaces nearby is that of their rectangle within .1 %, cut by the horizon too") {
+  RandomStream random(12, RandomPurpose::test, 0, 0, 0, 0);
+  int compared = 0, cut = 0, beyond = 0;
+  for (int trial = 0; trial < 600; ++trial) {
+    Emitter e = lamp_above(1.0F);
+    const auto any = [&] { return Vec3f{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)}; };
+    const Vec3f u = normalized(any());
+    e.half_u_m = u * random.uniform(0.1F, 1.0F);
+    e.half_v_m = normalized(cross(u, any())) * random.uniform(0.1F, 1.0F);
+    e.axis = normalized(cross(e.half_u_m, e.half_v_m));
+    const float side = 2 * std::max(length(e.half_u_m), length(e.half_v_m));
+    Vec3f away = normalized(any());
+    if (dot(away, e.axis) < 0) away = -away;
+    const float sides = random.uniform(0.6F, 12.0F);
+    if (dot(away, e.axis) < 0.1F) continue;
+    const Vec3f position = e.centre_m + away * (side * sides);
+    const Vec3f normal = normalized(any());
+    const double exact = by_quadrature(e, position, normal);
+    Vec3f to_light;
+    const auto got = static_cast<double>(illuminance_per_cd(e, position, normal, to_light));
+    // What a receiver that faces the middle would get.
+    const double most = by_quadrature(e, position, -away);
+    if (sides < 7.99F) {
+      CHECK(std::fabs(got - exact) <= 1e-3 * exact + 1e-5 * most);
+      ++compared;
+      if (got > 0) CHECK(dot(to_light, normal) > 0);
+    } else {
+      CHECK(std::fabs(got - exact) <= 0.01 * most);
+      ++beyond;
+    }
+    if (exact > 0 && dot(normal, away) > 0) ++cut;  // the middle lies below the horizon, and it is lit
+  }
+  CHECK(compared > 200);
+  CHECK(beyond > 50);
+  CHECK(cut > 2);
+}
+
+TEST_CASE("illuminance before a window: at its foot and at its middle, by hand; nothing behind it") {
+  // Two by two metres and 1 cd/m2. One metre before the middle, facing it: four corners of Lambert's rectangle,
+  // E = 4 * (1/2) * 2 * (1/sqrt 2) atan(1/sqrt 2) = sqrt 2 * 2 * .61548 = 1.7408 lx.
+  Emitter window;
+  window.centre_m = {0, 0, 10};
+  window.half_u_m = {1, 0, 0};
+  window.half_v_m = {0, 1, 0};
+  window.axis = {0, 0, -1};
+  window.area_m2 = 4;
+  Vec3f to_light;
+  CHECK(4.0F * illuminance_per_cd(window, {0, 0, 9}, {0, 0, 1}, to_light) == doctest::Approx(1.7408).epsilon(1e-3));
+  CHECK(to_light.z == doctest::Approx(1).epsilon(1e-4));
+  // On a pavement at the lower edge, one metre before it: (1/2) (atan(1) - (1/sqrt 5) atan(1/sqrt 5)) to either side.
+  CHECK(4.0F * illuminance_per_cd(window, {0, 1, 9}, {0, -1, 0}, to_light) ==
+        doctest::Approx(std::atan(1.0) - std::atan(1 / std::sqrt(5.0)) / std::sqrt(5.0)).epsilon(1e-3));
+  CHECK(illuminance_per_cd(window, {0, 0, 11}, {0, 0, -1}, to_light) == 0.0F);
+  CHECK(illuminance_per_cd(window, {0, 0, 10}, {0, 0, -1}, to_light) == 0.0F);
+}
+
+TEST_CASE("visibility: of a surface that the receiver's horizon cuts, what lies above it is seen whole") {
+  World world;
+  world.add_point({0, 0, 10}, {-1, 0, 0});
+  // A wall in the receiver's own plane, as any flat surface is.
+  world.add_quad({0.001F, -5, 5}, {0.001F, 5, 5}, {0.001F, 5, 15}, {0.001F, -5, 15}, {-1, 0, 0});
+  world.build();
+  const std::vector<std::uint16_t> no_marks(world.faces.size(), 0);
+  CHECK(visibility_of(world, lamp_above(3.0F), 1000, no_marks)[0] == 255);
+}
+
 TEST_CASE("visibility: free points see all, points under a half blocker half, behind it nothing, facing away nothing") {
   World world;
   world.add_point({0, 0, 10}, {0, -1, 0});   // directly below, blocker covers x > 0 half of the lamp

@@ -28,6 +28,7 @@
 #include "npsim/light/placement.hpp"
 #include "npsim/light/sky.hpp"
 #include "npsim/pipeline/detail/lamp_faces.hpp"
+#include "npsim/pipeline/detail/mirrored_image.hpp"
 #include "npsim/pipeline/detail/own_car.hpp"
 #include "npsim/pipeline/detail/ray_starts.hpp"
 #include "npsim/pipeline/detail/scene_rays.hpp"
@@ -38,6 +39,7 @@
 #include "npsim/render/denoise.hpp"
 #include "npsim/render/direct.hpp"
 #include "npsim/render/gather.hpp"
+#include "npsim/render/mirror.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/render/visibility.hpp"
 
@@ -50,6 +52,7 @@ struct RelightParams {
   ActivationParams activation;
   VisibilityParams visibility;
   GatherParams gather;
+  MirrorParams mirror;         // where the ground is wet (material.film)
   DenoiseParams denoise;
   SkyParams sky;
   MaterialParams material;
@@ -64,10 +67,12 @@ struct RelightParams {
   NPSIM_RETURN_IF_ERROR(validate(p.activation));
   NPSIM_RETURN_IF_ERROR(validate(p.visibility));
   NPSIM_RETURN_IF_ERROR(validate(p.gather));
+  NPSIM_RETURN_IF_ERROR(validate(p.mirror));
   NPSIM_RETURN_IF_ERROR(validate(p.denoise));
   NPSIM_RETURN_IF_ERROR(validate(p.sky));
   NPSIM_RETURN_IF_ERROR(validate(p.material.albedo));
-  NPSIM_RETURN_IF_ERROR(validate(p.material.roughness));
+  NPSIM_RETURN_IF_ERROR(validate(p.material.film));
+  NPSIM_RETURN_IF_ERROR(validate(p.material.retroreflection));
   NPSIM_RETURN_IF_ERROR(validate(p.ego));
   if (p.bounces < 1 || p.bounces > 16) return {StatusCode::invalid_argument, "relight: bounces in 1..16"};
   if (!(p.f0 >= 0.0F && p.f0 <= 1.0F)) return {StatusCode::invalid_argument, "relight: f0 in [0, 1]"};
@@ -87,6 +92,7 @@ struct Relighting {
   Span<const std::uint32_t> receivers;           // the points that pixels show, in the order of the pixels
   Span<const std::uint32_t> hits;
   Span<const Vec3f> sky_irradiance;
+  Mirrors mirrors;                               // of wet pixels; none where all is dry
   int variants = 0;
 
   [[nodiscard]] Span<const Activation> of_variant(int variant) const noexcept {
@@ -104,14 +110,19 @@ struct RelightSize {
   std::size_t backs = 0;      // of these, the objects' backs
   bool albedo_guessed = true;
   std::size_t groups = 0;     // of the marks, those that shine no light of their own
+  std::size_t wet = 0;        // of the receivers, those that a film of water may cover
 };
 
 [[nodiscard]] inline RelightSize relight_size(const SceneView& scene, const SceneMesh& mesh, int variants) noexcept {
   RelightSize size{scene.lights.size(),  variants, mesh.mesh.vertices.size(), 0, mesh.mesh.faces.size(),
-                   mesh.mesh.faces.size() - mesh.sheet_faces, scene.albedo.empty(), 0};
+                   mesh.mesh.faces.size() - mesh.sheet_faces, scene.albedo.empty(), 0, 0};
   for (const LightMark& mark : scene.lights) size.groups += is_group(mark.cls) ? 1U : 0U;
   for (int y = 0; y < scene.shape().height; ++y) {
-    for (int x = 0; x < scene.shape().width; ++x) size.receivers += mesh.visible_vertex(x, y) != kNoVertex ? 1U : 0U;
+    for (int x = 0; x < scene.shape().width; ++x) {
+      if (mesh.visible_vertex(x, y) == kNoVertex) continue;
+      ++size.receivers;
+      if (!scene.labels.empty() && kWettedLabels.contains(scene.labels(x, y))) ++size.wet;
+    }
   }
   return size;
 }
@@ -119,7 +130,7 @@ struct RelightSize {
 // What relight() takes for a variant.
 [[nodiscard]] constexpr std::size_t variant_workspace_bytes(const RelightParams& params, Shape shape,
                                                             std::size_t points, std::size_t receivers) noexcept {
-  return allocation_bytes<Vec3f>(shape.pixels()) +
+  return allocation_bytes<Vec3f>(shape.pixels()) * (is_wet(params.material.film) ? 2 : 1) +
          max_of(allocation_bytes<Vec3f>(points) +
                     std::max(allocation_bytes<Vec3f>(points), allocation_bytes<Vec3f>(receivers)),
                 denoise_workspace_bytes(params.denoise, shape), show_own_car_workspace_bytes(shape));
@@ -137,8 +148,12 @@ struct RelightSize {
       2 * allocation_bytes<float>(emitters) + allocation_bytes<Vec3f>(emitters) +
       allocation_bytes<std::uint32_t>(size.marks) + 2 * allocation_bytes<float>(size.marks) +
       2 * allocation_bytes<Vec3f>(size.points) + 2 * allocation_bytes<float>(size.points) +
+      allocation_bytes<Retroreflector>(size.points) +
       allocation_bytes<std::uint32_t>(size.receivers) + allocation_bytes<std::uint32_t>(size.receivers * rays) +
-      allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<std::uint8_t>(traced_lamps * size.points);
+      allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<std::uint8_t>(traced_lamps * size.points) +
+      (is_wet(params.material.film)
+           ? mirrors_bytes(params.mirror, size.wet) + allocation_bytes<std::uint8_t>(size.points)
+           : 0);
   const std::size_t trace = scene_rays_workspace_bytes(traced, shape, size.faces, size.backs) +
                             allocation_bytes<std::uint16_t>(traced_face_count(traced, shape, size.faces, size.backs)) +
                             mark_faces_workspace_bytes(shape, size.marks, emitters) +
@@ -243,12 +258,19 @@ template <class Rays, class Executor, class Observer>
   const auto point_of = [&rays](const Hit& hit) { return rays.point_of(hit); };
   NPSIM_RETURN_IF_ERROR(trace_gather_rays(params.gather, key, rays.scene, point_of, light.points, light.receivers, light.sky, hits,
                                           sky_irradiance, executor, observer));
+  if (!light.mirrors.pixel.empty()) {
+    NPSIM_RETURN_IF_ERROR(trace_mirror_rays(params.mirror, key, params.f0, rays.scene, point_of, light.points,
+                                            light.sky, light.mirrors, executor, observer));
+  }
   // Light is asked for at the points that pixels show and those that their bounces reach.
   Span<std::uint8_t> wanted;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(light.points.size(), wanted));
   for (std::uint8_t& w : wanted) w = 0;
   for (const std::uint32_t point : light.receivers) wanted[point] = 1;
   for (const std::uint32_t point : hits) {
+    if (point != kNoPoint) wanted[point] = 1;
+  }
+  for (const std::uint32_t point : light.mirrors.hits) {
     if (point != kNoPoint) wanted[point] = 1;
   }
   NPSIM_RETURN_IF_ERROR(compute_visibility(params.visibility, key, rays.scene, light.points, wanted, light.emitters, peak_cd,
@@ -293,6 +315,10 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, surface.normal));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, surface.albedo));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, surface.alpha));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, surface.retro));
+  if (is_wet(params.material.film)) {
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, surface.film));
+  }
   NPSIM_RETURN_IF_ERROR(
       surface_attributes(params.material, scene, refined, mesh, surface, workspace, executor));
   Span<float> lift_m;
@@ -300,7 +326,7 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   ray_lifts(mesh, refined.trust.bounded ? refined.noise : DepthNoise{}, surface.normal, lift_m, executor);
   observer.end(Stage::material);
 
-  out.points = SurfacePoints{mesh.mesh.vertices, surface.normal, surface.albedo, surface.alpha, lift_m};
+  out.points = SurfacePoints{mesh.mesh.vertices, surface.normal, surface.albedo, surface.alpha, lift_m, surface.retro, surface.film};
   out.visible_point = mesh.visible_vertex;
   out.emitters = emitters;
   out.activations = activations;
@@ -319,6 +345,10 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   out.hits = hits;
   out.sky_irradiance = sky_irradiance;
   out.visibility = visibility;
+  if (is_wet(params.material.film)) {
+    NPSIM_RETURN_IF_ERROR(
+        relight_detail::list_mirrors(params.mirror, out.points, out.visible_point, size.wet, workspace, out.mirrors));
+  }
   const auto trace = [&](auto kind) {
     return relight_detail::trace_light<decltype(kind)>(params, key, scene, mesh, out, peak_cd, hits, sky_irradiance,
                                                        visibility, workspace, executor, observer);
@@ -433,6 +463,10 @@ Status relight(const RelightParams& params, const SceneView& scene, const Religh
   const Span<const Activation> lit = light.of_variant(variant);
   ImageView<Vec3f> irradiance;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, irradiance));
+  ImageView<Vec3f> mirrored;
+  if (!light.mirrors.pixel.empty()) {
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, mirrored));
+  }
 
   observer.begin(Stage::render);
   {
@@ -442,12 +476,19 @@ Status relight(const RelightParams& params, const SceneView& scene, const Religh
     NPSIM_RETURN_IF_ERROR(relight_detail::direct_image(params, light, lit, illuminance, out, workspace, executor));
     NPSIM_RETURN_IF_ERROR(
         relight_detail::indirect_image(params, light, illuminance, irradiance, workspace, executor));
+    if (!mirrored.empty()) {
+      NPSIM_RETURN_IF_ERROR(mirrored_luminance(light.points, illuminance, light.mirrors, mirrored, executor));
+    }
   }
   observer.end(Stage::render);
 
   observer.begin(Stage::denoise);
   NPSIM_RETURN_IF_ERROR(
       denoise_irradiance(params.denoise, guides.position, guides.normal, irradiance, workspace, executor));
+  if (!mirrored.empty()) {
+    NPSIM_RETURN_IF_ERROR(denoise_irradiance(relight_detail::mirror_filter(params.denoise), guides.position,
+                                             guides.normal, mirrored, workspace, executor));
+  }
   observer.end(Stage::denoise);
 
   executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
@@ -455,6 +496,7 @@ Status relight(const RelightParams& params, const SceneView& scene, const Religh
       relight_detail::add_rest(scene, light, lit, irradiance, y, out);
     }
   });
+  if (!mirrored.empty()) relight_detail::show_film(params.f0, light.points, light.mirrors, irradiance, mirrored, out);
   relight_detail::continue_over_frame(scene.labels, out);
   NPSIM_RETURN_IF_ERROR(show_own_car(scene, params.f0, out, workspace));
   return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while relighting") : Status();

@@ -12,6 +12,7 @@
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/material/retroreflection.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -24,13 +25,16 @@ struct SurfacePoints {
   Span<const Vec3f> albedo;    // diffuse reflectance, linear RGB in [0, 1]
   Span<const float> alpha;     // GGX width in (0, 1]
   Span<const float> lift_m;    // how far along the normal a ray starts that leaves the point, >= 0
+  Span<const Retroreflector> retro = {};  // what returns light to its lamp; empty: nothing does
+  Span<const std::uint8_t> film = {};     // share of a film of water in 255ths (material/wet_film.hpp); empty: all is dry
 
   [[nodiscard]] constexpr std::size_t size() const noexcept { return position.size(); }
 };
 
 [[nodiscard]] inline Status validate(const SurfacePoints& p) noexcept {
   const bool same = p.normal.size() == p.size() && p.albedo.size() == p.size() && p.alpha.size() == p.size() &&
-                    p.lift_m.size() == p.size();
+                    p.lift_m.size() == p.size() && (p.retro.empty() || p.retro.size() == p.size()) &&
+                    (p.film.empty() || p.film.size() == p.size());
   if (!same) return Status(StatusCode::shape_mismatch, "surface point arrays must have one length");
   if (p.size() >= kNoPoint) return Status(StatusCode::capacity_exceeded, "more than 2^32 - 2 surface points");
   return {};

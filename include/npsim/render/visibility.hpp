@@ -3,9 +3,11 @@
 //
 // V(e, p) is the share of emitter e's patch that point p sees, stored in 1/255 steps: one shadow ray for an emitter
 // that looks small from p, else four, one per quarter of the patch, and where these disagree (a penumbra) k x k more.
+// Rays that leave below the receiver's horizon do not count: what lies there is no part of the illuminance.
 // An occluder that hides part of a patch but none of the four rays is missed. It does not depend on which lamps are
 // lit, nor on their strength or colour, so every night of one day shares it.
-// Effort follows what is at stake, the unshadowed illuminance E at the emitter's peak intensity over all variants:
+// Effort follows what is at stake, the unshadowed illuminance E at the emitter's peak intensity over all variants, times
+// kShine where a surface mirrors or retroreflects:
 //   E < cutoff_lx         V = 0, as for points behind the emitter or turned away from it
 //   E < 50 cutoff_lx      every 16th point is traced; those between take the value of the last one, their neighbour
 //                         in a row of the image, unless depth or normal say that it is another surface
@@ -29,6 +31,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/light/emitter.hpp"
+#include "npsim/render/detail/rectangle_light.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/trace/scene.hpp"
 
@@ -49,14 +52,39 @@ struct VisibilityParams {
                        "visibility: samples_per_side in 1..16, cutoff and angle not negative");
 }
 
+// Closer than so many of its longer sides a lit surface is not taken for a point. Beyond, its centre stands for it within
+// 1 % of what it gives a receiver that faces it, and within 1 % of the square of side over distance elsewhere.
+inline constexpr float kPointFromSides = 8.0F;
+
+// Whether a lit surface is near enough for its extent to count; `squared`: of the distance of its centre.
+[[nodiscard]] inline bool is_extended(const Emitter& e, float squared) noexcept {
+  if (e.profile != EmissionProfile::lambert) return false;
+  const float u2 = dot(e.half_u_m, e.half_u_m);
+  const float v2 = dot(e.half_v_m, e.half_v_m);
+  if (!(squared < 4.0F * kPointFromSides * kPointFromSides * (u2 > v2 ? u2 : v2))) return false;
+  // Where no wall was found, patch and axis need not agree: such a lamp has a place and no shape.
+  const Vec3f across = cross(e.half_u_m, e.half_v_m);
+  const float along = dot(across, e.axis);
+  return along * along > 0.96F * dot(across, across);
+}
+
 // Unshadowed illuminance (lx) at a point per candela of the emitter's peak intensity; `to_light` is the unit direction.
-// The distance is bounded below by the patch size, where the point-source form would diverge.
+// Of a lit surface nearby by its shape: `to_light` is then the mean direction of what lies above the horizon. Of every
+// other lamp as a point: the distance is bounded below by the patch size, where that form would diverge.
 [[nodiscard]] inline float illuminance_per_cd(const Emitter& e, const Vec3f& position, const Vec3f& normal,
                                               Vec3f& to_light) noexcept {
   const Vec3f delta = e.centre_m - position;
+  const float squared = dot(delta, delta);
+  if (is_extended(e, squared)) {
+    if (!(dot(e.axis, delta) < 0.0F)) return 0.0F;  // behind it
+    const Vec3f arriving = rectangle_irradiance(delta, e.half_u_m, e.half_v_m, normal);
+    const float twice = dot(normal, arriving);
+    if (!(twice > 0.0F)) return 0.0F;
+    to_light = normalized(arriving);
+    return twice / (8.0F * length(cross(e.half_u_m, e.half_v_m)));
+  }
   const float along = dot(normal, delta);
   if (!(along > 0.0F)) return 0.0F;
-  const float squared = dot(delta, delta);
   const float distance = std::sqrt(squared);
   to_light = delta / distance;
   const float cosine = along / distance;
@@ -65,6 +93,16 @@ struct VisibilityParams {
 }
 
 namespace visibility_detail {
+
+// How much brighter than a matt surface a wet road or a sign may look: GGX of alpha .12 has f = 5/sr where asphalt has
+// .02, sheeting .3 to 250 where white has .13. [default] for both.
+inline constexpr float kShine = 100.0F;
+
+[[nodiscard]] inline float shine(const SurfacePoints& points, std::size_t p) noexcept {
+  const bool wet = !points.film.empty() && points.film[p] != 0;
+  const bool sign = !points.retro.empty() && points.retro[p].kind == RetroKind::sheeting;
+  return wet || sign ? kShine : 1.0F;
+}
 
 inline constexpr std::size_t kPointsPerChunk = 2048;
 inline constexpr std::size_t kRaysPerBatch = 256;  // room for the rays of one point
@@ -88,7 +126,8 @@ inline void plan_chunk(const VisibilityParams& params, const SurfacePoints& poin
     like = kDark;
     if (!wanted.empty() && wanted[p] == 0) continue;
     Vec3f to_light;
-    const float unshadowed = peak_cd * illuminance_per_cd(emitter, points.position[p], points.normal[p], to_light);
+    const float unshadowed = shine(points, p) * peak_cd *
+                             illuminance_per_cd(emitter, points.position[p], points.normal[p], to_light);
     if (!(unshadowed > params.cutoff_lx)) continue;
     if (plan.count > 0) {
       const std::size_t stride =
@@ -116,12 +155,14 @@ struct Waiting {
 // Rays of one emitter's chunk that wait to be traced together.
 struct Batch {
   Ray rays[kRaysPerBatch];
+  std::uint8_t above[kRaysPerBatch];  // the receiver's horizon
   std::uint8_t blocked[kRaysPerBatch];
   std::size_t count = 0;
 };
 
 // Adds the rays from a point to a patch of k x k strata; to the middle of the patch where k is 1.
-inline void add_rays(const Emitter& emitter, const Vec3f& origin, int k, RandomStream& random, Batch& batch) noexcept {
+inline void add_rays(const Emitter& emitter, const Vec3f& origin, const Vec3f& normal, int k, RandomStream& random,
+                     Batch& batch) noexcept {
   for (int s = 0; s < k * k; ++s) {
     const float jitter_u = k == 1 ? 0.5F : random.uniform();
     const float jitter_v = k == 1 ? 0.5F : random.uniform();
@@ -132,6 +173,7 @@ inline void add_rays(const Emitter& emitter, const Vec3f& origin, int k, RandomS
                                  (static_cast<float>(s / k) + jitter_v) / static_cast<float>(k)) -
                     origin;
     ray.t_max = 0.999F;
+    batch.above[batch.count - 1] = k == 1 || dot(normal, ray.direction) > 0.0F ? 1 : 0;
   }
 }
 
@@ -176,14 +218,19 @@ Status compute_visibility(const VisibilityParams& params, std::uint64_t seed, co
         std::size_t waiting_count = 0;
         const auto trace = [&] {
           occluded(scene, Span<const Ray>(batch.rays, batch.count), passes,
-                   Span<std::uint8_t>(batch.blocked, batch.count));
+                   Span<std::uint8_t>(batch.blocked, batch.count), Span<const std::uint8_t>(batch.above, batch.count));
           std::size_t ray = 0;
           for (std::size_t w = 0; w < waiting_count; ++w) {
             const int strata = waiting[w].side * waiting[w].side;
             int seen = 0;
-            for (int s = 0; s < strata; ++s) seen += batch.blocked[ray++] == 0 ? 1 : 0;
-            row[waiting[w].point] = static_cast<std::uint8_t>((255 * seen + strata / 2) / strata);
-            if (!more && seen != 0 && seen != strata) plan.traced[penumbra++] = waiting[w].point;
+            int above = 0;
+            for (int s = 0; s < strata; ++s, ++ray) {
+              above += batch.above[ray];
+              seen += batch.above[ray] != 0 && batch.blocked[ray] == 0 ? 1 : 0;
+            }
+            const int counted = above > 0 ? above : 1;
+            row[waiting[w].point] = static_cast<std::uint8_t>((255 * seen + counted / 2) / counted);
+            if (!more && seen != 0 && seen != above) plan.traced[penumbra++] = waiting[w].point;
           }
           batch.count = 0;
           waiting_count = 0;
@@ -199,7 +246,7 @@ Status compute_visibility(const VisibilityParams& params, std::uint64_t seed, co
           if (more) {
             for (int drawn = 0; drawn < 8; ++drawn) static_cast<void>(random.uniform());  // by the first four rays
           }
-          add_rays(emitter, origin, k, random, batch);
+          add_rays(emitter, origin, points.normal[begin + i], k, random, batch);
           waiting[waiting_count++] = {i, static_cast<std::uint16_t>(k)};
         }
         trace();

@@ -15,7 +15,9 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/material/albedo.hpp"
+#include "npsim/material/retroreflection.hpp"
 #include "npsim/material/roughness.hpp"
+#include "npsim/material/wet_film.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
@@ -36,16 +38,19 @@ inline namespace NPSIM_ABI {
   return out;
 }
 
-// How material is guessed where the scene does not give it.
+// How material is guessed where the scene does not give it, and what no scene gives.
 struct MaterialParams {
   AlbedoParams albedo;
-  RoughnessParams roughness;
+  WetFilmParams film;
+  RetroreflectionParams retroreflection;
 };
 
 struct SurfaceAttributes {
   Span<Vec3f> normal;  // unit, facing the camera; of an object's back, away from the object
   Span<Vec3f> albedo;
   Span<float> alpha;
+  Span<Retroreflector> retro;  // of what pixels show; nothing that is hidden has any
+  Span<std::uint8_t> film;     // the same; empty: all is dry
 };
 
 inline constexpr float kHiddenAlpha = 0.8F;
@@ -54,7 +59,8 @@ inline constexpr float kHiddenAlpha = 0.8F;
 [[nodiscard]] constexpr std::size_t surface_attributes_workspace_bytes(const MaterialParams& params, Shape shape,
                                                                        bool guessed) noexcept {
   return 2 * allocation_bytes<Vec3f>(shape.pixels()) + allocation_bytes<float>(shape.pixels()) +
-         allocation_bytes<std::uint8_t>(shape.pixels()) +
+         2 * allocation_bytes<std::uint8_t>(shape.pixels()) + allocation_bytes<Retroreflector>(shape.pixels()) +
+         find_retroreflectors_workspace_bytes(shape) +
          (guessed ? estimate_albedo_workspace_bytes(params.albedo, shape) : 0) + kWorkspaceAlignment;
 }
 
@@ -90,10 +96,14 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
   ImageView<Vec3f> normal;
   ImageView<float> alpha;
   ImageView<std::uint8_t> known;
+  ImageView<Retroreflector> retro;
+  ImageView<std::uint8_t> film;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, albedo));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, normal));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, alpha));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, known));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, retro));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, film));
   if (scene.albedo.empty()) {
     DaylightReport daylight;
     NPSIM_RETURN_IF_ERROR(estimate_albedo(params.albedo, albedo_scene(scene, refined), workspace,
@@ -107,12 +117,15 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
     }
   }
   if (scene.roughness.empty()) {
-    NPSIM_RETURN_IF_ERROR(estimate_roughness(params.roughness, refined.labels, alpha, executor));
+    NPSIM_RETURN_IF_ERROR(estimate_roughness(refined.labels, alpha, executor));
   } else {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) alpha(x, y) = share(scene.roughness(x, y));
     }
   }
+  NPSIM_RETURN_IF_ERROR(find_retroreflectors(params.retroreflection, params.film.wetness, scene.labels, albedo, retro,
+                                             workspace, executor));
+  NPSIM_RETURN_IF_ERROR(apply_wet_film(params.film, scene.labels, albedo, alpha, film, executor));
   copy_pixels(refined.normals, normal);
 
   const auto width = static_cast<std::uint32_t>(shape.width);
@@ -128,6 +141,8 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
       out.albedo[v] = albedo(x, y);
       const bool hidden = hidden_too && known(x, y) == row_state::missing;
       out.alpha[v] = hidden ? kHiddenAlpha : alpha(x, y);
+      if (!out.film.empty()) out.film[v] = hidden ? std::uint8_t{0} : film(x, y);
+      out.retro[v] = mesh.visible_vertex(x, y) == v ? retro(x, y) : Retroreflector{};
     }
   };
   copy(mesh.background_vertices, mesh.mesh.vertices.size(), false);

@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: Apache-2.0
+// What sends a lamp's light back to where it came from: faces of traffic signs, painted markings, the grain of a road.
+//
+// Two measures are in use. EN 12899-1 gives for sheeting the coefficient R_A = I / (E A) in cd/(lx m2), with E measured
+// across the beam, I the intensity that a sheet of area A sends to the eye. Seen at an angle v to its normal the sheet
+// has the area A cos v, so that
+//   L = R_A E / cos v
+// EN 1436 gives for ground R_L = L / E in cd/(m2 lx) at the geometry of a driver who looks 30 m ahead (entrance 88.76
+// degrees, observation 1.05), E again across the beam. Observation is the angle at the surface between lamp and eye.
+// Both are in proportion to the albedo per channel, because ink filters the light that returns as it filters daylight:
+// EN 12899-1 asks of yellow .68 of white's R_A and .69 of its luminance factor, of red .18 and .14. So a sign keeps its
+// colours and its black print, and nothing needs to be told apart by colour.
+//
+//   sheeting  R_A = strength albedo c^3 / sqrt(1 + (o / .283 deg)^4), c = cosine of entrance, o = observation. Class RA2
+//             at .2, .33, 2 degrees: 1, .72, .02 of the first, here 1, .65, .022; entrance 5, 30, 40 degrees: 1, .60, .44,
+//             here 1, .66, .45.
+//   beads     R_L = strength albedo g(ci) g(co) / (1 + (o / 3 deg)^2), glass beads in paint; the width is [default]
+//   grain     the same with 15 degrees: stones show lamp and eye the side that faces both [default]. Oren and Nayar
+//             (SIGGRAPH 1994) find the same at a roughness of 35 degrees, twice Lambert's light at 5 m.
+//   g(c) = (1 - c) c / (c + .003), c = cosine to the normal: nothing from above, where albedo counts it already, and
+//   not more than arrives where light grazes.
+// It comes on top of bsdf.hpp. Energy: together they return at most the light that arrives (tested at all angles).
+// Reciprocal but for c^3 / cos v, the standard's own factors, within the width of the lobe.
+// Cost: two square roots. Error: rounding; the models' against the standards' tables is stated above.
+#ifndef NPSIM_MATERIAL_RETROREFLECTION_HPP
+#define NPSIM_MATERIAL_RETROREFLECTION_HPP
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/algorithm.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/labels/cityscapes.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+
+enum class RetroKind : std::uint8_t { none, sheeting, beads, grain };
+
+// strength times albedo is R_A at .2 degrees and normal entrance, or R_L at the geometry of 30 m.
+struct Retroreflector {
+  float strength = 0;
+  RetroKind kind = RetroKind::none;
+};
+
+struct RetroreflectionParams {
+  bool on = true;
+  float sign_cd_lx_m2 = 250.0F;       // R_A of white sheeting: EN 12899-1 class RA2 [default]; RA1 70
+  float marking_cd_lx_m2 = 0.15F;     // R_L of white paint, dry: EN 1436 class R3 [default]; R2 .1, R4 .2, R5 .3
+  float road_cd_lx_m2 = 0.0125F;      // R_L of bare asphalt, dry: .010 to .020, less what bsdf.hpp gives there
+  float wet_share = 0.2F;             // what a film of water leaves: RW2 .035 of R3 .15
+  float marking_contrast = 2.0F;      // paint has so many times the road's albedo; old concrete has .2 to .1 [default]
+};
+
+[[nodiscard]] inline Status validate(const RetroreflectionParams& p) noexcept {
+  const auto good = [](float v) { return v >= 0.0F && v <= 1e4F; };
+  const bool valid = good(p.sign_cd_lx_m2) && good(p.marking_cd_lx_m2) && good(p.road_cd_lx_m2) &&
+                     p.wet_share >= 0.0F && p.wet_share <= 1.0F && p.marking_contrast >= 1.0F;
+  return valid ? Status()
+               : Status(StatusCode::invalid_argument,
+                        "retroreflection: strengths in 0..10000, the share when wet in 0..1, contrast at least 1");
+}
+
+namespace retro_detail {
+
+inline constexpr float kDegree = 0.017453293F;
+inline constexpr float kWhitePaint = 0.5F;   // albedo of the paint that R_L is given for [default]
+inline constexpr float kAsphalt = 0.1F;      // and of the asphalt; class_priors.hpp
+inline constexpr float kLeastWhite = 0.27F;  // luminance factor that EN 12899-1 asks of white sheeting, class RA2
+inline constexpr float kGrazing = 0.003F;
+inline constexpr float kBeadsWidth = 3.0F * kDegree;
+inline constexpr float kGrainWidth = 15.0F * kDegree;
+
+[[nodiscard]] constexpr float grazing(float c) noexcept { return (1.0F - c) * (c / (c + kGrazing)); }
+[[nodiscard]] constexpr float lobe(float squared_rad, float width) noexcept {
+  return 1.0F / (1.0F + squared_rad / (width * width));
+}
+// At 30 m, by which a strength is 1.
+[[nodiscard]] constexpr float at_30_m(float width) noexcept {
+  constexpr float kEntrance = 0.02164F;  // cos 88.76 degrees
+  constexpr float kViewing = 0.03996F;   // cos 87.71
+  constexpr float kObservation = 1.05F * kDegree;
+  return grazing(kEntrance) * grazing(kViewing) * lobe(kObservation * kObservation, width);
+}
+
+}  // namespace retro_detail
+
+// Luminance towards wo per lux across the beam from wi, per strength and albedo: 1/sr. All are unit vectors as in
+// eval_bsdf().
+[[nodiscard]] inline float eval_retroreflection(RetroKind kind, const Vec3f& n, const Vec3f& wo,
+                                                const Vec3f& wi) noexcept {
+  using namespace retro_detail;
+  const float no = dot(n, wo);
+  const float ni = dot(n, wi);
+  if (kind == RetroKind::none || !(no > 0.0F) || !(ni > 0.0F)) return 0.0F;
+  const Vec3f chord = wo - wi;
+  const float o2 = dot(chord, chord);  // the angle squared, within 1 % up to 30 degrees
+  if (kind == RetroKind::sheeting) {
+    constexpr float kWidth = 0.283F * kDegree;
+    constexpr float kAtFifth = 1.1176F;  // sqrt(1 + (.2 / .283)^4)
+    const float t = o2 / (kWidth * kWidth);
+    const float cosine = ni < 1.0F ? ni : 1.0F;
+    return kAtFifth * cosine * cosine * cosine / (std::sqrt(1.0F + t * t) * (no > 0.05F ? no : 0.05F));
+  }
+  const float width = kind == RetroKind::beads ? kBeadsWidth : kGrainWidth;
+  const float value = grazing(no) * grazing(ni) * lobe(o2, width) / at_30_m(width);
+  return value > 0.0F ? value : 0.0F;
+}
+
+// Memory: nine bytes a pixel.
+[[nodiscard]] constexpr std::size_t find_retroreflectors_workspace_bytes(Shape shape) noexcept {
+  return allocation_bytes<std::uint32_t>(shape.pixels()) + allocation_bytes<float>(shape.pixels()) +
+         allocation_bytes<std::uint8_t>(shape.pixels()) + kWorkspaceAlignment;
+}
+
+namespace retro_detail {
+
+[[nodiscard]] inline float most_of(const Vec3f& c) noexcept { return max_of(c.x, c.y, c.z); }
+[[nodiscard]] inline float least_of(const Vec3f& c) noexcept {
+  const float xy = c.x < c.y ? c.x : c.y;
+  return xy < c.z ? xy : c.z;
+}
+
+// The pixels of the sign that (x, y) belongs to, taken from `open`: those of its label that hang together.
+[[nodiscard]] inline std::size_t take_sign(ImageView<std::uint8_t> open, int x, int y, Span<std::uint32_t> list) noexcept {
+  const int width = open.width();
+  std::size_t count = 0;
+  const auto add = [&](int u, int v) {
+    if (!open.contains(u, v) || open(u, v) == 0) return;
+    open(u, v) = 0;
+    list[count++] = static_cast<std::uint32_t>(v) * static_cast<std::uint32_t>(width) + static_cast<std::uint32_t>(u);
+  };
+  add(x, y);
+  for (std::size_t next = 0; next < count; ++next) {
+    const auto u = static_cast<int>(list[next] % static_cast<std::uint32_t>(width));
+    const auto v = static_cast<int>(list[next] / static_cast<std::uint32_t>(width));
+    add(u - 1, v);
+    add(u + 1, v);
+    add(u, v - 1);
+    add(u, v + 1);
+  }
+  return count;
+}
+
+// The albedo of a sign's white, or 0 where it shows its back. A face has ink of a saturated colour on a part of it, or is
+// white; a back is grey, however the light falls on it: aluminium sheet reflects .3 to .5 [default].
+template <class IsInner>
+[[nodiscard]] float white_of_sign(ImageView<const Vec3f> albedo, Span<const std::uint32_t> pixels,
+                                  const IsInner& is_inner, Span<float> strongest) noexcept {
+  constexpr float kInk = 0.4F;        // (most - least) / most of a channel; grey surfaces beside lawns have up to .3
+  constexpr float kInkShare = 0.15F;  // of the sign
+  constexpr float kWhite = 0.6F;
+  const auto width = static_cast<std::uint32_t>(albedo.width());
+  const auto at = [&](std::uint32_t p) {
+    return albedo(static_cast<int>(p % width), static_cast<int>(p / width));
+  };
+  // Outlines hold what is behind the sign, unless nothing else is left.
+  for (const bool inner : {true, false}) {
+    std::size_t count = 0;
+    std::size_t inked = 0;
+    for (const std::uint32_t p : pixels) {
+      if (inner && !is_inner(p)) continue;
+      const Vec3f a = at(p);
+      const float most = most_of(a);
+      if (!(most >= 0.0F)) continue;  // NaN
+      if (most > 0.05F && most - least_of(a) > kInk * most) ++inked;
+      strongest[count++] = most;
+    }
+    if (count < 9 && inner) continue;
+    if (count == 0) return 0.0F;
+    float* const first = strongest.data();
+    float* const tenth = first + count - 1 - count / 10;
+    select_nth(first, tenth, first + count);
+    const float white = *tenth;
+    select_nth(first, first + count / 2, first + count);
+    const bool face = static_cast<float>(inked) >= kInkShare * static_cast<float>(count) || first[count / 2] >= kWhite;
+    return face ? clamp_to(white, kLeastWhite, 1.0F) : 0.0F;
+  }
+  return 0.0F;
+}
+
+// Median luminance of the road's albedo, within 3 % at .1, from a histogram of its root; 0 without a road.
+[[nodiscard]] inline float albedo_of_road(ImageView<const Label> labels, ImageView<const Vec3f> albedo) noexcept {
+  constexpr int kBins = 256;
+  std::uint32_t bins[kBins] = {};
+  std::uint32_t count = 0;
+  for (int y = 0; y < labels.height(); ++y) {
+    for (int x = 0; x < labels.width(); ++x) {
+      if (labels(x, y) != label::road) continue;
+      const float a = luminance(albedo(x, y));
+      if (!(a > 0.0F)) continue;
+      const float root = std::sqrt(a < 1.0F ? a : 1.0F);
+      ++bins[clamp_to(static_cast<int>(root * static_cast<float>(kBins)), 0, kBins - 1)];
+      ++count;
+    }
+  }
+  std::uint32_t below = 0;
+  for (int i = 0; i < kBins; ++i) {
+    below += bins[i];
+    if (2 * below > count) {
+      const float root = (static_cast<float>(i) + 0.5F) / static_cast<float>(kBins);
+      return root * root;
+    }
+  }
+  return 0.0F;
+}
+
+inline constexpr LabelSet kPainted = LabelSet::of(label::road, label::parking, label::ground);
+inline constexpr LabelSet kGrained = kPainted | LabelSet::of(label::sidewalk, label::rail_track, label::terrain);
+
+template <class Executor>
+void find_ground(const RetroreflectionParams& p, float wetness, ImageView<const Label> labels,
+                 ImageView<const Vec3f> albedo, ImageView<Retroreflector> out, Executor& executor) {
+  const float paint_albedo = p.marking_contrast * albedo_of_road(labels, albedo);
+  const float left = 1.0F - (1.0F - p.wet_share) * wetness;
+  const Retroreflector paint{left * p.marking_cd_lx_m2 / kWhitePaint, RetroKind::beads};
+  const Retroreflector grain{left * p.road_cd_lx_m2 / kAsphalt, RetroKind::grain};
+  executor.for_chunks(static_cast<std::size_t>(out.height()), 64, [&](std::size_t begin, std::size_t end) {
+    for (auto y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      for (int x = 0; x < out.width(); ++x) {
+        const Label l = labels(x, y);
+        if (!kGrained.contains(l)) continue;
+        const bool painted = kPainted.contains(l) && paint_albedo > 0.0F && luminance(albedo(x, y)) > paint_albedo;
+        out(x, y) = painted ? paint : grain;
+      }
+    }
+  });
+}
+
+[[nodiscard]] inline Status find_signs(const RetroreflectionParams& p, ImageView<const Label> labels,
+                                       ImageView<const Vec3f> albedo, ImageView<Retroreflector> out,
+                                       Workspace& workspace) noexcept {
+  const Shape shape = out.shape();
+  const WorkspaceScope scope(workspace);
+  Span<std::uint32_t> list;
+  Span<float> strongest;
+  ImageView<std::uint8_t> open;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), list));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), strongest));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, open));
+  const auto width = static_cast<std::uint32_t>(shape.width);
+  const auto is_sign = [&](int x, int y) { return labels.contains(x, y) && labels(x, y) == label::traffic_sign; };
+  const auto is_inner = [&](std::uint32_t pixel) {
+    const auto x = static_cast<int>(pixel % width);
+    const auto y = static_cast<int>(pixel / width);
+    return is_sign(x - 1, y) && is_sign(x + 1, y) && is_sign(x, y - 1) && is_sign(x, y + 1);
+  };
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) open(x, y) = is_sign(x, y) ? 1 : 0;
+  }
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (open(x, y) == 0) continue;
+      const std::size_t count = take_sign(open, x, y, list);
+      const Span<const std::uint32_t> pixels(list.data(), count);
+      const float white = white_of_sign(albedo, pixels, is_inner, strongest);
+      if (!(white > 0.0F)) continue;
+      const Retroreflector sheet{p.sign_cd_lx_m2 / white, RetroKind::sheeting};
+      for (const std::uint32_t i : pixels) out(static_cast<int>(i % width), static_cast<int>(i / width)) = sheet;
+    }
+  }
+  return {};
+}
+
+}  // namespace retro_detail
+
+// What each pixel shows. `wetness` as in roughness.hpp. `labels` may be empty or of one class: nothing is told apart.
+// Signs: by pieces of their label, because front and back are one object each.
+template <class Executor>
+Status find_retroreflectors(const RetroreflectionParams& p, float wetness, ImageView<const Label> labels,
+                            ImageView<const Vec3f> albedo, ImageView<Retroreflector> out, Workspace& workspace,
+                            Executor& executor) {
+  using namespace retro_detail;
+  NPSIM_RETURN_IF_ERROR(validate(p));
+  const Shape shape = out.shape();
+  if (albedo.shape() != shape || (!labels.empty() && labels.shape() != shape)) {
+    return Status(StatusCode::shape_mismatch, "retroreflection: labels, albedo and output must have one size");
+  }
+  for (Retroreflector& r : out.pixels()) r = Retroreflector{};
+  if (!p.on || labels.empty()) return {};
+  find_ground(p, wetness, labels, albedo, out, executor);
+  return find_signs(p, labels, albedo, out, workspace);
+}
+
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_MATERIAL_RETROREFLECTION_HPP

@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: Apache-2.0
+// Retroreflection against the standards' tables and values worked out by hand; who shines and who does not.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "fixture.hpp"
+#include "npsim/core/executor.hpp"
+#include "npsim/material/bsdf.hpp"
+#include "npsim/material/retroreflection.hpp"
+#include "npsim/render/direct.hpp"
+
+namespace {
+
+using namespace npsim;
+
+constexpr double kPi = 3.14159265358979323846;
+
+Vec3f at_angles(double polar, double azimuth) {
+  return vec_cast<float>(
+      Vec3d{std::sin(polar) * std::cos(azimuth), std::sin(polar) * std::sin(azimuth), std::cos(polar)});
+}
+
+// R_A of white sheeting at an observation and an entrance angle in degrees, the eye between lamp and normal.
+double coefficient(double observation, double entrance) {
+  constexpr double kDegree = kPi / 180;
+  const Vec3f wi = at_angles(entrance * kDegree, 0);
+  const Vec3f wo = at_angles((entrance - observation) * kDegree, 0);
+  return 250.0 * static_cast<double>(eval_retroreflection(RetroKind::sheeting, {0, 0, 1}, wo, wi)) *
+         std::cos((entrance - observation) * kDegree);
+}
+
+// What the camera at the origin sees of a point under two lamps at the height of headlamps; lamps are points.
+double seen_luminance(const Vec3f& position, const Vec3f& normal, const Vec3f& albedo, Retroreflector retro, float cd) {
+  std::array<Emitter, 2> lamps;
+  std::array<Activation, 2> lit;
+  for (std::size_t i = 0; i < 2; ++i) {
+    lamps[i].centre_m = {i == 0 ? -0.6F : 0.6F, 0.6F, 1.7F};
+    lamps[i].axis = normalized(position - lamps[i].centre_m);
+    lamps[i].profile = EmissionProfile::lambert;
+    lit[i].lit = true;
+    lit[i].intensity_cd = {cd, cd, cd};
+  }
+  const float alpha = 0.35F;
+  const float lift = 0;
+  SurfacePoints points{{&position, 1}, {&normal, 1}, {&albedo, 1}, {&alpha, 1}, {&lift, 1}, {&retro, 1}};
+  const std::array<std::uint8_t, 2> seen{255, 255};
+  Vec3f illuminance, out;
+  SerialExecutor serial;
+  REQUIRE(direct_light(points, {lamps.data(), 2}, {lit.data(), 2}, {seen.data(), 2}, 0.04F, {&illuminance, 1}, {&out, 1},
+                       serial)
+              .ok());
+  return static_cast<double>(luminance(out));
+}
+
+}  // namespace
+
+TEST_CASE("retroreflection: sheeting keeps to the table of EN 12899-1, class RA2, within a seventh at 5 degrees") {
+  CHECK(coefficient(0.2, 5) == doctest::Approx(250).epsilon(0.02));
+  CHECK(coefficient(1.0 / 3, 5) == doctest::Approx(180).epsilon(0.14));
+  CHECK(coefficient(2, 5) == doctest::Approx(5).epsilon(0.14));
+  CHECK(coefficient(0.2, 30) == doctest::Approx(150).epsilon(0.14));
+  CHECK(coefficient(0.2, 40) == doctest::Approx(110).epsilon(0.14));
+  for (double entrance = 6; entrance < 80; entrance += 1) {
+    CHECK(coefficient(0.2, entrance) < coefficient(0.2, entrance - 1));
+  }
+}
+
+TEST_CASE("retroreflection: markings and asphalt have their R_L at the geometry of 30 m") {
+  constexpr double kDegree = kPi / 180;
+  const Vec3f wi = at_angles(88.76 * kDegree, 0);
+  const Vec3f wo = at_angles(87.71 * kDegree, 0);
+  for (const RetroKind kind : {RetroKind::beads, RetroKind::grain}) {
+    CHECK(static_cast<double>(eval_retroreflection(kind, {0, 0, 1}, wo, wi)) == doctest::Approx(1).epsilon(0.01));
+  }
+}
+
+TEST_CASE("retroreflection: a white sign at 30 and at 100 m has the luminance worked out by hand") {
+  // 100 cd a lamp, as above a cut-off. At 30 m the lamps are 28.3 m off, .6 m to the side and .6 below: observation
+  // .0300 rad = 1.72 degrees (the camera is 30 m away, so that only the offset across the line counts), 1.1176 * 250 /
+  // sqrt(1 + 6.08^4) = 7.56 cd/(lx m2); 2 * 100 / 801.6 = .2495 lx; 1.88 cd/m2.
+  const Vec3f facing{0, 0, -1};
+  const Vec3f white{0.4F, 0.4F, 0.4F};
+  const Retroreflector sheet{250.0F / 0.4F, RetroKind::sheeting};
+  const double bare = seen_luminance({0, 0, 30}, facing, white, {}, 100);
+  CHECK(seen_luminance({0, 0, 30}, facing, white, sheet, 100) - bare == doctest::Approx(1.88).epsilon(0.03));
+  // At 100 m: .00863 rad = .495 degrees, 1.1176 * 250 / sqrt(1 + 1.747^4) = 86.9; 2 * 100 / 9664 = .0207 lx; 1.80 cd/m2.
+  const double far = seen_luminance({0, 0, 100}, facing, white, {}, 100);
+  CHECK(seen_luminance({0, 0, 100}, facing, white, sheet, 100) - far == doctest::Approx(1.80).epsilon(0.03));
+  CHECK(far < 0.01);
+}
+
+TEST_CASE("retroreflection: a lamp over the street, seen from the side, makes no sign brighter") {
+  const Vec3f wi = normalized(Vec3f{0, -3, -4});
+  const Vec3f wo{0, 0, -1};
+  // A tenth of what a white surface sends everywhere.
+  CHECK(250.0F / 0.4F * eval_retroreflection(RetroKind::sheeting, {0, 0, -1}, wo, wi) < 0.1F / 3.14F);
+}
+
+TEST_CASE("retroreflection: no surface returns more light than arrives, at any entrance angle") {
+  const RetroreflectionParams p;
+  struct Surface {
+    RetroKind kind;
+    float strength, albedo, alpha;
+  };
+  const std::array<Surface, 3> surfaces = {{{RetroKind::sheeting, p.sign_cd_lx_m2 / 0.4F, 0.4F, 0.35F},
+                                            {RetroKind::beads, p.marking_cd_lx_m2 / 0.5F, 0.5F, 0.85F},
+                                            {RetroKind::grain, p.road_cd_lx_m2 / 0.1F, 0.1F, 0.85F}}};
+  const Vec3f n{0, 0, 1};
+  for (const Surface& s : surfaces) {
+    for (const double degrees : {0.0, 30.0, 60.0, 75.0, 85.0, 88.0, 89.0, 89.5, 89.9}) {
+      const double entrance = degrees * kPi / 180;
+      const Vec3f wi = at_angles(entrance, 0);
+      // Rings about the lamp's direction, finer towards it, for what is returned; L cos over the hemisphere.
+      double returned = 0;
+      constexpr int kRings = 400, kSectors = 64;
+      const Vec3d axis = vec_cast<double>(wi);
+      const Vec3d side = normalized(cross(axis, Vec3d{0, 1, 0}));
+      const Vec3d other = cross(axis, side);
+      for (int i = 0; i < kRings; ++i) {
+        const double low = kPi * std::pow(static_cast<double>(i) / kRings, 4.0);
+        const double high = kPi * std::pow(static_cast<double>(i + 1) / kRings, 4.0);
+        const double o = 0.5 * (low + high);
+        const double solid = 2 * kPi * (std::cos(low) - std::cos(high)) / kSectors;
+        for (int j = 0; j < kSectors; ++j) {
+          const double a = 2 * kPi * (j + 0.5) / kSectors;
+          const Vec3d wo =
+              axis * std::cos(o) + (side * std::cos(a) + other * std::sin(a)) * std::sin(o);
+          if (!(wo.z > 0)) continue;
+          returned += static_cast<double>(eval_retroreflection(s.kind, n, vec_cast<float>(wo), wi)) * wo.z * solid;
+        }
+      }
+      // Per lux across the beam; cos arrives on the surface.
+      const double arrives = std::max(std::cos(entrance), 1e-4);
+      const double share = returned * static_cast<double>(s.strength * s.albedo) / arrives;
+      CAPTURE(degrees);
+      // bsdf.hpp gives back the albedo and what the interface mirrors.
+      const double mirrored = static_cast<double>(SpecularAlbedo(s.alpha, 0.04F)(static_cast<float>(arrives)));
+      CHECK(share + static_cast<double>(s.albedo) * (1 - mirrored) + mirrored <= 1.0);
+    }
+  }
+}
+
+TEST_CASE("retroreflection: faces of signs shine, grey backs with shadows on them do not, paint is told from its road") {
+  const Shape shape{80, 40};
+  npsim_test::Image<Label> labels(shape, label::road);
+  npsim_test::Image<Vec3f> albedo(shape, Vec3f{0.1F, 0.1F, 0.1F});
+  const auto sign = [&](int x0, auto&& colour) {
+    for (int y = 4; y < 16; ++y) {
+      for (int x = x0; x < x0 + 12; ++x) {
+        labels.view()(x, y) = label::traffic_sign;
+        albedo.view()(x, y) = colour(x - x0, y - 4);
+      }
+    }
+  };
+  // Red rim, white middle; white without a colour; a back, half of it in the shade; blue all over.
+  sign(2, [](int x, int y) {
+    return x < 3 || x > 8 || y < 3 || y > 8 ? Vec3f{0.4F, 0.03F, 0.04F} : Vec3f{0.7F, 0.7F, 0.7F};
+  });
+  sign(20, [](int x, int) { return x % 4 == 0 ? Vec3f{0.1F, 0.1F, 0.1F} : Vec3f{0.75F, 0.75F, 0.75F}; });
+  sign(38, [](int x, int) { return x < 6 ? Vec3f{0.1F, 0.1F, 0.11F} : Vec3f{0.5F, 0.5F, 0.52F}; });
+  sign(56, [](int, int) { return Vec3f{0.01F, 0.05F, 0.3F}; });
+  for (int x = 0; x < 80; ++x) albedo.view()(x, 30) = {0.45F, 0.45F, 0.4F};
+  for (int x = 0; x < 80; ++x) albedo.view()(x, 34) = {0.17F, 0.17F, 0.17F};
+  npsim_test::Image<Retroreflector> out(shape, Retroreflector{1, RetroKind::beads});
+  npsim_test::Scratch scratch(find_retroreflectors_workspace_bytes(shape));
+  Workspace& workspace = scratch.workspace();
+  SerialExecutor serial;
+  const RetroreflectionParams p;
+  REQUIRE(find_retroreflectors(p, 0.0F, labels.cview(), albedo.cview(), out.view(), workspace, serial).ok());
+  const auto at = [&](int x, int y) { return out.view()(x, y); };
+  // White of the first sign: .7, so that its white has R_A 250 and its red a seventh of that or so.
+  CHECK(at(8, 10).kind == RetroKind::sheeting);
+  CHECK(at(8, 10).strength * 0.7F == doctest::Approx(250).epsilon(0.01));
+  CHECK(at(2, 4).strength * luminance(Vec3f{0.4F, 0.03F, 0.04F}) < 0.2F * 250.0F);
+  CHECK(at(21, 10).kind == RetroKind::sheeting);
+  CHECK(at(40, 10).kind == RetroKind::none);
+  CHECK(at(47, 10).kind == RetroKind::none);
+  CHECK(at(60, 10).kind == RetroKind::sheeting);
+  CHECK(at(60, 10).strength * luminance(Vec3f{0.01F, 0.05F, 0.3F}) < 60.0F);
+  CHECK(at(5, 30).kind == RetroKind::beads);
+  CHECK(at(5, 34).kind == RetroKind::grain);
+  CHECK(at(5, 36).kind == RetroKind::grain);
+  CHECK(at(5, 36).strength * 0.1F == doctest::Approx(p.road_cd_lx_m2));
+
+  RetroreflectionParams off = p;
+  off.on = false;
+  REQUIRE(find_retroreflectors(off, 0.0F, labels.cview(), albedo.cview(), out.view(), workspace, serial).ok());
+  for (const Retroreflector& r : out.view().pixels()) CHECK(r.kind == RetroKind::none);
+}
