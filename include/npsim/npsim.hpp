@@ -100,6 +100,7 @@
 #include "npsim/render/gather.hpp"
 #include "npsim/render/preview.hpp"
 #include "npsim/render/surface_points.hpp"
+#include "npsim/render/unseen_street.hpp"
 #include "npsim/render/visibility.hpp"
 
 // section 3.6.3: the camera

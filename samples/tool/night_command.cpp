@@ -192,7 +192,7 @@ class NightWriter {
       if (a.lit) {
         entry["strength"] = a.strength;
         entry["unit"] = unit_name(strength_unit(emitter.profile));
-        if (emitter.profile == EmissionProfile::street_luminaire) {
+        if (is_street_profile(emitter.profile)) {
           entry["mounting_height_m"] = emitter.mounting_height_m;
           // Drawn for a mast of 8 m and changed by height, unless a light set names the class.
           entry["strength_follows_height"] = !in_light_set(emitter.cls);

@@ -22,10 +22,11 @@ namespace {
   e.group_cls = lamp.group_cls;
   e.profile = light_detail::profile_of(mark, lamp.group_cls);
   e.mounting_height_m = lamp.mounting_height_m;
+  const bool street = is_street_profile(e.profile);
+  if (street) e.profile = light_detail::street_profile(lamp.mounting_height_m);
   e.axis = lamp.axis;
   // A headlamp's axis leads to the elbow of its cut-off; headings are level.
   if (e.profile == EmissionProfile::low_beam) e.axis = normalized(e.axis - ground.up * kLowBeamAim);
-  const bool street = e.profile == EmissionProfile::street_luminaire;
   e.up = light_detail::perpendicular(e.axis, street ? lamp.up : ground.up);
   const bool surface = e.profile == EmissionProfile::lambert;
   const float share = lamp.closed ? 0.25F : 1.0F;
@@ -81,6 +82,8 @@ io::Expected<TrueLamps> read_true_lamps(const io::Scene& scene) {
 const char* profile_name(EmissionProfile profile) {
   switch (profile) {
     case EmissionProfile::street_luminaire: return "street_luminaire";
+    case EmissionProfile::hung_luminaire: return "hung_luminaire";
+    case EmissionProfile::lantern: return "lantern";
     case EmissionProfile::low_beam: return "low_beam";
     case EmissionProfile::signal: return "signal";
     case EmissionProfile::lambert: break;

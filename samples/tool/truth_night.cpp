@@ -48,7 +48,13 @@ struct DrawnLamp {
   drawn.emitter = position;
   const Expected<std::string> profile = entry.text("profile");
   if (!profile) return profile.error();
-  if (profile.value() != profile_name(lamp.profile)) {
+  // Of which kind a street lamp is, is the truth's to say; whether it is one, the night has to agree on.
+  const bool street = is_street_profile(lamp.profile);
+  const bool kind = profile.value() == profile_name(lamp.profile);
+  const auto is = [&](EmissionProfile p) { return profile.value() == profile_name(p); };
+  const bool any_street = is(EmissionProfile::street_luminaire) || is(EmissionProfile::hung_luminaire) ||
+                          is(EmissionProfile::lantern);
+  if (!kind && !(street && any_street)) {
     return Error{entry.file(), entry.field("profile"),
                  "is '" + profile.value() + "', expected " + profile_name(lamp.profile) + " as that of the true lamp"};
   }
@@ -61,7 +67,7 @@ struct DrawnLamp {
     return Error{entry.file(), entry.field("xy"), "expected two numbers"};
   }
   drawn.xy = {(*xy.value())[0].get<float>(), (*xy.value())[1].get<float>()};
-  if (lamp.profile != EmissionProfile::street_luminaire) return drawn;
+  if (!street) return drawn;
   const Expected<bool> follows = yes_or_no(entry, "strength_follows_height");
   if (!follows) return follows.error();
   if (follows.value()) {

@@ -36,7 +36,17 @@ namespace npsim::reference {
   switch (profile) {
     case EmissionProfile::lambert: value = c; break;
     case EmissionProfile::signal: value = c > 0 ? c * c * c * c : 0.0; break;
-    case EmissionProfile::street_luminaire: {
+    case EmissionProfile::street_luminaire:
+    case EmissionProfile::hung_luminaire: {
+      constexpr double kGlow = 0.002;
+      const double r = dot(up, direction);
+      const double s = dot(cross(up, axis), direction);
+      const double away = profile == EmissionProfile::hung_luminaire ? std::abs(s) : std::max(-s, 0.0);
+      const double cut = c > 0 ? 1 / (1 + std::pow(0.27 / c, 6)) : 0.0;
+      value = kGlow + (1 - kGlow) * (1 + 0.8 * r * r * r * r) * (1 - 0.9 * away) * cut / 1.44336;
+      break;
+    }
+    case EmissionProfile::lantern: {
       constexpr double kGlow = 0.01;
       const double r = dot(up, direction);
       value = kGlow + (c > 0 ? (1 - kGlow) * c * (0.5 + 8.0 / 3.0 * r * r * r * r) : 0.0);

@@ -206,6 +206,9 @@ TEST_CASE("tool truth: true lamps hang where the street has them and shine where
     CHECK(patch > 0);
     switch (e.profile) {
       case npsim::EmissionProfile::street_luminaire:
+      case npsim::EmissionProfile::hung_luminaire:
+      case npsim::EmissionProfile::lantern:
+        CHECK((e.profile == npsim::EmissionProfile::lantern) == (height < 5));
         CHECK(std::fabs(height - e.mounting_height_m) < 0.05F);
         CHECK(e.mounting_height_m > 3);
         CHECK(dot(e.axis, ground.up) < -0.999F);

@@ -61,6 +61,7 @@ struct NightParams {
   params.depth = RefineDepthParams::thesis();
   params.mesh = ReconstructParams::thesis();
   params.camera = PhotographParams::thesis();
+  params.relight.unseen.share = 0.0F;  // light comes from what the picture shows, and from the sky
   return params;
 }
 

@@ -9,7 +9,7 @@
 // Rays look for light at the points that pixels show; lamps are asked about those and the points that their bounces
 // reach. A variant's bits do not depend on how many others there are.
 // Memory (workspace): relight_workspace_bytes(), from the sizes of the mesh; a byte a lamp and point, 4 bytes a gather
-// ray and receiver, 28 a point.
+// ray and receiver, 8 a receiver, 28 a point.
 #ifndef NPSIM_PIPELINE_RELIGHT_HPP
 #define NPSIM_PIPELINE_RELIGHT_HPP
 
@@ -39,6 +39,7 @@
 #include "npsim/render/direct.hpp"
 #include "npsim/render/gather.hpp"
 #include "npsim/render/surface_points.hpp"
+#include "npsim/render/unseen_street.hpp"
 #include "npsim/render/visibility.hpp"
 
 namespace npsim {
@@ -50,6 +51,7 @@ struct RelightParams {
   ActivationParams activation;
   VisibilityParams visibility;
   GatherParams gather;
+  UnseenStreetParams unseen;   // what rays see that leave the picture's street
   DenoiseParams denoise;
   SkyParams sky;
   MaterialParams material;
@@ -64,6 +66,7 @@ struct RelightParams {
   NPSIM_RETURN_IF_ERROR(validate(p.activation));
   NPSIM_RETURN_IF_ERROR(validate(p.visibility));
   NPSIM_RETURN_IF_ERROR(validate(p.gather));
+  NPSIM_RETURN_IF_ERROR(validate(p.unseen));
   NPSIM_RETURN_IF_ERROR(validate(p.denoise));
   NPSIM_RETURN_IF_ERROR(validate(p.sky));
   NPSIM_RETURN_IF_ERROR(validate(p.material.albedo));
@@ -87,6 +90,7 @@ struct Relighting {
   Span<const std::uint32_t> receivers;           // the points that pixels show, in the order of the pixels
   Span<const std::uint32_t> hits;
   Span<const Vec3f> sky_irradiance;
+  Span<const Vec2f> unseen;                      // how much of the unseen street each receiver sees
   int variants = 0;
 
   [[nodiscard]] Span<const Activation> of_variant(int variant) const noexcept {
@@ -138,7 +142,8 @@ struct RelightSize {
       allocation_bytes<std::uint32_t>(size.marks) + 2 * allocation_bytes<float>(size.marks) +
       2 * allocation_bytes<Vec3f>(size.points) + 2 * allocation_bytes<float>(size.points) +
       allocation_bytes<std::uint32_t>(size.receivers) + allocation_bytes<std::uint32_t>(size.receivers * rays) +
-      allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<std::uint8_t>(traced_lamps * size.points);
+      allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<Vec2f>(size.receivers) +
+      allocation_bytes<std::uint8_t>(traced_lamps * size.points);
   const std::size_t trace = scene_rays_workspace_bytes(traced, shape, size.faces, size.backs) +
                             allocation_bytes<std::uint16_t>(traced_face_count(traced, shape, size.faces, size.backs)) +
                             mark_faces_workspace_bytes(shape, size.marks, emitters) +
@@ -152,6 +157,7 @@ struct RelightSize {
 
 namespace relight_detail {
 
+inline constexpr float kPi = 3.14159265F;
 inline constexpr float kInversePi = 0.31830989F;
 
 // The lamps that are marked, or known, then the own car's.
@@ -228,8 +234,9 @@ inline constexpr float kInversePi = 0.31830989F;
 template <class Rays, class Executor, class Observer>
 [[nodiscard]] Status trace_light(const RelightParams& params, std::uint64_t key, const SceneView& scene,
                                  const SceneMesh& mesh, const Relighting& light, Span<const float> peak_cd,
-                                 Span<std::uint32_t> hits, Span<Vec3f> sky_irradiance, Span<std::uint8_t> visibility,
-                                 Workspace& workspace, Executor& executor, Observer& observer) {
+                                 Span<std::uint32_t> hits, Span<Vec3f> sky_irradiance, Span<Vec2f> unseen,
+                                 Span<std::uint8_t> visibility, Workspace& workspace, Executor& executor,
+                                 Observer& observer) {
   const WorkspaceScope scope(workspace);
   observer.begin(Stage::build_trace);
   Rays rays;
@@ -241,8 +248,8 @@ template <class Rays, class Executor, class Observer>
 
   observer.begin(Stage::render);
   const auto point_of = [&rays](const Hit& hit) { return rays.point_of(hit); };
-  NPSIM_RETURN_IF_ERROR(trace_gather_rays(params.gather, key, rays.scene, point_of, light.points, light.receivers, light.sky, hits,
-                                          sky_irradiance, executor, observer));
+  NPSIM_RETURN_IF_ERROR(trace_gather_rays(params.gather, key, rays.scene, point_of, light.points, light.receivers,
+                                          light.sky, params.unseen, hits, sky_irradiance, unseen, executor, observer));
   // Light is asked for at the points that pixels show and those that their bounces reach.
   Span<std::uint8_t> wanted;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(light.points.size(), wanted));
@@ -314,14 +321,17 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   NPSIM_RETURN_IF_ERROR(relight_detail::list_receivers(mesh.visible_vertex, size.receivers, workspace, receivers));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers * static_cast<std::size_t>(params.gather.rays), hits));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers, sky_irradiance));
+  Span<Vec2f> unseen;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers, unseen));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(emitters.size() * size.points, visibility));
   out.receivers = receivers;
   out.hits = hits;
   out.sky_irradiance = sky_irradiance;
+  out.unseen = unseen;
   out.visibility = visibility;
   const auto trace = [&](auto kind) {
     return relight_detail::trace_light<decltype(kind)>(params, key, scene, mesh, out, peak_cd, hits, sky_irradiance,
-                                                       visibility, workspace, executor, observer);
+                                                       unseen, visibility, workspace, executor, observer);
   };
   return traced == TracedFaces::mesh ? trace(MeshRays{}) : trace(LayerRays{});
 }
@@ -363,11 +373,12 @@ template <class Executor>
   return {};
 }
 
-// Irradiance that comes by way of other surfaces and from the sky. illuminance: direct in, with that of all bounces but
+// Irradiance that comes by way of other surfaces, from the sky and from the street that is not seen. illuminance: direct in, with that of all bounces but
 // the last one out. Gathering direct light and what k bounces brought to the points that pixels show gives k + 1.
 template <class Executor>
-[[nodiscard]] Status indirect_image(const RelightParams& params, const Relighting& light, Span<Vec3f> illuminance,
-                                    ImageView<Vec3f> irradiance, Workspace& workspace, Executor& executor) {
+[[nodiscard]] Status indirect_image(const RelightParams& params, const Relighting& light, Span<const Activation> lit,
+                                    Span<Vec3f> illuminance, ImageView<Vec3f> irradiance, Workspace& workspace,
+                                    Executor& executor) {
   const WorkspaceScope scope(workspace);
   Span<Vec3f> indirect;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(light.receivers.size(), indirect));
@@ -382,10 +393,14 @@ template <class Executor>
   // Until the end the image keeps the direct light of its pixels' points.
   for (Vec3f& v : irradiance.pixels()) v = Vec3f{};
   for_receivers([&](std::size_t r, Vec3f& direct) { direct = illuminance[light.receivers[r]]; });
+  const UnseenStreetLight street = unseen_street_light(light.points, light.receivers, light.sky.up, light.emitters, lit,
+                                                       light.visibility);
   for (int bounce = 1;; ++bounce) {
     NPSIM_RETURN_IF_ERROR(
         gather_irradiance(light.points, illuminance, light.hits, params.gather.rays, indirect, executor));
-    for (std::size_t r = 0; r < indirect.size(); ++r) indirect[r] += light.sky_irradiance[r];
+    for (std::size_t r = 0; r < indirect.size(); ++r) {
+      indirect[r] += light.sky_irradiance[r] + street.luminance(light.unseen[r]) * kPi;
+    }
     if (bounce >= params.bounces) break;
     for_receivers([&](std::size_t r, const Vec3f& direct) { illuminance[light.receivers[r]] = direct + indirect[r]; });
   }
@@ -441,7 +456,7 @@ Status relight(const RelightParams& params, const SceneView& scene, const Religh
     NPSIM_RETURN_IF_ERROR(workspace.allocate(light.points.size(), illuminance));
     NPSIM_RETURN_IF_ERROR(relight_detail::direct_image(params, light, lit, illuminance, out, workspace, executor));
     NPSIM_RETURN_IF_ERROR(
-        relight_detail::indirect_image(params, light, illuminance, irradiance, workspace, executor));
+        relight_detail::indirect_image(params, light, lit, illuminance, irradiance, workspace, executor));
   }
   observer.end(Stage::render);
 
