@@ -82,6 +82,7 @@
 
 // sections 3.2, 3.6: lamps
 #include "npsim/light/activation.hpp"
+#include "npsim/light/continued_rows.hpp"
 #include "npsim/light/emitter.hpp"
 #include "npsim/light/headlamps.hpp"
 #include "npsim/light/light_set.hpp"

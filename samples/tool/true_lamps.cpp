@@ -14,6 +14,10 @@
 namespace npsim::tool {
 namespace {
 
+[[nodiscard]] bool is_street_lamp(const io::TrueEmitter& lamp) {
+  return lamp.cls == LightClass::street_light_ht || lamp.cls == LightClass::street_light_lt;
+}
+
 [[nodiscard]] Emitter emitter_of(const io::TrueEmitter& lamp, const LightMark& mark, const GroundPlane& ground) {
   Emitter e;
   e.cls = mark.cls;
@@ -76,6 +80,15 @@ io::Expected<TrueLamps> read_true_lamps(const io::Scene& scene) {
   const std::size_t count = place_ego_headlamps(EgoHeadlampParams{}, out.ground, {own, kEgoHeadlampCount});
   out.emitters.insert(out.emitters.end(), own, own + count);
   out.faces_of.resize(out.emitters.size(), 0);
+  for (const io::TrueEmitter& lamp : lamps.value()) {
+    if (lamp.mark != 0 || !is_street_lamp(lamp)) continue;
+    LightMark unmarked;
+    unmarked.cls = lamp.cls;
+    Emitter e = emitter_of(lamp, unmarked, out.ground);
+    e.unseen = ++out.unseen;
+    out.emitters.push_back(e);
+    out.faces_of.push_back(lamp.id);
+  }
   return out;
 }
 
@@ -85,6 +98,8 @@ const char* profile_name(EmissionProfile profile) {
     case EmissionProfile::hung_luminaire: return "hung_luminaire";
     case EmissionProfile::lantern: return "lantern";
     case EmissionProfile::low_beam: return "low_beam";
+    case EmissionProfile::low_beam_left: return "low_beam_left";
+    case EmissionProfile::high_beam: return "high_beam";
     case EmissionProfile::signal: return "signal";
     case EmissionProfile::lambert: break;
   }

@@ -78,6 +78,28 @@ struct DrawnLamp {
   return drawn;
 }
 
+// Street lamps that the photograph does not show, as strong as those of their class that it does, at their own height.
+void add_unseen_lamps(const TrueLamps& lamps, std::vector<DrawnLamp>& drawn) {
+  const std::size_t seen = drawn.size();
+  for (std::size_t e = 0; e < lamps.emitters.size(); ++e) {
+    const Emitter& lamp = lamps.emitters[e];
+    if (lamp.unseen == 0) continue;
+    float strength = 0;
+    Vec2f xy;
+    float count = 0;
+    for (std::size_t d = 0; d < seen; ++d) {
+      const Emitter& other = lamps.emitters[drawn[d].emitter];
+      if (other.cls != lamp.cls) continue;
+      strength += drawn[d].strength / light_detail::height_factor(other.mounting_height_m);
+      xy = {xy.x + drawn[d].xy.x, xy.y + drawn[d].xy.y};
+      ++count;
+    }
+    if (!(count > 0)) continue;
+    drawn.push_back({e, strength / count * light_detail::height_factor(lamp.mounting_height_m),
+                     {xy.x / count, xy.y / count}});
+  }
+}
+
 // The lamps that the night lit.
 [[nodiscard]] Expected<std::vector<DrawnLamp>> drawn_lamps(const std::string& path, const io::Scene& scene,
                                                            const TrueLamps& lamps) {
@@ -113,7 +135,10 @@ struct DrawnLamp {
       }
       position = found->second;
     } else {
-      if (own == lamps.emitters.size()) {
+      const Expected<std::string> source = entry.value().text("source");
+      if (!source) return source.error();
+      if (source.value() == "continued") continue;  // the true ones take their place
+      if (own == lamps.emitters.size() || lamps.emitters[own].unseen != 0) {
         return Error{path, entry.value().field("source"), "expected at most two headlamps of the car itself"};
       }
       position = own++;
@@ -123,6 +148,10 @@ struct DrawnLamp {
     if (!lamp) return lamp.error();
     drawn.push_back(lamp.value());
   }
+  if (!root.value().has("unseen_street_lamps")) return drawn;
+  const Expected<bool> unseen = yes_or_no(root.value(), "unseen_street_lamps");
+  if (!unseen) return unseen.error();
+  if (unseen.value()) add_unseen_lamps(lamps, drawn);
   return drawn;
 }
 

@@ -17,7 +17,8 @@ using namespace npsim;
 constexpr double kPi = 3.14159265358979323846;
 constexpr EmissionProfile kProfiles[] = {EmissionProfile::lambert,  EmissionProfile::street_luminaire,
                                          EmissionProfile::low_beam, EmissionProfile::signal,
-                                         EmissionProfile::lantern,  EmissionProfile::hung_luminaire};
+                                         EmissionProfile::lantern,  EmissionProfile::hung_luminaire,
+                                         EmissionProfile::high_beam, EmissionProfile::low_beam_left};
 
 Emitter emitter_with(EmissionProfile profile) {
   Emitter e;
@@ -58,7 +59,7 @@ TEST_CASE("profiles stay in [0, 1] in every direction and reach 1 at their peak"
     }
     for (int i = -600; i <= 600; ++i) {
       for (int j = -600; j <= 600; ++j) {
-        const float scale = profile == EmissionProfile::low_beam ? 1e-4F : 5e-3F;
+        const float scale = is_headlamp_profile(profile) ? 1e-4F : 5e-3F;
         const Vec3f d = normalized(Vec3f{static_cast<float>(i) * scale, static_cast<float>(j) * scale, 1.0F});
         peak = std::max(peak, relative_intensity(e, d));
       }
@@ -124,7 +125,7 @@ TEST_CASE("flux of each profile: midpoint quadrature over the sphere agrees with
   for (const EmissionProfile profile : kProfiles) {
     const Emitter e = emitter_with(profile);
     double flux = 0;
-    if (profile == EmissionProfile::low_beam) {
+    if (is_headlamp_profile(profile)) {
       // The cut-off needs a fine grid: integrate over angles a, b with slopes tan a, tan b.
       const int n = 1200;
       for (int i = 0; i < n; ++i) {
@@ -160,9 +161,24 @@ TEST_CASE("flux of each profile: midpoint quadrature over the sphere agrees with
     INFO("profile " << static_cast<int>(profile));
     // This grid resolves the kink of a luminaire's shield to 3e-5.
     const bool shielded = profile == EmissionProfile::street_luminaire || profile == EmissionProfile::hung_luminaire;
-    const double tolerance = profile == EmissionProfile::low_beam ? 1e-3 : shielded ? 5e-5 : 1e-5;
+    const double tolerance = is_headlamp_profile(profile) ? 1e-3 : shielded ? 5e-5 : 1e-5;
     CHECK(flux == doctest::Approx(static_cast<double>(profile_flux_sr(profile))).epsilon(tolerance));
   }
+}
+
+TEST_CASE("left-hand traffic mirrors the low beam; a high beam reaches the horizon, and never less than the low beam") {
+  Emitter right = emitter_with(EmissionProfile::low_beam);
+  Emitter left = emitter_with(EmissionProfile::low_beam_left);
+  Emitter high = emitter_with(EmissionProfile::high_beam);
+  for (float h = -0.2F; h <= 0.2F; h += 0.01F) {
+    for (float v = -0.1F; v <= 0.05F; v += 0.005F) {
+      const Vec3f d = normalized(Vec3f{h, -v, 1});
+      CHECK(relative_intensity(left, {-d.x, d.y, d.z}) == doctest::Approx(relative_intensity(right, d)).epsilon(1e-4));
+      CHECK(relative_intensity(high, d) * kHighBeamPeakCd >= relative_intensity(right, d) * kLowBeamPeakCd * 0.999F);
+    }
+  }
+  // The axis points 1 % down.
+  CHECK(relative_intensity(high, normalized(Vec3f{0, -kLowBeamAim, 1})) * kHighBeamPeakCd > 40500.0F);  // H-V
 }
 
 TEST_CASE("low beam meets UN R112 class B for right-hand traffic over the stated range of strengths") {

@@ -215,6 +215,8 @@ TEST_CASE("tool truth: true lamps hang where the street has them and shine where
         CHECK(std::fabs(e.up.z) > 0.9F);  // along the street
         break;
       case npsim::EmissionProfile::low_beam:
+      case npsim::EmissionProfile::low_beam_left:
+      case npsim::EmissionProfile::high_beam:
         CHECK(std::fabs(dot(e.axis, ground.up) + 0.01F) < 2e-3F);
         CHECK(height > 0.3F);
         CHECK(height < 1.3F);

@@ -10,7 +10,8 @@
 //   lantern           (1 - g) c (1/2 + 8/3 r^4) + g,  r = cosine to the road's direction (`up`), g = 0.01
 //                     Peak at 60 degrees along the road, half of it straight down and c/2 across: a batwing. g is the
 //                     glow of the glass: a lantern can be seen from everywhere, and 2.3 % of its light goes up.
-//   low_beam          headlamp of UN R112 class B for right-hand traffic, see detail/low_beam.hpp
+//   low_beam, low_beam_left   headlamp of UN R112 class B for right-hand and for left-hand traffic, see detail/low_beam.hpp
+//   high_beam         the same headlamp with both beams on
 // The closed forms are ours, chosen so that the flux integrals in photometry.hpp are exact where they can be; they use
 // only + * / sqrt, so that every machine gets the same bits.
 // Cost: a few dot products.
@@ -29,7 +30,11 @@
 namespace npsim {
 inline namespace NPSIM_ABI {
 
-enum class EmissionProfile : std::uint8_t { lambert, street_luminaire, low_beam, signal, hung_luminaire, lantern };
+enum class EmissionProfile : std::uint8_t { lambert, street_luminaire, low_beam, signal, hung_luminaire, lantern, low_beam_left, high_beam };
+
+[[nodiscard]] constexpr bool is_headlamp_profile(EmissionProfile p) noexcept {
+  return p == EmissionProfile::low_beam || p == EmissionProfile::low_beam_left || p == EmissionProfile::high_beam;
+}
 
 // Those whose strength is a luminous flux, and which hang level, shining down.
 [[nodiscard]] constexpr bool is_street_profile(EmissionProfile p) noexcept {
@@ -48,7 +53,10 @@ struct Emitter {
   EmissionProfile profile = EmissionProfile::lambert;
   LightClass cls = LightClass::none;
   SignalState state = SignalState::unknown;
-  std::uint16_t mark = 0;   // position + 1 of its LightMark; 0 = a lamp of the vehicle that carries the camera
+  // Position + 1 of its LightMark; 0 = one that the photograph does not show: a lamp of the vehicle that carries the
+  // camera, or a street lamp with a number of its own.
+  std::uint16_t mark = 0;
+  std::uint16_t unseen = 0;  // 1, 2, ... of the street lamps that the photograph does not show, else 0
   std::uint16_t group = 0;  // position + 1 of its group's LightMark; 0 = stands alone
   LightClass group_cls = LightClass::none;
   float mounting_height_m = 0;  // of a street lamp above the ground; 0 = unknown
@@ -56,7 +64,7 @@ struct Emitter {
 
 // Of the vehicle that carries the camera.
 [[nodiscard]] constexpr bool is_own_headlamp(const Emitter& e) noexcept {
-  return e.mark == 0 && e.profile == EmissionProfile::low_beam;
+  return e.mark == 0 && e.unseen == 0;
 }
 
 inline constexpr float kLanternGlow = 0.01F;  // share of the peak that leaves in every direction, upwards included
@@ -80,11 +88,18 @@ inline constexpr float kLanternGlow = 0.01F;  // share of the peak that leaves i
       value = kLanternGlow + (c > 0.0F ? (1.0F - kLanternGlow) * c * (0.5F + (8.0F / 3.0F) * (r2 * r2)) : 0.0F);
       break;
     }
-    case EmissionProfile::low_beam: {
+    case EmissionProfile::low_beam:
+    case EmissionProfile::low_beam_left:
+    case EmissionProfile::high_beam: {
       if (c > 0.0F) {
         // Right of the lamp as it looks along its axis; x right, y down, z forward is a right-handed frame.
-        const Vec3f right = cross(e.axis, e.up);
-        value = low_beam_relative(dot(right, direction) / c, dot(e.up, direction) / c - kLowBeamAim, c);
+        const float h = dot(cross(e.axis, e.up), direction) / c;
+        const float v = dot(e.up, direction) / c - kLowBeamAim;
+        if (e.profile == EmissionProfile::high_beam) {
+          value = high_beam_relative(h, v, c);
+        } else {
+          value = low_beam_relative(e.profile == EmissionProfile::low_beam ? h : -h, v, c);
+        }
       }
       break;
     }

@@ -2,7 +2,7 @@
 // From what a data sheet says of a source (lumens, candelas, cd/m2) to intensity and luminance, in SI units.
 //
 // Flux of a profile per candela of its peak, integral of relative_intensity over the sphere (exact but for low_beam):
-//   lambert pi;  signal 2 pi / 5;  lantern (1 - g) 5 pi / 6 + 4 pi g;  low_beam 0.02188 (quadrature, 0.1 %);
+//   lambert pi;  signal 2 pi / 5;  lantern (1 - g) 5 pi / 6 + 4 pi g;  low_beam 0.02188 and high_beam 0.01945 (quadrature, 0.1 %);
 //   street_luminaire 2.8150, hung_luminaire 2.1366 (quadrature, 1e-5)
 // Example: 10 klm of street_luminaire have their peak at 3550 cd and 2450 cd straight down, so 38 lx at 8 m.
 // Luminance that the camera sees: intensity towards it / luminous area seen, so that what a pixel shows and what glare
@@ -31,6 +31,8 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
     case EmissionProfile::hung_luminaire:
     case EmissionProfile::lantern: return StrengthUnit::lumen;
     case EmissionProfile::low_beam:
+    case EmissionProfile::low_beam_left:
+    case EmissionProfile::high_beam:
     case EmissionProfile::signal: return StrengthUnit::candela;  // at the peak
     case EmissionProfile::lambert: break;
   }
@@ -44,7 +46,9 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
     case EmissionProfile::street_luminaire: return road_luminaire_flux_sr(false);
     case EmissionProfile::hung_luminaire: return road_luminaire_flux_sr(true);
     case EmissionProfile::lantern: return (1.0F - kLanternGlow) * 5.0F * kPi / 6.0F + 4.0F * kPi * kLanternGlow;
-    case EmissionProfile::low_beam: return 0.02188F;
+    case EmissionProfile::low_beam:
+    case EmissionProfile::low_beam_left: return 0.02188F;
+    case EmissionProfile::high_beam: return 0.01945F;
     case EmissionProfile::signal: return 2.0F * kPi / 5.0F;
     case EmissionProfile::lambert: break;
   }
@@ -59,7 +63,9 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
     case EmissionProfile::street_luminaire:
     case EmissionProfile::hung_luminaire:
     case EmissionProfile::lantern: return 3e5F;
-    case EmissionProfile::low_beam: return 1e6F;
+    case EmissionProfile::low_beam:
+    case EmissionProfile::low_beam_left:
+    case EmissionProfile::high_beam: return 1e6F;
     case EmissionProfile::signal: return 2e4F;
     case EmissionProfile::lambert: break;
   }

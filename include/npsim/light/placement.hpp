@@ -47,6 +47,7 @@ struct PlacementParams {
   float min_street_area_m2 = 0.02F;  // of a street lamp's luminous opening
   float max_side_m = 20.0F;          // bounds a patch where depth or normal is absurd
   float min_facing_cosine = 0.15F;   // a normal closer to grazing than this is not trusted for a facade
+  bool left_hand_traffic = false;    // low beams of others rise to the left
   float reveal_m = 0.15F;            // a window's pane stands behind its wall by this [default]
   StreetLampParams street;
 };
@@ -183,7 +184,7 @@ inline void place_lamp(const PlacementParams& p, const Intrinsics& k, const Ligh
   const Vec3f centre = unproject(k, u, v, z);
   if (!(dot(axis, axis) > 0.5F)) axis = normalized(-centre + ground.up * dot(centre, ground.up));
   if (!(dot(axis, axis) > 0.5F)) axis = normalized(-centre);
-  if (e.profile == EmissionProfile::low_beam) axis = normalized(axis - ground.up * kLowBeamAim);
+  if (is_headlamp_profile(e.profile)) axis = normalized(axis - ground.up * kLowBeamAim);
   set_patch(e, {0.5F * static_cast<float>(r.x1 - r.x0 + 1) * z / k.fx, 0.0F, 0.0F},
             {0.0F, 0.5F * static_cast<float>(r.y1 - r.y0 + 1) * z / k.fy, 0.0F}, r.fill(), p.min_area_m2, p.max_side_m);
   e.axis = axis;
@@ -382,6 +383,7 @@ inline void outline_surfaces(Placing& all, Span<PlaneSample> samples) noexcept {
     e.group = mark.group <= marks.size() ? mark.group : std::uint16_t{0};
     e.group_cls = all.group_class(mark);
     e.profile = light_detail::profile_of(mark, e.group_cls);
+    if (p.left_hand_traffic && e.profile == EmissionProfile::low_beam) e.profile = EmissionProfile::low_beam_left;
     if (!light_detail::place_mark(all, m, e)) continue;
     if (!is_finite(e.centre_m) || !is_finite(e.half_u_m) || !is_finite(e.half_v_m)) continue;
     if (count == out.size())

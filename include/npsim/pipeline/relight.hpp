@@ -23,6 +23,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/light/activation.hpp"
+#include "npsim/light/continued_rows.hpp"
 #include "npsim/light/emitter.hpp"
 #include "npsim/light/headlamps.hpp"
 #include "npsim/light/placement.hpp"
@@ -47,6 +48,7 @@ inline namespace NPSIM_ABI {
 
 struct RelightParams {
   PlacementParams placement;
+  ContinuedRowParams rows;     // street lamps that the picture does not show
   Span<const Emitter> lamps;   // where the lamps are known: these, in place of marked ones that are placed
   ActivationParams activation;
   VisibilityParams visibility;
@@ -63,6 +65,7 @@ struct RelightParams {
 
 [[nodiscard]] inline Status validate(const RelightParams& p) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(p.placement));
+  NPSIM_RETURN_IF_ERROR(validate(p.rows));
   NPSIM_RETURN_IF_ERROR(validate(p.activation));
   NPSIM_RETURN_IF_ERROR(validate(p.visibility));
   NPSIM_RETURN_IF_ERROR(validate(p.gather));
@@ -82,10 +85,10 @@ struct Relighting {
   SkyParams sky;                                 // with the scene's up direction
   SurfacePoints points;
   ImageView<const std::uint32_t> visible_point;  // per pixel; kNoPoint where the scene has no surface
-  Span<const Emitter> emitters;                  // marked ones first, then the ego vehicle's
+  Span<const Emitter> emitters;                  // marked ones first, then unseen ones, then the ego vehicle's
   Span<const Activation> activations;            // variant-major: variant * emitters + emitter
   Span<const std::uint32_t> emitter_of_mark;     // mark position -> emitter, or kNoPoint
-  Span<const float> mean_of_mark;                // mean displayed brightness of each mark's pixels by day
+  Span<const relight_detail::SourceBrightness> brightness_of_mark;  // of each mark's pixels by day
   Span<const std::uint8_t> visibility;
   Span<const std::uint32_t> receivers;           // the points that pixels show, in the order of the pixels
   Span<const std::uint32_t> hits;
@@ -108,11 +111,12 @@ struct RelightSize {
   std::size_t backs = 0;      // of these, the objects' backs
   bool albedo_guessed = true;
   std::size_t groups = 0;     // of the marks, those that shine no light of their own
+  std::size_t unseen = 0;     // street lamps that continue a row
 };
 
 [[nodiscard]] inline RelightSize relight_size(const SceneView& scene, const SceneMesh& mesh, int variants) noexcept {
   RelightSize size{scene.lights.size(),  variants, mesh.mesh.vertices.size(), 0, mesh.mesh.faces.size(),
-                   mesh.mesh.faces.size() - mesh.sheet_faces, scene.albedo.empty(), 0};
+                   mesh.mesh.faces.size() - mesh.sheet_faces, scene.albedo.empty(), 0, 0};
   for (const LightMark& mark : scene.lights) size.groups += is_group(mark.cls) ? 1U : 0U;
   for (int y = 0; y < scene.shape().height; ++y) {
     for (int x = 0; x < scene.shape().width; ++x) size.receivers += mesh.visible_vertex(x, y) != kNoVertex ? 1U : 0U;
@@ -132,14 +136,16 @@ struct RelightSize {
 // What prepare_relighting() and then relight() take.
 [[nodiscard]] constexpr std::size_t relight_workspace_bytes(const RelightParams& params, TracedFaces traced,
                                                             Shape shape, const RelightSize& size) noexcept {
-  const std::size_t emitters = std::max(size.marks, params.lamps.size()) + kEgoHeadlampCount;
-  const std::size_t traced_lamps = emitters - (params.lamps.empty() ? size.groups : 0);
+  const std::size_t known = std::max(size.marks, params.lamps.size()) + kEgoHeadlampCount;
+  const std::size_t emitters = known + most_unseen_lamps(params.rows, size.marks);
+  const std::size_t traced_lamps = known - (params.lamps.empty() ? size.groups : 0) + size.unseen;
   const std::size_t rays = params.gather.rays > 0 ? static_cast<std::size_t>(params.gather.rays) : 0;
   const std::size_t drawn = emitters * (size.variants > 0 ? static_cast<std::size_t>(size.variants) : 0);
   const std::size_t shared =
       allocation_bytes<Emitter>(emitters) + allocation_bytes<Activation>(drawn) +
       2 * allocation_bytes<float>(emitters) + allocation_bytes<Vec3f>(emitters) +
-      allocation_bytes<std::uint32_t>(size.marks) + 2 * allocation_bytes<float>(size.marks) +
+      allocation_bytes<std::uint32_t>(size.marks) + allocation_bytes<float>(size.marks) +
+      allocation_bytes<relight_detail::SourceBrightness>(size.marks) +
       2 * allocation_bytes<Vec3f>(size.points) + 2 * allocation_bytes<float>(size.points) +
       allocation_bytes<std::uint32_t>(size.receivers) + allocation_bytes<std::uint32_t>(size.receivers * rays) +
       allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<Vec2f>(size.receivers) +
@@ -160,12 +166,13 @@ namespace relight_detail {
 inline constexpr float kPi = 3.14159265F;
 inline constexpr float kInversePi = 0.31830989F;
 
-// The lamps that are marked, or known, then the own car's.
+// The lamps that are marked, or known, then those that continue their rows, then the own car's.
 [[nodiscard]] inline Status place_emitters(const RelightParams& params, const SceneView& scene,
                                            const RefinedDepth& refined, Workspace& workspace,
                                            Span<Emitter>& emitters,
                                            Span<std::uint32_t>& emitter_of_mark) {
-  const std::size_t most = params.lamps.empty() ? scene.lights.size() : params.lamps.size();
+  const std::size_t most = (params.lamps.empty() ? scene.lights.size() : params.lamps.size()) +
+                           most_unseen_lamps(params.rows, scene.lights.size());
   NPSIM_RETURN_IF_ERROR(workspace.allocate(most + kEgoHeadlampCount, emitters));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), emitter_of_mark));
   std::size_t count = 0;
@@ -176,11 +183,14 @@ inline constexpr float kInversePi = 0.31830989F;
       }
       emitters[count++] = lamp;
     }
-  } else if (!scene.light_index.empty() && !scene.lights.empty()) {
+  } else {
     const PlacementScene known{scene.camera,    refined.ground,  scene.lights,      scene.light_index, refined.depth,
                                refined.labels, scene.instances, refined.uncertain, refined.normals};
-    NPSIM_RETURN_IF_ERROR(
-        place_lights(params.placement, known, workspace, emitters.sub(0, scene.lights.size()), count));
+    if (!scene.light_index.empty() && !scene.lights.empty()) {
+      NPSIM_RETURN_IF_ERROR(
+          place_lights(params.placement, known, workspace, emitters.sub(0, scene.lights.size()), count));
+    }
+    NPSIM_RETURN_IF_ERROR(continue_rows(params.rows, known, emitters.sub(0, most), count));
   }
   for (std::uint32_t& e : emitter_of_mark) e = kNoPoint;
   for (std::size_t e = 0; e < count; ++e) {
@@ -272,7 +282,7 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
                           const SceneView& scene, const RefinedDepth& refined, const SceneMesh& mesh,
                           Workspace& workspace, Executor& executor, Observer& observer, Relighting& out) {
   if (variants < 1) return Status(StatusCode::invalid_argument, "at least one variant is needed");
-  const RelightSize size = relight_size(scene, mesh, variants);
+  RelightSize size = relight_size(scene, mesh, variants);
   NPSIM_RETURN_IF_ERROR(workspace.ensure(relight_workspace_bytes(params, traced, scene.shape(), size)));
 
   observer.begin(Stage::lights);
@@ -281,17 +291,20 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   Span<Emitter> emitters;
   Span<std::uint32_t> emitter_of_mark;
   NPSIM_RETURN_IF_ERROR(relight_detail::place_emitters(params, scene, refined, workspace, emitters, emitter_of_mark));
+  // How many lamps continue rows is known only now.
+  for (const Emitter& e : emitters) size.unseen += e.unseen != 0 && params.lamps.empty() ? 1U : 0U;
+  NPSIM_RETURN_IF_ERROR(workspace.ensure(relight_workspace_bytes(params, traced, scene.shape(), size)));
   Span<Activation> activations;
   Span<float> peak_cd;
   NPSIM_RETURN_IF_ERROR(relight_detail::draw_activations(params.activation, key, variants, scene, emitters,
                                                          emitter_of_mark, workspace, activations, peak_cd));
-  Span<float> mean_of_mark;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), mean_of_mark));
+  Span<relight_detail::SourceBrightness> brightness_of_mark;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), brightness_of_mark));
   {
     const WorkspaceScope scope(workspace);
     Span<float> pixel_count;
     NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), pixel_count));
-    relight_detail::mean_brightness(scene, mean_of_mark, pixel_count);
+    relight_detail::source_brightness(scene, emitters, emitter_of_mark, brightness_of_mark, pixel_count);
   }
   observer.end(Stage::lights);
 
@@ -312,7 +325,7 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   out.emitters = emitters;
   out.activations = activations;
   out.emitter_of_mark = emitter_of_mark;
-  out.mean_of_mark = mean_of_mark;
+  out.brightness_of_mark = brightness_of_mark;
   out.variants = variants;
   Span<std::uint32_t> receivers;
   Span<std::uint32_t> hits;
@@ -424,7 +437,9 @@ inline void add_rest(const SceneView& scene, const Relighting& light, Span<const
     const std::uint16_t mark = scene.light_index.empty() ? std::uint16_t{0} : scene.light_index(x, y);
     const std::uint32_t emitter = mark == 0 ? kNoPoint : light.emitter_of_mark[mark - 1U];
     if (emitter != kNoPoint && lit[emitter].lit) {
-      seen += lit[emitter].luminance_cd_m2 * texture(scene, light.mean_of_mark[mark - 1U], x, y);
+      const Emitter& e = light.emitters[emitter];
+      seen += lit[emitter].luminance_cd_m2 * source_pattern_at(scene, source_pattern(e.cls, e.profile),
+                                                               light.brightness_of_mark[mark - 1U], x, y);
     }
     out(x, y) = seen;
   }
