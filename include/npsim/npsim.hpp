@@ -83,6 +83,7 @@
 
 // sections 3.2, 3.6: lamps
 #include "npsim/light/activation.hpp"
+#include "npsim/light/continued_rows.hpp"
 #include "npsim/light/emitter.hpp"
 #include "npsim/light/headlamps.hpp"
 #include "npsim/light/light_set.hpp"
@@ -104,6 +105,7 @@
 #include "npsim/render/mirror.hpp"
 #include "npsim/render/preview.hpp"
 #include "npsim/render/surface_points.hpp"
+#include "npsim/render/unseen_street.hpp"
 #include "npsim/render/visibility.hpp"
 
 // section 3.6.3: the camera

@@ -101,6 +101,19 @@ inline void build_traffic(Scene& scene, const Layout& l) {
   build_bus(scene, l.pose(stop.s, d, 0, stop.ahead ? -0.01F : kPi), liveries[bus.pick(5)], bus);
 }
 
+// The rows of lamps go on behind the camera, where a photograph does not show them. Their dice are their own.
+struct LampRow {
+  float first_s = 0;  // of the row ahead
+  float gap0 = 0, gap1 = 0;
+};
+
+template <class Build>
+inline void build_row_behind(const LampRow& row, Dice& dice, const Build& build) {
+  for (float s = row.first_s - dice.uniform(row.gap0, row.gap1); s > -45; s -= dice.uniform(row.gap0, row.gap1)) {
+    build(s, dice);
+  }
+}
+
 inline void build_furniture(Scene& scene, const Layout& l) {
   const FurniturePaints f = make_furniture_paints(scene);
   Dice dice(l.seed, Topic::furniture, 0);
@@ -111,18 +124,30 @@ inline void build_furniture(Scene& scene, const Layout& l) {
   const float tall_kerb = tall_side > 0 ? l.kerb_right : l.kerb_left;
   const float low_kerb = tall_side > 0 ? l.kerb_left : l.kerb_right;
   const float tall_height = dice.uniform(7.2F, 8.6F);
-  float s = dice.uniform(6, 13);
-  for (; s < l.end - 20; s += dice.uniform(21, 27)) {
-    if (s > l.junction0 - 1 && s < l.junction1 + 1) continue;
+  const auto tall_lamp = [&](float s, Dice& of) {
     build_tall_lamp(
         scene, f,
         l.pose(s, tall_kerb + 0.45F * static_cast<float>(tall_side), h, -0.5F * kPi * static_cast<float>(tall_side)),
-        tall_height, dice.uniform(1.6F, 2.4F));
+        tall_height, of.uniform(1.6F, 2.4F));
+  };
+  const auto lantern = [&](float s, Dice& of) {
+    build_lantern(scene, f, l.pose(s, low_kerb - 0.6F * static_cast<float>(tall_side), h), of.uniform(3.7F, 4.0F));
+  };
+  float s = dice.uniform(6, 13);
+  const LampRow tall_row{s, 21, 27};
+  for (; s < l.end - 20; s += dice.uniform(21, 27)) {
+    if (s > l.junction0 - 1 && s < l.junction1 + 1) continue;
+    tall_lamp(s, dice);
   }
-  for (s = dice.uniform(9, 15); s < l.end - 30; s += dice.uniform(15, 21)) {
+  s = dice.uniform(9, 15);
+  const LampRow low_row{s, 15, 21};
+  for (; s < l.end - 30; s += dice.uniform(15, 21)) {
     if (s > l.junction0 - 3 && s < l.junction1 + 3) continue;
-    build_lantern(scene, f, l.pose(s, low_kerb - 0.6F * static_cast<float>(tall_side), h), dice.uniform(3.7F, 4.0F));
+    lantern(s, dice);
   }
+  Dice behind(l.seed, Topic::furniture, 1);
+  build_row_behind(tall_row, behind, tall_lamp);
+  build_row_behind(low_row, behind, lantern);
   // Traffic lights before the junction: ours, theirs, and those of the side street.
   const SignalState mine = dice.chance(0.5F) ? SignalState::red : SignalState::green;
   const float stop_line = l.zebra0 - 0.6F;

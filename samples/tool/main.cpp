@@ -103,6 +103,28 @@ int main(int argc, char** argv) {
       ->check(within(0.0, 1.0))
       ->capture_default_str();
   night_app
+      ->add_option("--unseen-lamps", night.unseen_lamps,
+                   "Whether rows of street lamps go on where the photograph does not show them: continued, of the thesis "
+                   "dark")
+      ->check(CLI::IsMember({"continued", "dark"}));
+  night_app
+      ->add_option("--assume-lamps", night.assume_lamps_m,
+                   "Metres of road width: where no street lamp is marked, a row for such a road stands beside and behind "
+                   "the camera; 0: none")
+      ->check(within(0.0, 50.0))
+      ->capture_default_str();
+  night_app
+      ->add_option("--unseen-street", night.unseen_street,
+                   "How much of the mean light of the street in the picture the street around it has; default: 1, of the "
+                   "thesis 0")
+      ->check(within(0.0, 1.0));
+  night_app->add_option("--headlamps", night.headlamps, "Of the car that carries the camera: low, high (both beams) or off")
+      ->check(CLI::IsMember({"low", "high", "off"}))
+      ->capture_default_str();
+  night_app->add_option("--traffic", night.traffic, "Side of the road on which the own car drives, and its low beam rises")
+      ->check(CLI::IsMember({"right", "left"}))
+      ->capture_default_str();
+  night_app
       ->add_option("--mesh-error", night.mesh_error,
                    "Relative error of depth that the exported mesh is simplified to; 0: faces between "
                    "all pixels; default: 0.005, of the thesis 0")

@@ -51,6 +51,13 @@ namespace {
   return {base + ".png", base + ".pfm", base + ".json"};
 }
 
+// All 64 bits: JSON's numbers keep 53 of them in most readers.
+[[nodiscard]] std::string key_text(std::uint64_t key) {
+  std::array<char, 20> text{};
+  std::snprintf(text.data(), text.size(), "%016llx", static_cast<unsigned long long>(key));
+  return text.data();
+}
+
 // Everything that a run may write.
 [[nodiscard]] std::vector<std::string> night_outputs(const NightOptions& options) {
   std::vector<std::string> files;
@@ -69,8 +76,14 @@ namespace {
 class NightWriter {
  public:
   NightWriter(const NightOptions& options, const io::Scene& scene, const std::vector<std::string>& doubts,
-              Span<const LightSetEntry> light_set, Console& console, ThreadPool& pool)
-      : options_(options), scene_(scene), doubts_(doubts), light_set_(light_set), console_(console), pool_(pool) {}
+              const NightParams& params, Console& console, ThreadPool& pool)
+      : options_(options),
+        scene_(scene),
+        doubts_(doubts),
+        params_(params),
+        light_set_(params.relight.activation.light_set),
+        console_(console),
+        pool_(pool) {}
 
   Status reconstructed(const RefinedDepth& refined, const SceneMesh& mesh, const Relighting& light) {
     return written(console_.timed("write depth and mesh", [&]() -> io::Outcome {
@@ -177,8 +190,13 @@ class NightWriter {
       const Emitter& emitter = night.emitters[e];
       const Activation& a = night.activations[e];
       nlohmann::ordered_json entry;
-      if (emitter.mark == 0) {
+      if (is_own_headlamp(emitter)) {
         entry["source"] = "own headlamp";
+        entry["side"] = emitter.centre_m.x < 0 ? "left" : "right";
+        entry["class"] = info(emitter.cls).name;
+      } else if (emitter.mark == 0) {
+        entry["source"] = "continued";  // a row of street lamps goes on where the photograph does not show it
+        entry["number"] = emitter.unseen;
         entry["class"] = info(emitter.cls).name;
       } else {
         const LightMark& mark = scene_.lights[emitter.mark - 1U];
@@ -189,23 +207,32 @@ class NightWriter {
       entry["lit"] = a.lit;
       entry["probability"] = a.probability;
       entry["profile"] = profile_name(emitter.profile);
-      if (a.lit) {
-        entry["strength"] = a.strength;
-        entry["unit"] = unit_name(strength_unit(emitter.profile));
-        if (emitter.profile == EmissionProfile::street_luminaire) {
-          entry["mounting_height_m"] = emitter.mounting_height_m;
-          // Drawn for a mast of 8 m and changed by height, unless a light set names the class.
-          entry["strength_follows_height"] = !in_light_set(emitter.cls);
-        }
-        entry["xy"] = {a.xy.x, a.xy.y};
-        entry["peak_intensity_cd"] = luminance(a.intensity_cd);
-        entry["luminance_cd_m2"] = luminance(a.luminance_cd_m2);
-        entry["position_m"] = {emitter.centre_m.x, emitter.centre_m.y, emitter.centre_m.z};
+      // What it would be is said of what is off as well.
+      entry["strength"] = a.strength;
+      entry["unit"] = unit_name(strength_unit(emitter.profile));
+      if (is_street_profile(emitter.profile)) {
+        entry["mounting_height_m"] = emitter.mounting_height_m;
+        // Drawn for a mast of 8 m and changed by height, unless a light set names the class.
+        entry["strength_follows_height"] = !in_light_set(emitter.cls);
       }
+      entry["xy"] = {a.xy.x, a.xy.y};
+      const Activation on = make_activation(emitter, true, a.probability, a.strength, a.xy);
+      entry["peak_intensity_cd"] = luminance(on.intensity_cd);
+      entry["luminance_cd_m2"] = luminance(on.luminance_cd_m2);
+      entry["position_m"] = {emitter.centre_m.x, emitter.centre_m.y, emitter.centre_m.z};
       sources.push_back(std::move(entry));
     }
-    return {{"seed", options_.seed},
+    return {{"npsim", NPSIM_VERSION_STRING},
+            {"scene", scene_.name},
+            {"photograph", key_text(params_.photograph)},
+            {"preset", options_.preset},
+            {"light_set", options_.light_set},
+            {"size", {scene_.image.width(), scene_.image.height()}},
+            {"seed", options_.seed},
             {"variant", night.variant},
+            {"unseen_street_lamps", params_.relight.rows.behind_m > 0.0F},
+            {"assumed_road_width_m", params_.relight.rows.assumed_width_m},
+            {"unseen_street_share", params_.relight.unseen.share},
             {"exposure",
              {{"iso", night.exposure.iso}, {"f_number", night.exposure.f_number}, {"time_s", night.exposure.time_s}}},
             {"sources", std::move(sources)}};
@@ -218,6 +245,7 @@ class NightWriter {
   const NightOptions& options_;
   const io::Scene& scene_;
   const std::vector<std::string>& doubts_;
+  const NightParams& params_;
   Span<const LightSetEntry> light_set_;
   Console& console_;
   ThreadPool& pool_;
@@ -261,6 +289,14 @@ int run_night(const NightOptions& options) {
   params.photograph = scene.photograph;
   params.variants = options.variants;
   params.relight.material.film.wetness = options.wet;
+  if (options.unseen_lamps == "dark") params.relight.rows.behind_m = 0.0F;
+  if (options.unseen_lamps == "continued") params.relight.rows.behind_m = ContinuedRowParams{}.behind_m;
+  params.relight.rows.assumed_width_m = options.assume_lamps_m;
+  if (options.unseen_street >= 0.0F) params.relight.unseen.share = options.unseen_street;
+  params.relight.ego.high_beam = options.headlamps == "high";
+  params.relight.ego.left_hand_traffic = options.traffic == "left";
+  params.relight.placement.left_hand_traffic = options.traffic == "left";
+  if (options.headlamps == "off") params.relight.ego_headlamps = false;
   if (options.mesh_error >= 0.0F) {
     params.mesh.simplify_faces = options.mesh_error > 0.0F;
     params.mesh.simplify.max_relative_depth_error = options.mesh_error;
@@ -282,7 +318,7 @@ int run_night(const NightOptions& options) {
   Workspace workspace = memory.workspace();
   const unsigned threads = thread_count(options.threads);
   ThreadPool pool(threads);
-  NightWriter writer(options, scene, doubts, params.relight.activation.light_set, console, pool);
+  NightWriter writer(options, scene, doubts, params, console, pool);
   const Status status = engine::make_nights(params, view, workspace, pool, console, writer);
   if (writer.error() != nullptr) return fail(*writer.error());
   if (status.code() == StatusCode::no_valid_input) {

@@ -195,6 +195,7 @@ class Judge {
                                      std::uint64_t samples, ThreadPool& pool, Console& console, NightErrors& out) {
   params.mesh.traced = TracedFaces::mesh;  // what the reference gets
   params.mesh.simplify_faces = false;
+  params.relight.unseen.share = 0.0F;  // of which the reference knows nothing
   io::Image<Vec3f> own;
   TrueNight night;
   NPSIM_RETURN_IF_ERROR(

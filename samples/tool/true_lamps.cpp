@@ -14,6 +14,10 @@
 namespace npsim::tool {
 namespace {
 
+[[nodiscard]] bool is_street_lamp(const io::TrueEmitter& lamp) {
+  return lamp.cls == LightClass::street_light_ht || lamp.cls == LightClass::street_light_lt;
+}
+
 [[nodiscard]] Emitter emitter_of(const io::TrueEmitter& lamp, const LightMark& mark, const GroundPlane& ground) {
   Emitter e;
   e.cls = mark.cls;
@@ -22,10 +26,11 @@ namespace {
   e.group_cls = lamp.group_cls;
   e.profile = light_detail::profile_of(mark, lamp.group_cls);
   e.mounting_height_m = lamp.mounting_height_m;
+  const bool street = is_street_profile(e.profile);
+  if (street) e.profile = light_detail::street_profile(lamp.mounting_height_m);
   e.axis = lamp.axis;
   // A headlamp's axis leads to the elbow of its cut-off; headings are level.
   if (e.profile == EmissionProfile::low_beam) e.axis = normalized(e.axis - ground.up * kLowBeamAim);
-  const bool street = e.profile == EmissionProfile::street_luminaire;
   e.up = light_detail::perpendicular(e.axis, street ? lamp.up : ground.up);
   const bool surface = e.profile == EmissionProfile::lambert;
   const float share = lamp.closed ? 0.25F : 1.0F;
@@ -75,13 +80,26 @@ io::Expected<TrueLamps> read_true_lamps(const io::Scene& scene) {
   const std::size_t count = place_ego_headlamps(EgoHeadlampParams{}, out.ground, {own, kEgoHeadlampCount});
   out.emitters.insert(out.emitters.end(), own, own + count);
   out.faces_of.resize(out.emitters.size(), 0);
+  for (const io::TrueEmitter& lamp : lamps.value()) {
+    if (lamp.mark != 0 || !is_street_lamp(lamp)) continue;
+    LightMark unmarked;
+    unmarked.cls = lamp.cls;
+    Emitter e = emitter_of(lamp, unmarked, out.ground);
+    e.unseen = ++out.unseen;
+    out.emitters.push_back(e);
+    out.faces_of.push_back(lamp.id);
+  }
   return out;
 }
 
 const char* profile_name(EmissionProfile profile) {
   switch (profile) {
     case EmissionProfile::street_luminaire: return "street_luminaire";
+    case EmissionProfile::hung_luminaire: return "hung_luminaire";
+    case EmissionProfile::lantern: return "lantern";
     case EmissionProfile::low_beam: return "low_beam";
+    case EmissionProfile::low_beam_left: return "low_beam_left";
+    case EmissionProfile::high_beam: return "high_beam";
     case EmissionProfile::signal: return "signal";
     case EmissionProfile::lambert: break;
   }

@@ -23,9 +23,12 @@ namespace npsim::tool {
 inline constexpr float kLampOffset = 0.02F;  // m
 
 struct TrueLamps {
-  std::vector<Emitter> emitters;        // in the order of Emitter::mark (position + 1 in scene.lights); own lamps last
+  // In the order of Emitter::mark (position + 1 in scene.lights); then own lamps, then street lamps that the photograph
+  // does not show.
+  std::vector<Emitter> emitters;
   std::vector<std::uint32_t> faces_of;  // per emitter the id that its faces carry (TrueMesh::face_emitter); 0: own lamp
   GroundPlane ground;
+  std::uint16_t unseen = 0;  // number of the last ones
 };
 
 [[nodiscard]] io::Expected<TrueLamps> read_true_lamps(const io::Scene& scene);

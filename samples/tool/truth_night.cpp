@@ -48,7 +48,13 @@ struct DrawnLamp {
   drawn.emitter = position;
   const Expected<std::string> profile = entry.text("profile");
   if (!profile) return profile.error();
-  if (profile.value() != profile_name(lamp.profile)) {
+  // Of which kind a street lamp is, is the truth's to say; whether it is one, the night has to agree on.
+  const bool street = is_street_profile(lamp.profile);
+  const bool kind = profile.value() == profile_name(lamp.profile);
+  const auto is = [&](EmissionProfile p) { return profile.value() == profile_name(p); };
+  const bool any_street = is(EmissionProfile::street_luminaire) || is(EmissionProfile::hung_luminaire) ||
+                          is(EmissionProfile::lantern);
+  if (!kind && !(street && any_street)) {
     return Error{entry.file(), entry.field("profile"),
                  "is '" + profile.value() + "', expected " + profile_name(lamp.profile) + " as that of the true lamp"};
   }
@@ -61,7 +67,7 @@ struct DrawnLamp {
     return Error{entry.file(), entry.field("xy"), "expected two numbers"};
   }
   drawn.xy = {(*xy.value())[0].get<float>(), (*xy.value())[1].get<float>()};
-  if (lamp.profile != EmissionProfile::street_luminaire) return drawn;
+  if (!street) return drawn;
   const Expected<bool> follows = yes_or_no(entry, "strength_follows_height");
   if (!follows) return follows.error();
   if (follows.value()) {
@@ -70,6 +76,28 @@ struct DrawnLamp {
     drawn.strength *= light_detail::height_factor(lamp.mounting_height_m) / light_detail::height_factor(placed.value());
   }
   return drawn;
+}
+
+// Street lamps that the photograph does not show, as strong as those of their class that it does, at their own height.
+void add_unseen_lamps(const TrueLamps& lamps, std::vector<DrawnLamp>& drawn) {
+  const std::size_t seen = drawn.size();
+  for (std::size_t e = 0; e < lamps.emitters.size(); ++e) {
+    const Emitter& lamp = lamps.emitters[e];
+    if (lamp.unseen == 0) continue;
+    float strength = 0;
+    Vec2f xy;
+    float count = 0;
+    for (std::size_t d = 0; d < seen; ++d) {
+      const Emitter& other = lamps.emitters[drawn[d].emitter];
+      if (other.cls != lamp.cls) continue;
+      strength += drawn[d].strength / light_detail::height_factor(other.mounting_height_m);
+      xy = {xy.x + drawn[d].xy.x, xy.y + drawn[d].xy.y};
+      ++count;
+    }
+    if (!(count > 0)) continue;
+    drawn.push_back({e, strength / count * light_detail::height_factor(lamp.mounting_height_m),
+                     {xy.x / count, xy.y / count}});
+  }
 }
 
 // The lamps that the night lit.
@@ -107,7 +135,10 @@ struct DrawnLamp {
       }
       position = found->second;
     } else {
-      if (own == lamps.emitters.size()) {
+      const Expected<std::string> source = entry.value().text("source");
+      if (!source) return source.error();
+      if (source.value() == "continued") continue;  // the true ones take their place
+      if (own == lamps.emitters.size() || lamps.emitters[own].unseen != 0) {
         return Error{path, entry.value().field("source"), "expected at most two headlamps of the car itself"};
       }
       position = own++;
@@ -117,6 +148,10 @@ struct DrawnLamp {
     if (!lamp) return lamp.error();
     drawn.push_back(lamp.value());
   }
+  if (!root.value().has("unseen_street_lamps")) return drawn;
+  const Expected<bool> unseen = yes_or_no(root.value(), "unseen_street_lamps");
+  if (!unseen) return unseen.error();
+  if (unseen.value()) add_unseen_lamps(lamps, drawn);
   return drawn;
 }
 

@@ -37,16 +37,29 @@ namespace npsim::reference {
   switch (profile) {
     case EmissionProfile::lambert: value = c; break;
     case EmissionProfile::signal: value = c > 0 ? c * c * c * c : 0.0; break;
-    case EmissionProfile::street_luminaire: {
+    case EmissionProfile::street_luminaire:
+    case EmissionProfile::hung_luminaire: {
+      constexpr double kGlow = 0.002;
+      const double r = dot(up, direction);
+      const double s = dot(cross(up, axis), direction);
+      const double away = profile == EmissionProfile::hung_luminaire ? std::abs(s) : std::max(-s, 0.0);
+      const double cut = c > 0 ? 1 / (1 + std::pow(0.27 / c, 6)) : 0.0;
+      value = kGlow + (1 - kGlow) * (1 + 0.8 * r * r * r * r) * (1 - 0.9 * away) * cut / 1.44336;
+      break;
+    }
+    case EmissionProfile::lantern: {
       constexpr double kGlow = 0.01;
       const double r = dot(up, direction);
       value = kGlow + (c > 0 ? (1 - kGlow) * c * (0.5 + 8.0 / 3.0 * r * r * r * r) : 0.0);
       break;
     }
-    case EmissionProfile::low_beam: {
+    case EmissionProfile::low_beam:
+    case EmissionProfile::low_beam_left:
+    case EmissionProfile::high_beam: {
       if (!(c > 0)) break;
       constexpr double kDegree = kPi / 180;
-      const double h = dot(cross(axis, up), direction) / c;
+      const double side = profile == EmissionProfile::low_beam_left ? -1.0 : 1.0;
+      const double h = side * dot(cross(axis, up), direction) / c;
       const double v = dot(up, direction) / c - 0.01;  // the axis points 1 % below the horizontal
       const double cutoff = std::min(h > 0 ? -0.01 + 0.26794919 * h : -0.01, 0.026);
       const double below = cutoff - v;
@@ -58,6 +71,9 @@ namespace npsim::reference {
       const double wide = 1 + squared(h / (20 * kDegree)) + squared(depth / (6 * kDegree));
       const double cd = (16500 / squared(hot) + 5500 / squared(wide)) * fade + 90 * squared(squared(c));
       value = cd / 20196.7;
+      if (profile == EmissionProfile::high_beam) {
+        value = (cd + 48000 / squared(1 + squared(h / (7 * kDegree)) + squared(v / (2.5 * kDegree)))) / 62261;
+      }
       break;
     }
   }

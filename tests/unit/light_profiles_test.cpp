@@ -15,8 +15,10 @@ namespace {
 using namespace npsim;
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr EmissionProfile kProfiles[] = {EmissionProfile::lambert, EmissionProfile::street_luminaire,
-                                         EmissionProfile::low_beam, EmissionProfile::signal};
+constexpr EmissionProfile kProfiles[] = {EmissionProfile::lambert,  EmissionProfile::street_luminaire,
+                                         EmissionProfile::low_beam, EmissionProfile::signal,
+                                         EmissionProfile::lantern,  EmissionProfile::hung_luminaire,
+                                         EmissionProfile::high_beam, EmissionProfile::low_beam_left};
 
 Emitter emitter_with(EmissionProfile profile) {
   Emitter e;
@@ -55,9 +57,9 @@ TEST_CASE("profiles stay in [0, 1] in every direction and reach 1 at their peak"
       CHECK(value >= 0.0F);
       CHECK(value <= 1.0F);
     }
-    for (int i = -400; i <= 400; ++i) {
-      for (int j = -400; j <= 400; ++j) {
-        const float scale = profile == EmissionProfile::low_beam ? 1e-4F : 5e-3F;
+    for (int i = -600; i <= 600; ++i) {
+      for (int j = -600; j <= 600; ++j) {
+        const float scale = is_headlamp_profile(profile) ? 1e-4F : 5e-3F;
         const Vec3f d = normalized(Vec3f{static_cast<float>(i) * scale, static_cast<float>(j) * scale, 1.0F});
         peak = std::max(peak, relative_intensity(e, d));
       }
@@ -74,8 +76,40 @@ TEST_CASE("a direction of NaN gives no light") {
   }
 }
 
-TEST_CASE("street luminaire: batwing along the road, half of the peak straight down, a glow upwards") {
-  Emitter e = emitter_with(EmissionProfile::street_luminaire);
+TEST_CASE("road luminaires: cut off as the classes of EN 13201-2 ask, over the road more than at the houses") {
+  // Intensity in cd per klm at an angle from straight down; across: 1 over the road, -1 towards the houses.
+  const auto cd_per_klm = [](EmissionProfile profile, double degrees, double across) {
+    Emitter e = emitter_with(profile);
+    e.axis = {0, 1, 0};
+    e.up = {0, 0, 1};  // the road is to the left
+    const double g = degrees * kPi / 180;
+    const double along = std::sqrt(1 - across * across);
+    const Vec3f d{static_cast<float>(-std::sin(g) * across), static_cast<float>(std::cos(g)),
+                  static_cast<float>(std::sin(g) * along)};
+    return static_cast<double>(relative_intensity(e, d) * peak_intensity_cd(profile, 1000.0F, 1.0F));
+  };
+  struct Limit {
+    EmissionProfile profile;
+    double at_70;
+  };
+  for (const auto& [profile, at_70] : {Limit{EmissionProfile::street_luminaire, 350},
+                                       Limit{EmissionProfile::hung_luminaire, 500}}) {
+    for (double across = -1; across <= 1; across += 0.1) {
+      CHECK(cd_per_klm(profile, 70, across) <= at_70);
+      CHECK(cd_per_klm(profile, 80, across) <= 100);
+      for (double degrees = 90; degrees <= 180; degrees += 5) CHECK(cd_per_klm(profile, degrees, across) <= 1);
+    }
+    CHECK(cd_per_klm(profile, 120, 0) > 0.5);  // but is seen from everywhere
+    CHECK(cd_per_klm(profile, 64, 0) > 1.4 * cd_per_klm(profile, 0, 0));
+    CHECK(cd_per_klm(profile, 60, -1) < 0.25 * cd_per_klm(profile, 60, 0));
+  }
+  CHECK(cd_per_klm(EmissionProfile::street_luminaire, 60, 1) > 3 * cd_per_klm(EmissionProfile::street_luminaire, 60, -1));
+  CHECK(cd_per_klm(EmissionProfile::hung_luminaire, 60, 1) ==
+        doctest::Approx(cd_per_klm(EmissionProfile::hung_luminaire, 60, -1)).epsilon(1e-5));
+}
+
+TEST_CASE("lantern: batwing along the road, half of the peak straight down, a glow upwards") {
+  Emitter e = emitter_with(EmissionProfile::lantern);
   e.axis = {0, 1, 0};
   e.up = {0, 0, 1};  // the road
   const float c60 = 0.5F;
@@ -91,7 +125,7 @@ TEST_CASE("flux of each profile: midpoint quadrature over the sphere agrees with
   for (const EmissionProfile profile : kProfiles) {
     const Emitter e = emitter_with(profile);
     double flux = 0;
-    if (profile == EmissionProfile::low_beam) {
+    if (is_headlamp_profile(profile)) {
       // The cut-off needs a fine grid: integrate over angles a, b with slopes tan a, tan b.
       const int n = 1200;
       for (int i = 0; i < n; ++i) {
@@ -125,9 +159,26 @@ TEST_CASE("flux of each profile: midpoint quadrature over the sphere agrees with
       }
     }
     INFO("profile " << static_cast<int>(profile));
-    const double tolerance = profile == EmissionProfile::low_beam ? 1e-3 : 1e-5;
+    // This grid resolves the kink of a luminaire's shield to 3e-5.
+    const bool shielded = profile == EmissionProfile::street_luminaire || profile == EmissionProfile::hung_luminaire;
+    const double tolerance = is_headlamp_profile(profile) ? 1e-3 : shielded ? 5e-5 : 1e-5;
     CHECK(flux == doctest::Approx(static_cast<double>(profile_flux_sr(profile))).epsilon(tolerance));
   }
+}
+
+TEST_CASE("left-hand traffic mirrors the low beam; a high beam reaches the horizon, and never less than the low beam") {
+  Emitter right = emitter_with(EmissionProfile::low_beam);
+  Emitter left = emitter_with(EmissionProfile::low_beam_left);
+  Emitter high = emitter_with(EmissionProfile::high_beam);
+  for (float h = -0.2F; h <= 0.2F; h += 0.01F) {
+    for (float v = -0.1F; v <= 0.05F; v += 0.005F) {
+      const Vec3f d = normalized(Vec3f{h, -v, 1});
+      CHECK(relative_intensity(left, {-d.x, d.y, d.z}) == doctest::Approx(relative_intensity(right, d)).epsilon(1e-4));
+      CHECK(relative_intensity(high, d) * kHighBeamPeakCd >= relative_intensity(right, d) * kLowBeamPeakCd * 0.999F);
+    }
+  }
+  // The axis points 1 % down.
+  CHECK(relative_intensity(high, normalized(Vec3f{0, -kLowBeamAim, 1})) * kHighBeamPeakCd > 40500.0F);  // H-V
 }
 
 TEST_CASE("low beam meets UN R112 class B for right-hand traffic over the stated range of strengths") {

@@ -274,14 +274,17 @@ TEST_CASE("gather: inside a closed white-lit box every ray lands and the furnace
   const std::uint32_t receiver = static_cast<std::uint32_t>(world.vertices.size() - 1);
   std::vector<std::uint32_t> hits(64);
   std::vector<Vec3f> sky(1);
+  Vec2f unseen;
   SerialExecutor serial;
   NullObserver observer;
   REQUIRE(trace_gather_rays(params, 0, world.bvh, nearest_corner(world.faces), world.points(),
-                            Span<const std::uint32_t>(&receiver, 1), SkyParams{}, {hits.data(), hits.size()},
-                            {sky.data(), 1}, serial, observer)
+                            Span<const std::uint32_t>(&receiver, 1), SkyParams{}, UnseenStreetParams{},
+                            {hits.data(), hits.size()}, {sky.data(), 1}, Span<Vec2f>(&unseen, 1), serial, observer)
               .ok());
   for (const std::uint32_t h : hits) CHECK(h != kNoPoint);
   CHECK(sky[0] == Vec3f{});
+  CHECK(unseen.x == 0.0F);
+  CHECK(unseen.y == 0.0F);
   std::vector<Vec3f> irradiance(world.vertices.size(), Vec3f{10, 20, 30});
   Vec3f gathered;
   REQUIRE(gather_irradiance(world.points(), {irradiance.data(), irradiance.size()}, {hits.data(), hits.size()}, 64,
@@ -291,7 +294,7 @@ TEST_CASE("gather: inside a closed white-lit box every ray lands and the furnace
   CHECK(gathered.z == doctest::Approx(15).epsilon(1e-5));
 }
 
-TEST_CASE("gather: an open road under the night sky gets the sky's irradiance, and nothing from the backs of walls") {
+TEST_CASE("gather: an open road sees sky and unseen street, whose shares add up to one, and no sky behind a wall's back") {
   World world;
   world.add_point({0, 1.5F, 10}, {0, -1, 0});
   // A wall beside the point that faces away from it.
@@ -302,16 +305,18 @@ TEST_CASE("gather: an open road under the night sky gets the sky's irradiance, a
   const std::uint32_t receiver = 0;
   std::vector<std::uint32_t> hits(1024);
   std::vector<Vec3f> sky(1);
+  Vec2f unseen;
   SerialExecutor serial;
   NullObserver observer;
   REQUIRE(trace_gather_rays(params, 0, world.bvh, nearest_corner(world.faces), world.points(),
-                            Span<const std::uint32_t>(&receiver, 1), SkyParams{}, {hits.data(), hits.size()},
-                            {sky.data(), 1}, serial, observer)
+                            Span<const std::uint32_t>(&receiver, 1), SkyParams{}, UnseenStreetParams{},
+                            {hits.data(), hits.size()}, {sky.data(), 1}, Span<Vec2f>(&unseen, 1), serial, observer)
               .ok());
   for (const std::uint32_t h : hits) CHECK(h == kNoPoint);
   // Numeric integral over the free half of the hemisphere (x < 0 side and what passes above the wall is small).
   double half = 0;
   double whole = 0;
+  double street = 0;
   constexpr int n = 400;
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j < n; ++j) {
@@ -319,13 +324,87 @@ TEST_CASE("gather: an open road under the night sky gets the sky's irradiance, a
       const double phi = (j + 0.5) / n * 2 * kPi;
       const Vec3d d{std::sin(theta) * std::cos(phi), -std::cos(theta), std::sin(theta) * std::sin(phi)};
       const double weight = std::cos(theta) * std::sin(theta) * (kPi / 2 / n) * (2 * kPi / n);
-      const double l = static_cast<double>(luminance(sky_luminance(SkyParams{}, vec_cast<float>(d)))) * weight;
+      const Vec2f seen = unseen_weights(UnseenStreetParams{}, static_cast<float>(-d.y));
+      street += static_cast<double>(seen.y) * weight / kPi;
+      const double l = static_cast<double>(luminance(sky_luminance(SkyParams{}, vec_cast<float>(d))) * (1 - seen.y)) * weight;
       whole += l;
       if (d.x < 0) half += l;
     }
   }
   CHECK(static_cast<double>(luminance(sky[0])) > 0.95 * half);
   CHECK(static_cast<double>(luminance(sky[0])) < 0.60 * whole);
+  CHECK(unseen.x == 0.0F);  // nothing lies below the horizon of a road
+  CHECK(static_cast<double>(unseen.y) == doctest::Approx(street).epsilon(0.01));
+}
+
+TEST_CASE("unseen street: as bright as the picture's surfaces, linear in the lamps, blind to the own headlamps") {
+  World world;
+  for (int i = 0; i < 170; ++i) world.add_point({0.01F * static_cast<float>(i), 2, 10}, {0, -1, 0});
+  for (int i = 0; i < 170; ++i) world.add_point({0.01F * static_cast<float>(i), -2, 10}, {0, 0, -1});
+  const SurfacePoints points = world.points();
+  std::vector<std::uint32_t> receivers(points.size());
+  for (std::size_t i = 0; i < receivers.size(); ++i) receivers[i] = static_cast<std::uint32_t>(i);
+  std::vector<Emitter> lamps(3);
+  lamps[0].centre_m = {0, -6, 9};
+  lamps[0].axis = {0, 1, 0};
+  lamps[0].up = {0, 0, 1};
+  lamps[0].profile = EmissionProfile::street_luminaire;
+  lamps[0].mark = 1;
+  lamps[1] = lamps[0];
+  lamps[1].centre_m = {3, -5, 6};
+  lamps[2].centre_m = {0, 1, 1};
+  lamps[2].axis = {0, 0, 1};
+  lamps[2].up = {0, -1, 0};
+  lamps[2].profile = EmissionProfile::low_beam;  // mark 0: the own car's
+  const std::vector<std::uint8_t> visible(lamps.size() * points.size(), 255);
+  const auto light = [&](float first, float second, float own) {
+    std::vector<Activation> drawn(3);
+    const float cd[3] = {first, second, own};
+    for (std::size_t e = 0; e < 3; ++e) {
+      drawn[e].lit = cd[e] > 0;
+      drawn[e].intensity_cd = Vec3f{1, 0.8F, 0.5F} * cd[e];
+    }
+    return unseen_street_light(points, {receivers.data(), receivers.size()}, {0, -1, 0}, {lamps.data(), 3},
+                               {drawn.data(), 3}, {visible.data(), visible.size()});
+  };
+  const UnseenStreetLight a = light(1000, 0, 0);
+  const UnseenStreetLight b = light(0, 500, 0);
+  const UnseenStreetLight both = light(1000, 500, 20000);
+  CHECK(a.below.x > 0.0F);
+  CHECK(a.above.x > 0.0F);
+  CHECK(both.below.x == doctest::Approx(a.below.x + b.below.x).epsilon(1e-5));
+  CHECK(both.above.y == doctest::Approx(a.above.y + b.above.y).epsilon(1e-5));
+  // Of the road, albedo 0.5: between its darkest and its brightest point.
+  float low = 1e9F;
+  float high = 0;
+  for (std::size_t p = 0; p < 170; ++p) {
+    Vec3f to_light;
+    const float l = 1000.0F * illuminance_per_cd(lamps[0], points.position[p], points.normal[p], to_light) * 0.5F /
+                    static_cast<float>(kPi);
+    low = std::min(low, l);
+    high = std::max(high, l);
+  }
+  CHECK(a.below.x >= low);
+  CHECK(a.below.x <= high);
+  CHECK(light(0, 0, 20000).below == Vec3f{});
+}
+
+TEST_CASE("unseen street: weights fall with height, end at the roofs, and never exceed the share") {
+  UnseenStreetParams p;
+  p.share = 0.8F;
+  p.top = 0.5F;
+  CHECK(unseen_weights(p, -0.3F).x == 0.8F);
+  CHECK(unseen_weights(p, -0.3F).y == 0.0F);
+  CHECK(unseen_weights(p, 0.0F).y == 0.8F);
+  CHECK(unseen_weights(p, 0.25F).y == doctest::Approx(0.2));
+  CHECK(unseen_weights(p, 0.5F).y == 0.0F);
+  p.share = 0.0F;
+  CHECK(unseen_weights(p, -0.3F).x == 0.0F);
+  p.share = 1.1F;
+  CHECK(!validate(p).ok());
+  p = {};
+  p.top = 0.0F;
+  CHECK(!validate(p).ok());
 }
 
 TEST_CASE(

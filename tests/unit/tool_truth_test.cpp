@@ -206,12 +206,17 @@ TEST_CASE("tool truth: true lamps hang where the street has them and shine where
     CHECK(patch > 0);
     switch (e.profile) {
       case npsim::EmissionProfile::street_luminaire:
+      case npsim::EmissionProfile::hung_luminaire:
+      case npsim::EmissionProfile::lantern:
+        CHECK((e.profile == npsim::EmissionProfile::lantern) == (height < 5));
         CHECK(std::fabs(height - e.mounting_height_m) < 0.05F);
         CHECK(e.mounting_height_m > 3);
         CHECK(dot(e.axis, ground.up) < -0.999F);
         CHECK(std::fabs(e.up.z) > 0.9F);  // along the street
         break;
       case npsim::EmissionProfile::low_beam:
+      case npsim::EmissionProfile::low_beam_left:
+      case npsim::EmissionProfile::high_beam:
         CHECK(std::fabs(dot(e.axis, ground.up) + 0.01F) < 2e-3F);
         CHECK(height > 0.3F);
         CHECK(height < 1.3F);

@@ -106,7 +106,7 @@ struct TrueEmitter {
   Vec3f axis;                   // unit: where a lamp shines (a vehicle's along its heading); a surface's normal
   Vec3f up;                     // unit, normal to axis: of a street lamp along the road
   float mounting_height_m = 0;  // of a street lamp's centre above the road
-  std::uint32_t mark = 0;       // id of its annotation; 0: the photograph does not show it, and nothing else is read
+  std::uint32_t mark = 0;       // id of its annotation; 0: the photograph does not show it; read for street lamps alone
 };
 
 // A folder with a scene.json, or the scene.json itself.

@@ -73,7 +73,7 @@ struct ActivationParams {
 
 namespace light_detail {
 
-enum class ActivationKey : std::uint32_t { group, alone, source, technology, vehicle, signal, ego };
+enum class ActivationKey : std::uint32_t { group, alone, source, technology, vehicle, signal, ego, unseen };
 
 [[nodiscard]] constexpr RandomStream activation_stream(std::uint64_t seed, std::uint32_t variant, ActivationKey key,
                                                        std::uint32_t id, LightClass cls) noexcept {
@@ -241,7 +241,7 @@ struct SignalChoice {
       out[i] = Activation{};
       continue;
     }
-    const bool ego = e.mark == 0;
+    const bool ego = is_own_headlamp(e);
     const bool vehicle = light_detail::is_vehicle_lamp(e.cls);
     const bool street = light_detail::is_street_light(e.cls);
     const ActivationKey key = ego            ? ActivationKey::ego
@@ -250,7 +250,9 @@ struct SignalChoice {
                                              : ActivationKey::alone;
     const std::uint32_t id = ego || street ? 0U : (e.group != 0 ? e.group : e.mark);
     RandomStream shared = light_detail::activation_stream(seed, variant, key, id, e.cls);
-    RandomStream source = light_detail::activation_stream(seed, variant, ActivationKey::source, e.mark, e.cls);
+    RandomStream source =
+        e.unseen != 0 ? light_detail::activation_stream(seed, variant, ActivationKey::unseen, e.unseen, e.cls)
+                      : light_detail::activation_stream(seed, variant, ActivationKey::source, e.mark, e.cls);
     float u_p = shared.uniform();
     const float u_strength = shared.uniform();
     const float u_xy = shared.uniform();

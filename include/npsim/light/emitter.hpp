@@ -5,12 +5,15 @@
 // Profiles, with c = cosine to the axis:
 //   lambert           c                                             window, sign: luminance independent of direction
 //   signal            c^4                                           signal and rear lamps: half value at 33 degrees
-//   street_luminaire  (1 - g) c (1/2 + 8/3 r^4) + g,  r = cosine to the road's direction (`up`), g = 0.01
+//   street_luminaire  road luminaire on a mast beside the road, and
+//   hung_luminaire    one hung over its middle: see detail/road_luminaire.hpp; almost nothing leaves above 80 degrees
+//   lantern           (1 - g) c (1/2 + 8/3 r^4) + g,  r = cosine to the road's direction (`up`), g = 0.01
 //                     Peak at 60 degrees along the road, half of it straight down and c/2 across: a batwing. g is the
-//                     glow of the glass: a street lamp can be seen from everywhere, and 2.3 % of its light goes up.
-//   low_beam          headlamp of UN R112 class B for right-hand traffic, see detail/low_beam.hpp
-// The closed forms are ours, chosen so that the flux integrals in photometry.hpp are exact; they use only + * / sqrt,
-// so that every machine gets the same bits.
+//                     glow of the glass: a lantern can be seen from everywhere, and 2.3 % of its light goes up.
+//   low_beam, low_beam_left   headlamp of UN R112 class B for right-hand and for left-hand traffic, see detail/low_beam.hpp
+//   high_beam         the same headlamp with both beams on
+// The closed forms are ours, chosen so that the flux integrals in photometry.hpp are exact where they can be; they use
+// only + * / sqrt, so that every machine gets the same bits.
 // Cost: a few dot products.
 // Error: at most 1e-6 against the same formula in double.
 #ifndef NPSIM_LIGHT_EMITTER_HPP
@@ -22,29 +25,49 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/labels/light_classes.hpp"
 #include "npsim/light/detail/low_beam.hpp"
+#include "npsim/light/detail/road_luminaire.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
 
-enum class EmissionProfile : std::uint8_t { lambert, street_luminaire, low_beam, signal };
+enum class EmissionProfile : std::uint8_t { lambert, street_luminaire, low_beam, signal, hung_luminaire, lantern, low_beam_left, high_beam };
+
+[[nodiscard]] constexpr bool is_headlamp_profile(EmissionProfile p) noexcept {
+  return p == EmissionProfile::low_beam || p == EmissionProfile::low_beam_left || p == EmissionProfile::high_beam;
+}
+
+// Those whose strength is a luminous flux, and which hang level, shining down.
+[[nodiscard]] constexpr bool is_street_profile(EmissionProfile p) noexcept {
+  return p == EmissionProfile::street_luminaire || p == EmissionProfile::hung_luminaire || p == EmissionProfile::lantern;
+}
 
 struct Emitter {
   Vec3f centre_m;  // camera frame
   Vec3f half_u_m;  // the patch is centre + a half_u + b half_v with a, b in [-1, 1]
   Vec3f half_v_m;
   Vec3f axis;         // unit: main direction. low_beam: towards the elbow of the cut-off, 1 % below the horizontal
-  Vec3f up;           // unit, normal to axis. low_beam: upwards; street_luminaire: along the road; else any
+  // Unit, normal to axis. low_beam: upwards; lamps of streets: along the road, so that cross(up, axis) of a
+  // street_luminaire points over the road and not to the houses; else any.
+  Vec3f up;
   float area_m2 = 0;  // luminous area as the camera sees it (image-parallel), or of the surface for lambert
   EmissionProfile profile = EmissionProfile::lambert;
   LightClass cls = LightClass::none;
   SignalState state = SignalState::unknown;
-  std::uint16_t mark = 0;   // position + 1 of its LightMark; 0 = a lamp of the vehicle that carries the camera
+  // Position + 1 of its LightMark; 0 = one that the photograph does not show: a lamp of the vehicle that carries the
+  // camera, or a street lamp with a number of its own.
+  std::uint16_t mark = 0;
+  std::uint16_t unseen = 0;  // 1, 2, ... of the street lamps that the photograph does not show, else 0
   std::uint16_t group = 0;  // position + 1 of its group's LightMark; 0 = stands alone
   LightClass group_cls = LightClass::none;
   float mounting_height_m = 0;  // of a street lamp above the ground; 0 = unknown
 };
 
-inline constexpr float kStreetGlow = 0.01F;  // share of the peak that leaves in every direction, upwards included
+// Of the vehicle that carries the camera.
+[[nodiscard]] constexpr bool is_own_headlamp(const Emitter& e) noexcept {
+  return e.mark == 0 && e.unseen == 0;
+}
+
+inline constexpr float kLanternGlow = 0.01F;  // share of the peak that leaves in every direction, upwards included
 
 // `direction` is a unit vector that leaves the emitter.
 [[nodiscard]] inline float relative_intensity(const Emitter& e, const Vec3f& direction) noexcept {
@@ -54,17 +77,29 @@ inline constexpr float kStreetGlow = 0.01F;  // share of the peak that leaves in
   switch (e.profile) {
     case EmissionProfile::lambert: value = c; break;
     case EmissionProfile::signal: value = c > 0.0F ? (c * c) * (c * c) : 0.0F; break;
-    case EmissionProfile::street_luminaire: {
+    case EmissionProfile::street_luminaire:
+    case EmissionProfile::hung_luminaire:
+      value = road_luminaire_relative(c, dot(e.up, direction), dot(cross(e.up, e.axis), direction),
+                                      e.profile == EmissionProfile::hung_luminaire);
+      break;
+    case EmissionProfile::lantern: {
       const float r = dot(e.up, direction);
       const float r2 = r * r;
-      value = kStreetGlow + (c > 0.0F ? (1.0F - kStreetGlow) * c * (0.5F + (8.0F / 3.0F) * (r2 * r2)) : 0.0F);
+      value = kLanternGlow + (c > 0.0F ? (1.0F - kLanternGlow) * c * (0.5F + (8.0F / 3.0F) * (r2 * r2)) : 0.0F);
       break;
     }
-    case EmissionProfile::low_beam: {
+    case EmissionProfile::low_beam:
+    case EmissionProfile::low_beam_left:
+    case EmissionProfile::high_beam: {
       if (c > 0.0F) {
         // Right of the lamp as it looks along its axis; x right, y down, z forward is a right-handed frame.
-        const Vec3f right = cross(e.axis, e.up);
-        value = low_beam_relative(dot(right, direction) / c, dot(e.up, direction) / c - kLowBeamAim, c);
+        const float h = dot(cross(e.axis, e.up), direction) / c;
+        const float v = dot(e.up, direction) / c - kLowBeamAim;
+        if (e.profile == EmissionProfile::high_beam) {
+          value = high_beam_relative(h, v, c);
+        } else {
+          value = low_beam_relative(e.profile == EmissionProfile::low_beam ? h : -h, v, c);
+        }
       }
       break;
     }

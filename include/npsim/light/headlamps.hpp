@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The low beams of the vehicle that carries the camera, as two emitters with mark 0.
+// The headlamps of the vehicle that carries the camera, as two emitters with mark 0: low beams, or both beams.
 //
 // Placed by the ground plane: 0.65 m above it (UN R48 allows 0.5 to 1.2 m), 0.6 m to either side of the camera, 1.7 m
 // ahead of a windscreen camera (where Cityscapes mounts it), axes 1 % down. The vehicle is taken to point where the
@@ -28,11 +28,14 @@ struct EgoHeadlampParams {
   float ahead_m = 1.7F;        // of the camera
   float half_width_m = 0.08F;  // of the luminous area
   float half_height_m = 0.05F;
+  float aim = kLowBeamAim;         // slope by which the cut-off falls, UN R48: 0.01 to 0.015 at this height
+  bool high_beam = false;          // on top of the low beam
+  bool left_hand_traffic = false;  // the low beam rises to the left
 };
 
 [[nodiscard]] inline Status validate(const EgoHeadlampParams& p) noexcept {
   const bool good = std::isfinite(p.height_m) && std::isfinite(p.lateral_m) && std::isfinite(p.ahead_m) &&
-                    p.half_width_m > 0.0F && p.half_height_m > 0.0F;
+                    p.half_width_m > 0.0F && p.half_height_m > 0.0F && p.aim >= 0.0F && p.aim <= 0.1F;
   return good ? Status()
               : Status(StatusCode::invalid_argument, "headlamps: a finite place and a luminous area are needed");
 }
@@ -52,10 +55,12 @@ struct EgoHeadlampParams {
     e.centre_m = middle + right * (i == 0 ? -p.lateral_m : p.lateral_m);
     e.half_u_m = right * p.half_width_m;
     e.half_v_m = ground.up * p.half_height_m;
-    e.axis = normalized(forward - ground.up * kLowBeamAim);
-    e.up = normalized(ground.up + forward * kLowBeamAim);
+    e.axis = normalized(forward - ground.up * p.aim);
+    e.up = normalized(ground.up + forward * p.aim);
     e.area_m2 = 4.0F * p.half_width_m * p.half_height_m;
-    e.profile = EmissionProfile::low_beam;
+    e.profile = p.high_beam           ? EmissionProfile::high_beam
+                : p.left_hand_traffic ? EmissionProfile::low_beam_left
+                                      : EmissionProfile::low_beam;
     e.cls = LightClass::moving_front;
     out[i] = e;
   }

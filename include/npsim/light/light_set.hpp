@@ -5,7 +5,10 @@
 // Strengths are in the unit of the profile (photometry.hpp): lm of the luminaire, cd at the peak, cd/m2.
 // Sources: UN R7 (rear position 4-17 cd, stop 60-185 cd, front position 4-140 cd), R112 (low beam), EN 12368 (signals,
 // dimmed by night); street lamps: LED 60-100 W at 140-200 lm/W, sodium 70-150 W (6-17 klm), both times 0.8 for the
-// optics. CIE illuminants LED-B1..V2, HP1, HP2 (CIE 015:2018); black-body points for windows.
+// optics. Windows: a room of 30 to 150 lx (EN 12464-1 asks 100 to 500 lx of places of work) on walls of albedo 0.5 has 5 to
+// 25 cd/m2, of which curtains, blinds and the angle leave a tenth to all: two thirds lie at 1 to 8 cd/m2, one in fifty
+// above 13. Signs: bright enough to be read beside a lit road of 1 cd/m2, far below the 400 cd/m2 that CIE 150 allows in
+// towns, because most are dimmed by night [default]. CIE illuminants LED-B1..V2, HP1, HP2 (CIE 015:2018); black-body points for windows.
 // Entries marked [default] are plausible, not measured.
 #ifndef NPSIM_LIGHT_LIGHT_SET_HPP
 #define NPSIM_LIGHT_LIGHT_SET_HPP
@@ -56,20 +59,22 @@ inline constexpr float kStopLampCd[2] = {60.0F, 185.0F};
   using namespace chromaticity;
   const bool signal = profile == EmissionProfile::signal;
   switch (cls) {
-    case LightClass::window_building: return {0.3F, 0.6F, 1.0F, 50.0F, {k2700, k2700, k3000, k3500, k4000}, 5};
+    case LightClass::window_building: return {0.3F, 0.6F, 0.5F, 15.0F, {k2700, k2700, k3000, k3500, k4000}, 5};
     case LightClass::window_parked: return {0.1F, 0.4F, 0.5F, 5.0F, {k3000, k4000}, 2};  // cabin lamp [default]
     case LightClass::parked_front: return {0.1F, 0.3F, 4.0F, 60.0F, {k3200, k5500}, 2};
     case LightClass::parked_rear: return {0.1F, 0.3F, 4.0F, 17.0F, {rear_red}, 1};
     case LightClass::moving_front:
       if (signal) return {0.95F, 1.0F, 20.0F, 140.0F, {k3200, k5500}, 2};  // bicycles [default]
+      // Both beams: as many times that as the nominal lamps' peaks are apart (detail/low_beam.hpp).
+      if (profile == EmissionProfile::high_beam) return {0.95F, 1.0F, 43000.0F, 86000.0F, {k3200, k3200, k5500}, 3};
       return {0.95F, 1.0F, 14000.0F, 28000.0F, {k3200, k3200, k5500}, 3};
     case LightClass::moving_rear: return {0.95F, 1.0F, 4.0F, 17.0F, {rear_red}, 1};
-    case LightClass::window_transport: return {0.9F, 1.0F, 10.0F, 50.0F, {k4000, k5000}, 2};  // [default]
+    case LightClass::window_transport: return {0.9F, 1.0F, 5.0F, 30.0F, {k4000, k5000}, 2};  // [default]
     case LightClass::street_light_ht:
       return {1.0F, 1.0F, 7000.0F, 16000.0F, {led_b1, led_v1, led_b2, led_b3, led_b3, led_v2, led_v2, led_b4}, 8};
     case LightClass::street_light_lt: return {1.0F, 1.0F, 5000.0F, 14000.0F, {hp1, hp2}, 2};
-    case LightClass::advertisement: return {0.6F, 0.8F, 20.0F, 100.0F, {k4000, k5000, k6500}, 3};
-    case LightClass::clock: return {0.8F, 1.0F, 10.0F, 60.0F, {k4000, k5000}, 2};  // [default]
+    case LightClass::advertisement: return {0.6F, 0.8F, 8.0F, 60.0F, {k4000, k5000, k6500}, 3};
+    case LightClass::clock: return {0.8F, 1.0F, 5.0F, 30.0F, {k4000, k5000}, 2};  // [default]
     case LightClass::inferred_object:
       if (signal) return {1.0F, 1.0F, 50.0F, 200.0F, {signal_red, signal_amber, signal_green}, 3};
       return {1.0F, 1.0F, 20.0F, 100.0F, {k4000}, 1};

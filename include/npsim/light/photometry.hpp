@@ -2,8 +2,9 @@
 // From what a data sheet says of a source (lumens, candelas, cd/m2) to intensity and luminance, in SI units.
 //
 // Flux of a profile per candela of its peak, integral of relative_intensity over the sphere (exact but for low_beam):
-//   lambert pi;  signal 2 pi / 5;  street_luminaire (1 - g) 5 pi / 6 + 4 pi g;  low_beam 0.02188 (quadrature, 0.1 %)
-// Example: 10 klm of street_luminaire have their peak at 3680 cd and 1858 cd straight down, so 29 lx at 8 m.
+//   lambert pi;  signal 2 pi / 5;  lantern (1 - g) 5 pi / 6 + 4 pi g;  low_beam 0.02188 and high_beam 0.01945 (quadrature, 0.1 %);
+//   street_luminaire 2.8150, hung_luminaire 2.1366 (quadrature, 1e-5)
+// Example: 10 klm of street_luminaire have their peak at 3550 cd and 2450 cd straight down, so 38 lx at 8 m.
 // Luminance that the camera sees: intensity towards it / luminous area seen, so that what a pixel shows and what glare
 // spreads agree with the intensity; for lambert this is the luminance itself. It is bounded by the luminance of the
 // bare light source, because annotated regions of two or three pixels have no reliable area.
@@ -26,8 +27,12 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
 
 [[nodiscard]] constexpr StrengthUnit strength_unit(EmissionProfile profile) noexcept {
   switch (profile) {
-    case EmissionProfile::street_luminaire: return StrengthUnit::lumen;
+    case EmissionProfile::street_luminaire:
+    case EmissionProfile::hung_luminaire:
+    case EmissionProfile::lantern: return StrengthUnit::lumen;
     case EmissionProfile::low_beam:
+    case EmissionProfile::low_beam_left:
+    case EmissionProfile::high_beam:
     case EmissionProfile::signal: return StrengthUnit::candela;  // at the peak
     case EmissionProfile::lambert: break;
   }
@@ -38,8 +43,12 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
 [[nodiscard]] constexpr float profile_flux_sr(EmissionProfile profile) noexcept {
   constexpr float kPi = 3.14159265F;
   switch (profile) {
-    case EmissionProfile::street_luminaire: return (1.0F - kStreetGlow) * 5.0F * kPi / 6.0F + 4.0F * kPi * kStreetGlow;
-    case EmissionProfile::low_beam: return 0.02188F;
+    case EmissionProfile::street_luminaire: return road_luminaire_flux_sr(false);
+    case EmissionProfile::hung_luminaire: return road_luminaire_flux_sr(true);
+    case EmissionProfile::lantern: return (1.0F - kLanternGlow) * 5.0F * kPi / 6.0F + 4.0F * kPi * kLanternGlow;
+    case EmissionProfile::low_beam:
+    case EmissionProfile::low_beam_left: return 0.02188F;
+    case EmissionProfile::high_beam: return 0.01945F;
     case EmissionProfile::signal: return 2.0F * kPi / 5.0F;
     case EmissionProfile::lambert: break;
   }
@@ -51,8 +60,12 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
 // [default]
 [[nodiscard]] constexpr float luminance_cap_cd_m2(EmissionProfile profile) noexcept {
   switch (profile) {
-    case EmissionProfile::street_luminaire: return 3e5F;
-    case EmissionProfile::low_beam: return 1e6F;
+    case EmissionProfile::street_luminaire:
+    case EmissionProfile::hung_luminaire:
+    case EmissionProfile::lantern: return 3e5F;
+    case EmissionProfile::low_beam:
+    case EmissionProfile::low_beam_left:
+    case EmissionProfile::high_beam: return 1e6F;
     case EmissionProfile::signal: return 2e4F;
     case EmissionProfile::lambert: break;
   }

@@ -2,7 +2,8 @@
 // From annotated regions to emitters in space: one per marked source that has pixels and whose distance can be known.
 //
 // Street lamps: detail/street_lamps.hpp weighs the pole's foot and depth, the head, and what the row says. The patch is
-// level, at the lower edge of the head; axis down.
+// level, at the lower edge of the head; axis down. Below 5 m it is a lantern, over the road without a pole it hangs on a
+// wire, any other is a road luminaire on a mast whose road lies where its arm leads.
 // Lit surfaces (windows, signs, posters, clocks): on the upright plane of the wall around them, with the rectangle that
 // their outline spans there, what is hidden included; axis along its normal (detail/lamp_plane.hpp). Where no plane is
 // found: at the region's depth, along its mean normal.
@@ -46,6 +47,7 @@ struct PlacementParams {
   float min_street_area_m2 = 0.02F;  // of a street lamp's luminous opening
   float max_side_m = 20.0F;          // bounds a patch where depth or normal is absurd
   float min_facing_cosine = 0.15F;   // a normal closer to grazing than this is not trusted for a facade
+  bool left_hand_traffic = false;    // low beams of others rise to the left
   float reveal_m = 0.15F;            // a window's pane stands behind its wall by this [default]
   StreetLampParams street;
 };
@@ -182,13 +184,20 @@ inline void place_lamp(const PlacementParams& p, const Intrinsics& k, const Ligh
   const Vec3f centre = unproject(k, u, v, z);
   if (!(dot(axis, axis) > 0.5F)) axis = normalized(-centre + ground.up * dot(centre, ground.up));
   if (!(dot(axis, axis) > 0.5F)) axis = normalized(-centre);
-  if (e.profile == EmissionProfile::low_beam) axis = normalized(axis - ground.up * kLowBeamAim);
+  if (is_headlamp_profile(e.profile)) axis = normalized(axis - ground.up * kLowBeamAim);
   set_patch(e, {0.5F * static_cast<float>(r.x1 - r.x0 + 1) * z / k.fx, 0.0F, 0.0F},
             {0.0F, 0.5F * static_cast<float>(r.y1 - r.y0 + 1) * z / k.fy, 0.0F}, r.fill(), p.min_area_m2, p.max_side_m);
   e.axis = axis;
   e.up = perpendicular(axis, ground.up);
   e.centre_m = centre + axis * p.offset_m;
 }
+
+// Road luminaires hang at 5 m and more, lanterns lower. [default]
+inline constexpr float kLanternHeight_m = 5.0F;
+[[nodiscard]] constexpr EmissionProfile street_profile(float mounting_height_m) noexcept {
+  return mounting_height_m < kLanternHeight_m ? EmissionProfile::lantern : EmissionProfile::street_luminaire;
+}
+inline constexpr float kOverRoad_m = 5.0F;  // to either side of the camera: half of a road of three lanes [default]
 
 inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, const LightRegion& r, float u, float z,
                               const GroundPlane& ground, Emitter& e) noexcept {
@@ -204,6 +213,20 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
   e.up = along;
   e.mounting_height_m = std::max(height_above_ground(ground, unproject(k, u, static_cast<float>(r.y1 + 1), z)), 0.0F);
   e.centre_m = unproject(k, u, static_cast<float>(r.y1 + 1), z) + down * p.offset_m;
+}
+
+// What kind of luminaire a street lamp is, and which side of it the road is: a low one is a lantern; one over the road
+// without a pole hangs on a wire; the road of any other is where its arm leads, else where the camera is.
+inline void set_street_profile(const StreetLamp& l, bool poles_known, const GroundPlane& ground, Emitter& e) noexcept {
+  const Vec3f along = forward_on_ground(ground);
+  const float right_m = dot(cross(along, ground.up), e.centre_m);
+  e.profile = street_profile(e.mounting_height_m);
+  if (e.profile != EmissionProfile::street_luminaire) return;
+  if (poles_known && l.pole_rows == 0 && std::fabs(right_m) < kOverRoad_m) {
+    e.profile = EmissionProfile::hung_luminaire;
+  }
+  const bool road_left = l.pole_rows > 0 && std::fabs(l.u - l.pole_u) > l.half_width ? l.u < l.pole_u : right_m > 0.0F;
+  e.up = road_left ? along : -along;  // cross(forward, down) points left
 }
 
 inline constexpr float kDiscShare = 0.785F;  // pi / 4, of the square around a disc
@@ -297,12 +320,13 @@ inline void outline_surfaces(Placing& all, Span<PlaneSample> samples) noexcept {
   const auto value = static_cast<std::uint16_t>(m + 1);
   const auto u = static_cast<float>(r.mean_x());
   const auto v = static_cast<float>(r.mean_y());
-  if (e.profile == EmissionProfile::street_luminaire) {
+  if (is_street_profile(e.profile)) {
     const std::size_t c = e.cls == LightClass::street_light_ht ? 0 : 1;
     const float z = street_lamp_depth(all.lamp_view(), all.lamps[m], m,
                                       Span<const LampHeight>(all.witnesses[c], all.witness_count[c]));
     if (!is_valid_depth(z)) return false;
     place_street_lamp(p, scene.camera, r, u, z, scene.ground, e);
+    set_street_profile(all.lamps[m], !scene.labels.empty(), scene.ground, e);
     return true;
   }
   if (all.outlines[m].known()) {
@@ -359,6 +383,7 @@ inline void outline_surfaces(Placing& all, Span<PlaneSample> samples) noexcept {
     e.group = mark.group <= marks.size() ? mark.group : std::uint16_t{0};
     e.group_cls = all.group_class(mark);
     e.profile = light_detail::profile_of(mark, e.group_cls);
+    if (p.left_hand_traffic && e.profile == EmissionProfile::low_beam) e.profile = EmissionProfile::low_beam_left;
     if (!light_detail::place_mark(all, m, e)) continue;
     if (!is_finite(e.centre_m) || !is_finite(e.half_u_m) || !is_finite(e.half_v_m)) continue;
     if (count == out.size())

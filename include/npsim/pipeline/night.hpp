@@ -61,6 +61,9 @@ struct NightParams {
   params.depth = RefineDepthParams::thesis();
   params.mesh = ReconstructParams::thesis();
   params.camera = PhotographParams::thesis();
+  // Light comes from what the picture shows, and from the sky.
+  params.relight.unseen.share = 0.0F;
+  params.relight.rows.behind_m = 0.0F;
   return params;
 }
 
@@ -80,7 +83,8 @@ struct Night {
   const std::size_t pixels = shape.pixels();
   const SceneMeshSize most = SceneMeshSize::most(shape);
   // The backs of objects that fill the image; see SceneMeshSize::most().
-  const RelightSize light{marks, params.variants, most.vertices(), pixels, most.faces(), 2 * most.backs.faces};
+  const RelightSize light{marks, params.variants, most.vertices(), pixels, most.faces(), 2 * most.backs.faces,
+                          true, 0, most_unseen_lamps(params.relight.rows, marks)};
   const std::size_t mesh = mesh_workspace_bytes(params.mesh, shape, most);
   const std::size_t nights =
       allocation_bytes<Rgb8>(pixels) + std::max(relight_workspace_bytes(params.relight, params.mesh.traced, shape, light),

@@ -9,7 +9,7 @@
 // Rays look for light at the points that pixels show; lamps are asked about those and the points that their bounces
 // reach. A variant's bits do not depend on how many others there are.
 // Memory (workspace): relight_workspace_bytes(), from the sizes of the mesh; a byte a lamp and point, 4 bytes a gather
-// ray and receiver, 28 a point.
+// ray and receiver, 8 a receiver, 28 a point.
 #ifndef NPSIM_PIPELINE_RELIGHT_HPP
 #define NPSIM_PIPELINE_RELIGHT_HPP
 
@@ -23,6 +23,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/light/activation.hpp"
+#include "npsim/light/continued_rows.hpp"
 #include "npsim/light/emitter.hpp"
 #include "npsim/light/headlamps.hpp"
 #include "npsim/light/placement.hpp"
@@ -41,6 +42,7 @@
 #include "npsim/render/gather.hpp"
 #include "npsim/render/mirror.hpp"
 #include "npsim/render/surface_points.hpp"
+#include "npsim/render/unseen_street.hpp"
 #include "npsim/render/visibility.hpp"
 
 namespace npsim {
@@ -48,11 +50,13 @@ inline namespace NPSIM_ABI {
 
 struct RelightParams {
   PlacementParams placement;
+  ContinuedRowParams rows;     // street lamps that the picture does not show
   Span<const Emitter> lamps;   // where the lamps are known: these, in place of marked ones that are placed
   ActivationParams activation;
   VisibilityParams visibility;
   GatherParams gather;
   MirrorParams mirror;         // where the ground is wet (material.film)
+  UnseenStreetParams unseen;   // what rays see that leave the picture's street
   DenoiseParams denoise;
   SkyParams sky;
   MaterialParams material;
@@ -64,10 +68,12 @@ struct RelightParams {
 
 [[nodiscard]] inline Status validate(const RelightParams& p) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(p.placement));
+  NPSIM_RETURN_IF_ERROR(validate(p.rows));
   NPSIM_RETURN_IF_ERROR(validate(p.activation));
   NPSIM_RETURN_IF_ERROR(validate(p.visibility));
   NPSIM_RETURN_IF_ERROR(validate(p.gather));
   NPSIM_RETURN_IF_ERROR(validate(p.mirror));
+  NPSIM_RETURN_IF_ERROR(validate(p.unseen));
   NPSIM_RETURN_IF_ERROR(validate(p.denoise));
   NPSIM_RETURN_IF_ERROR(validate(p.sky));
   NPSIM_RETURN_IF_ERROR(validate(p.material.albedo));
@@ -84,15 +90,16 @@ struct Relighting {
   SkyParams sky;                                 // with the scene's up direction
   SurfacePoints points;
   ImageView<const std::uint32_t> visible_point;  // per pixel; kNoPoint where the scene has no surface
-  Span<const Emitter> emitters;                  // marked ones first, then the ego vehicle's
+  Span<const Emitter> emitters;                  // marked ones first, then unseen ones, then the ego vehicle's
   Span<const Activation> activations;            // variant-major: variant * emitters + emitter
   Span<const std::uint32_t> emitter_of_mark;     // mark position -> emitter, or kNoPoint
-  Span<const float> mean_of_mark;                // mean displayed brightness of each mark's pixels by day
+  Span<const relight_detail::SourceBrightness> brightness_of_mark;  // of each mark's pixels by day
   Span<const std::uint8_t> visibility;
   Span<const std::uint32_t> receivers;           // the points that pixels show, in the order of the pixels
   Span<const std::uint32_t> hits;
   Span<const Vec3f> sky_irradiance;
   Mirrors mirrors;                               // of wet pixels; none where all is dry
+  Span<const Vec2f> unseen;                      // how much of the unseen street each receiver sees
   int variants = 0;
 
   [[nodiscard]] Span<const Activation> of_variant(int variant) const noexcept {
@@ -111,11 +118,12 @@ struct RelightSize {
   bool albedo_guessed = true;
   std::size_t groups = 0;     // of the marks, those that shine no light of their own
   std::size_t wet = 0;        // of the receivers, those that a film of water may cover
+  std::size_t unseen = 0;     // street lamps that continue a row
 };
 
 [[nodiscard]] inline RelightSize relight_size(const SceneView& scene, const SceneMesh& mesh, int variants) noexcept {
   RelightSize size{scene.lights.size(),  variants, mesh.mesh.vertices.size(), 0, mesh.mesh.faces.size(),
-                   mesh.mesh.faces.size() - mesh.sheet_faces, scene.albedo.empty(), 0, 0};
+                   mesh.mesh.faces.size() - mesh.sheet_faces, scene.albedo.empty(), 0, 0, 0};
   for (const LightMark& mark : scene.lights) size.groups += is_group(mark.cls) ? 1U : 0U;
   for (int y = 0; y < scene.shape().height; ++y) {
     for (int x = 0; x < scene.shape().width; ++x) {
@@ -139,18 +147,21 @@ struct RelightSize {
 // What prepare_relighting() and then relight() take.
 [[nodiscard]] constexpr std::size_t relight_workspace_bytes(const RelightParams& params, TracedFaces traced,
                                                             Shape shape, const RelightSize& size) noexcept {
-  const std::size_t emitters = std::max(size.marks, params.lamps.size()) + kEgoHeadlampCount;
-  const std::size_t traced_lamps = emitters - (params.lamps.empty() ? size.groups : 0);
+  const std::size_t known = std::max(size.marks, params.lamps.size()) + kEgoHeadlampCount;
+  const std::size_t emitters = known + most_unseen_lamps(params.rows, size.marks);
+  const std::size_t traced_lamps = known - (params.lamps.empty() ? size.groups : 0) + size.unseen;
   const std::size_t rays = params.gather.rays > 0 ? static_cast<std::size_t>(params.gather.rays) : 0;
   const std::size_t drawn = emitters * (size.variants > 0 ? static_cast<std::size_t>(size.variants) : 0);
   const std::size_t shared =
       allocation_bytes<Emitter>(emitters) + allocation_bytes<Activation>(drawn) +
       2 * allocation_bytes<float>(emitters) + allocation_bytes<Vec3f>(emitters) +
-      allocation_bytes<std::uint32_t>(size.marks) + 2 * allocation_bytes<float>(size.marks) +
+      allocation_bytes<std::uint32_t>(size.marks) + allocation_bytes<float>(size.marks) +
+      allocation_bytes<relight_detail::SourceBrightness>(size.marks) +
       2 * allocation_bytes<Vec3f>(size.points) + 2 * allocation_bytes<float>(size.points) +
       allocation_bytes<Retroreflector>(size.points) +
       allocation_bytes<std::uint32_t>(size.receivers) + allocation_bytes<std::uint32_t>(size.receivers * rays) +
-      allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<std::uint8_t>(traced_lamps * size.points) +
+      allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<Vec2f>(size.receivers) +
+      allocation_bytes<std::uint8_t>(traced_lamps * size.points) +
       (is_wet(params.material.film)
            ? mirrors_bytes(params.mirror, size.wet) + allocation_bytes<std::uint8_t>(size.points)
            : 0);
@@ -167,14 +178,16 @@ struct RelightSize {
 
 namespace relight_detail {
 
+inline constexpr float kPi = 3.14159265F;
 inline constexpr float kInversePi = 0.31830989F;
 
-// The lamps that are marked, or known, then the own car's.
+// The lamps that are marked, or known, then those that continue their rows, then the own car's.
 [[nodiscard]] inline Status place_emitters(const RelightParams& params, const SceneView& scene,
                                            const RefinedDepth& refined, Workspace& workspace,
                                            Span<Emitter>& emitters,
                                            Span<std::uint32_t>& emitter_of_mark) {
-  const std::size_t most = params.lamps.empty() ? scene.lights.size() : params.lamps.size();
+  const std::size_t most = (params.lamps.empty() ? scene.lights.size() : params.lamps.size()) +
+                           most_unseen_lamps(params.rows, scene.lights.size());
   NPSIM_RETURN_IF_ERROR(workspace.allocate(most + kEgoHeadlampCount, emitters));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), emitter_of_mark));
   std::size_t count = 0;
@@ -185,11 +198,14 @@ inline constexpr float kInversePi = 0.31830989F;
       }
       emitters[count++] = lamp;
     }
-  } else if (!scene.light_index.empty() && !scene.lights.empty()) {
-    const PlacementScene known{scene.camera,    refined.ground,  scene.lights,      scene.light_index, refined.surface_depth(),
+  } else {
+    const PlacementScene known{scene.camera,   refined.ground,  scene.lights,      scene.light_index, refined.surface_depth(),
                                refined.labels, scene.instances, refined.uncertain, refined.normals};
-    NPSIM_RETURN_IF_ERROR(
-        place_lights(params.placement, known, workspace, emitters.sub(0, scene.lights.size()), count));
+    if (!scene.light_index.empty() && !scene.lights.empty()) {
+      NPSIM_RETURN_IF_ERROR(
+          place_lights(params.placement, known, workspace, emitters.sub(0, scene.lights.size()), count));
+    }
+    NPSIM_RETURN_IF_ERROR(continue_rows(params.rows, known, emitters.sub(0, most), count));
   }
   for (std::uint32_t& e : emitter_of_mark) e = kNoPoint;
   for (std::size_t e = 0; e < count; ++e) {
@@ -243,8 +259,9 @@ inline constexpr float kInversePi = 0.31830989F;
 template <class Rays, class Executor, class Observer>
 [[nodiscard]] Status trace_light(const RelightParams& params, std::uint64_t key, const SceneView& scene,
                                  const SceneMesh& mesh, const Relighting& light, Span<const float> peak_cd,
-                                 Span<std::uint32_t> hits, Span<Vec3f> sky_irradiance, Span<std::uint8_t> visibility,
-                                 Workspace& workspace, Executor& executor, Observer& observer) {
+                                 Span<std::uint32_t> hits, Span<Vec3f> sky_irradiance, Span<Vec2f> unseen,
+                                 Span<std::uint8_t> visibility, Workspace& workspace, Executor& executor,
+                                 Observer& observer) {
   const WorkspaceScope scope(workspace);
   observer.begin(Stage::build_trace);
   Rays rays;
@@ -256,8 +273,8 @@ template <class Rays, class Executor, class Observer>
 
   observer.begin(Stage::render);
   const auto point_of = [&rays](const Hit& hit) { return rays.point_of(hit); };
-  NPSIM_RETURN_IF_ERROR(trace_gather_rays(params.gather, key, rays.scene, point_of, light.points, light.receivers, light.sky, hits,
-                                          sky_irradiance, executor, observer));
+  NPSIM_RETURN_IF_ERROR(trace_gather_rays(params.gather, key, rays.scene, point_of, light.points, light.receivers,
+                                          light.sky, params.unseen, hits, sky_irradiance, unseen, executor, observer));
   if (!light.mirrors.pixel.empty()) {
     NPSIM_RETURN_IF_ERROR(trace_mirror_rays(params.mirror, key, params.f0, rays.scene, point_of, light.points,
                                             light.sky, light.mirrors, executor, observer));
@@ -287,7 +304,7 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
                           const SceneView& scene, const RefinedDepth& refined, const SceneMesh& mesh,
                           Workspace& workspace, Executor& executor, Observer& observer, Relighting& out) {
   if (variants < 1) return Status(StatusCode::invalid_argument, "at least one variant is needed");
-  const RelightSize size = relight_size(scene, mesh, variants);
+  RelightSize size = relight_size(scene, mesh, variants);
   NPSIM_RETURN_IF_ERROR(workspace.ensure(relight_workspace_bytes(params, traced, scene.shape(), size)));
 
   observer.begin(Stage::lights);
@@ -296,17 +313,20 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   Span<Emitter> emitters;
   Span<std::uint32_t> emitter_of_mark;
   NPSIM_RETURN_IF_ERROR(relight_detail::place_emitters(params, scene, refined, workspace, emitters, emitter_of_mark));
+  // How many lamps continue rows is known only now.
+  for (const Emitter& e : emitters) size.unseen += e.unseen != 0 && params.lamps.empty() ? 1U : 0U;
+  NPSIM_RETURN_IF_ERROR(workspace.ensure(relight_workspace_bytes(params, traced, scene.shape(), size)));
   Span<Activation> activations;
   Span<float> peak_cd;
   NPSIM_RETURN_IF_ERROR(relight_detail::draw_activations(params.activation, key, variants, scene, emitters,
                                                          emitter_of_mark, workspace, activations, peak_cd));
-  Span<float> mean_of_mark;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), mean_of_mark));
+  Span<relight_detail::SourceBrightness> brightness_of_mark;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), brightness_of_mark));
   {
     const WorkspaceScope scope(workspace);
     Span<float> pixel_count;
     NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), pixel_count));
-    relight_detail::mean_brightness(scene, mean_of_mark, pixel_count);
+    relight_detail::source_brightness(scene, emitters, emitter_of_mark, brightness_of_mark, pixel_count);
   }
   observer.end(Stage::lights);
 
@@ -331,7 +351,7 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   out.emitters = emitters;
   out.activations = activations;
   out.emitter_of_mark = emitter_of_mark;
-  out.mean_of_mark = mean_of_mark;
+  out.brightness_of_mark = brightness_of_mark;
   out.variants = variants;
   Span<std::uint32_t> receivers;
   Span<std::uint32_t> hits;
@@ -340,10 +360,13 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   NPSIM_RETURN_IF_ERROR(relight_detail::list_receivers(mesh.visible_vertex, size.receivers, workspace, receivers));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers * static_cast<std::size_t>(params.gather.rays), hits));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers, sky_irradiance));
+  Span<Vec2f> unseen;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers, unseen));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(emitters.size() * size.points, visibility));
   out.receivers = receivers;
   out.hits = hits;
   out.sky_irradiance = sky_irradiance;
+  out.unseen = unseen;
   out.visibility = visibility;
   if (is_wet(params.material.film)) {
     NPSIM_RETURN_IF_ERROR(
@@ -351,7 +374,7 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   }
   const auto trace = [&](auto kind) {
     return relight_detail::trace_light<decltype(kind)>(params, key, scene, mesh, out, peak_cd, hits, sky_irradiance,
-                                                       visibility, workspace, executor, observer);
+                                                       unseen, visibility, workspace, executor, observer);
   };
   return traced == TracedFaces::mesh ? trace(MeshRays{}) : trace(LayerRays{});
 }
@@ -393,11 +416,12 @@ template <class Executor>
   return {};
 }
 
-// Irradiance that comes by way of other surfaces and from the sky. illuminance: direct in, with that of all bounces but
+// Irradiance that comes by way of other surfaces, from the sky and from the street that is not seen. illuminance: direct in, with that of all bounces but
 // the last one out. Gathering direct light and what k bounces brought to the points that pixels show gives k + 1.
 template <class Executor>
-[[nodiscard]] Status indirect_image(const RelightParams& params, const Relighting& light, Span<Vec3f> illuminance,
-                                    ImageView<Vec3f> irradiance, Workspace& workspace, Executor& executor) {
+[[nodiscard]] Status indirect_image(const RelightParams& params, const Relighting& light, Span<const Activation> lit,
+                                    Span<Vec3f> illuminance, ImageView<Vec3f> irradiance, Workspace& workspace,
+                                    Executor& executor) {
   const WorkspaceScope scope(workspace);
   Span<Vec3f> indirect;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(light.receivers.size(), indirect));
@@ -412,10 +436,14 @@ template <class Executor>
   // Until the end the image keeps the direct light of its pixels' points.
   for (Vec3f& v : irradiance.pixels()) v = Vec3f{};
   for_receivers([&](std::size_t r, Vec3f& direct) { direct = illuminance[light.receivers[r]]; });
+  const UnseenStreetLight street = unseen_street_light(light.points, light.receivers, light.sky.up, light.emitters, lit,
+                                                       light.visibility);
   for (int bounce = 1;; ++bounce) {
     NPSIM_RETURN_IF_ERROR(
         gather_irradiance(light.points, illuminance, light.hits, params.gather.rays, indirect, executor));
-    for (std::size_t r = 0; r < indirect.size(); ++r) indirect[r] += light.sky_irradiance[r];
+    for (std::size_t r = 0; r < indirect.size(); ++r) {
+      indirect[r] += light.sky_irradiance[r] + street.luminance(light.unseen[r]) * kPi;
+    }
     if (bounce >= params.bounces) break;
     for_receivers([&](std::size_t r, const Vec3f& direct) { illuminance[light.receivers[r]] = direct + indirect[r]; });
   }
@@ -439,7 +467,9 @@ inline void add_rest(const SceneView& scene, const Relighting& light, Span<const
     const std::uint16_t mark = scene.light_index.empty() ? std::uint16_t{0} : scene.light_index(x, y);
     const std::uint32_t emitter = mark == 0 ? kNoPoint : light.emitter_of_mark[mark - 1U];
     if (emitter != kNoPoint && lit[emitter].lit) {
-      seen += lit[emitter].luminance_cd_m2 * texture(scene, light.mean_of_mark[mark - 1U], x, y);
+      const Emitter& e = light.emitters[emitter];
+      seen += lit[emitter].luminance_cd_m2 * source_pattern_at(scene, source_pattern(e.cls, e.profile),
+                                                               light.brightness_of_mark[mark - 1U], x, y);
     }
     out(x, y) = seen;
   }
@@ -475,7 +505,7 @@ Status relight(const RelightParams& params, const SceneView& scene, const Religh
     NPSIM_RETURN_IF_ERROR(workspace.allocate(light.points.size(), illuminance));
     NPSIM_RETURN_IF_ERROR(relight_detail::direct_image(params, light, lit, illuminance, out, workspace, executor));
     NPSIM_RETURN_IF_ERROR(
-        relight_detail::indirect_image(params, light, illuminance, irradiance, workspace, executor));
+        relight_detail::indirect_image(params, light, lit, illuminance, irradiance, workspace, executor));
     if (!mirrored.empty()) {
       NPSIM_RETURN_IF_ERROR(mirrored_luminance(light.points, illuminance, light.mirrors, mirrored, executor));
     }

@@ -6,7 +6,8 @@
 // hit points nor the sky's share depend on the lamps, so all variants share them, and each further bounce is one more
 // gather: a Monte Carlo form of radiosity (Goral et al. 1984) on the vertices. The radiosity of a point near the hit
 // stands for that of the hit; the error is the variation of B between the two, about one pixel.
-// Rays that leave the modelled scene downwards see neither sky nor ground and count as dark.
+// Rays that leave the modelled scene sideways or downwards, and those that meet the back of a surface, see the street
+// that the picture does not show (unseen_street.hpp); how much of it a receiver sees does not depend on the lamps either.
 // Cost: n closest-hit rays per receiver. Memory: 4 n bytes per receiver; 13 KiB of stack.
 #ifndef NPSIM_RENDER_GATHER_HPP
 #define NPSIM_RENDER_GATHER_HPP
@@ -24,6 +25,7 @@
 #include "npsim/light/sky.hpp"
 #include "npsim/material/bsdf.hpp"
 #include "npsim/render/surface_points.hpp"
+#include "npsim/render/unseen_street.hpp"
 #include "npsim/trace/scene.hpp"
 
 namespace npsim {
@@ -41,16 +43,19 @@ struct GatherParams {
 // Traces the rays of `receivers` (indices into points) through `scene` (trace/scene.hpp). point_of(hit) is the point
 // that stands for a hit.
 // hits[r * rays + s] becomes the point that ray s of receiver r reaches, or kNoPoint; sky_irradiance[r] (lx, linear
-// RGB) what the escaping rays bring.
+// RGB) what the sky brings to the escaping rays; unseen[r] the mean over the rays of unseen_weights().
 template <class Scene, class PointOf, class Executor, class Observer>
 Status trace_gather_rays(const GatherParams& params, std::uint64_t seed, const Scene& scene, const PointOf& point_of,
                          const SurfacePoints& points, Span<const std::uint32_t> receivers, const SkyParams& sky,
-                         Span<std::uint32_t> hits, Span<Vec3f> sky_irradiance, Executor& executor, Observer& observer) {
+                         const UnseenStreetParams& unseen_street, Span<std::uint32_t> hits, Span<Vec3f> sky_irradiance,
+                         Span<Vec2f> unseen, Executor& executor, Observer& observer) {
   NPSIM_RETURN_IF_ERROR(validate(points));
   NPSIM_RETURN_IF_ERROR(validate(params));
+  NPSIM_RETURN_IF_ERROR(validate(unseen_street));
   const auto rays = static_cast<std::size_t>(params.rays);
-  if (hits.size() != receivers.size() * rays || sky_irradiance.size() != receivers.size()) {
-    return Status(StatusCode::shape_mismatch, "gather needs one hit per ray and one sky irradiance per receiver");
+  if (hits.size() != receivers.size() * rays || sky_irradiance.size() != receivers.size() ||
+      unseen.size() != receivers.size()) {
+    return Status(StatusCode::shape_mismatch, "gather needs one hit per ray, and sky and unseen street per receiver");
   }
   constexpr std::size_t kChunk = 1024;
   constexpr std::size_t kBatch = 256;  // rays traced together
@@ -62,6 +67,7 @@ Status trace_gather_rays(const GatherParams& params, std::uint64_t seed, const S
     float shift_u = 0.0F;
     float shift_v = 0.0F;
     Vec3f sky_sum;
+    Vec2f unseen_sum;
     for (std::size_t first = begin * rays; first < end * rays && !observer.cancelled(); first += kBatch) {
       const std::size_t count = std::min(kBatch, end * rays - first);
       for (std::size_t i = 0; i < count; ++i) {
@@ -85,15 +91,26 @@ Status trace_gather_rays(const GatherParams& params, std::uint64_t seed, const S
         std::uint32_t& reached = hits[first + i];
         reached = kNoPoint;
         const std::size_t s = (first + i) % rays;
-        if (s == 0) sky_sum = Vec3f{};
-        if (met[i].face != kNoFace) {
-          reached = point_of(met[i]);
-          // The back of a sheet is unknown; it hands on nothing.
-          if (dot(points.normal[reached], batch[i].direction) >= 0.0F) reached = kNoPoint;
-        } else {
-          sky_sum += sky_luminance(sky, batch[i].direction);
+        if (s == 0) {
+          sky_sum = Vec3f{};
+          unseen_sum = Vec2f{};
         }
-        if (s + 1 == rays) sky_irradiance[(first + i) / rays] = sky_sum * (kPi / static_cast<float>(rays));
+        const bool escaped = met[i].face == kNoFace;
+        if (!escaped) {
+          reached = point_of(met[i]);
+          // The back of a sheet is unknown; it hands on what surfaces do that nobody sees.
+          if (dot(points.normal[reached], batch[i].direction) >= 0.0F) reached = kNoPoint;
+        }
+        if (reached == kNoPoint) {
+          const Vec2f weights = unseen_weights(unseen_street, dot(sky.up, batch[i].direction));
+          unseen_sum = {unseen_sum.x + weights.x, unseen_sum.y + weights.y};
+          if (escaped) sky_sum += sky_luminance(sky, batch[i].direction) * (1.0F - weights.y);
+        }
+        if (s + 1 == rays) {
+          const float n = 1.0F / static_cast<float>(rays);
+          sky_irradiance[(first + i) / rays] = sky_sum * (kPi * n);
+          unseen[(first + i) / rays] = {unseen_sum.x * n, unseen_sum.y * n};
+        }
       }
     }
     observer.progress(end, receivers.size());

@@ -543,7 +543,13 @@ inline Expected<TrueEmitter> true_emitter(const JsonObject& entry) {
   if (!mark) return mark.error();
   TrueEmitter emitter;
   emitter.mark = static_cast<std::uint32_t>(mark.value());
-  if (emitter.mark == 0) return emitter;
+  if (emitter.mark == 0) {
+    // Of what the photograph does not show, street lamps alone are of use.
+    if (!entry.has("class")) return emitter;
+    const Expected<LightClass> cls = read_class(entry, "class");
+    if (!cls) return cls.error();
+    if (cls.value() != LightClass::street_light_ht && cls.value() != LightClass::street_light_lt) return emitter;
+  }
   const Expected<std::int64_t> id = entry.whole("id");
   if (!id) return id.error();
   emitter.id = static_cast<std::uint32_t>(id.value());

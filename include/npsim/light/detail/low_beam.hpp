@@ -51,6 +51,24 @@ inline constexpr float kLowBeamPeakCd = 20196.7F;  // nominal; R112 holds from 0
   return (kHotCd / (hot * hot) + kWideCd / (wide * wide)) * fade + kGlowCd * (c2 * c2);
 }
 
+// High beam: UN R112 class B asks of the driving beam a greatest intensity of at least 40,500 cd near H-V (and at most
+// 215,000), a good part of it 5 degrees to either side. A spot that is wider than high stands on top of the low beam, which most
+// cars leave on.
+inline constexpr float kHighBeamSpotCd = 48000.0F;
+inline constexpr float kHighBeamPeakCd = 62261.0F;  // nominal, with a nominal low beam; 1 degree right, 0.5 below H-H
+
+[[nodiscard]] inline float high_beam_cd(float h, float v, float cosine) noexcept {
+  constexpr float kDegree = 0.017453293F;
+  const float x = h / (7.0F * kDegree);
+  const float y = v / (2.5F * kDegree);
+  const float spot = 1.0F + x * x + y * y;
+  return low_beam_cd(h, v, cosine) + kHighBeamSpotCd / (spot * spot);
+}
+
+[[nodiscard]] inline float high_beam_relative(float h, float v, float cosine) noexcept {
+  return high_beam_cd(h, v, cosine) * (1.0F / kHighBeamPeakCd);
+}
+
 // The same relative to the peak, which lies 1 degree right and 0.63 below.
 [[nodiscard]] inline float low_beam_relative(float h, float v, float cosine) noexcept {
   return low_beam_cd(h, v, cosine) * (1.0F / kLowBeamPeakCd);

@@ -79,6 +79,9 @@ struct StreetLamp {
   float u = 0, v = 0;               // of the head's middle
   LogDepth own;                     // from its own foot, pole and head
   float behind_m = kMaxLightDepth;  // z of what is seen around the head; nothing that is seen before it lies beyond
+  float half_width = 0;             // of the head, px
+  float pole_u = 0;                 // of the pole's top
+  int pole_rows = 0;                // in which the pole is seen; 0: there is none
 };
 
 struct LampView {
@@ -354,11 +357,14 @@ inline void add_head(const LampView& lamp, const LightRegion& r, std::uint16_t v
   StreetLamp l;
   l.u = static_cast<float>(r.mean_x());
   l.v = static_cast<float>(r.mean_y());
+  l.half_width = 0.5F * static_cast<float>(r.x1 - r.x0 + 1);
   if (!lamp.in.labels.empty()) l.behind_m = depth_behind(lamp.in, r);
   Evidence all;
   Pole pole;
   if (!lamp.in.labels.empty()) {
     pole = find_pole(lamp, r, l);
+    l.pole_rows = pole.rows;
+    l.pole_u = static_cast<float>(pole.top_x) + 0.5F;
     if (pole.rows > 0) {
       add_foot(lamp, pole, scratch, all);
       add_pole_depth(lamp, pole, scratch, all);

@@ -6,14 +6,18 @@
 #ifndef NPSIM_PIPELINE_DETAIL_SOURCE_PIXELS_HPP
 #define NPSIM_PIPELINE_DETAIL_SOURCE_PIXELS_HPP
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/color/srgb.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/labels/cityscapes.hpp"
+#include "npsim/labels/light_classes.hpp"
+#include "npsim/light/emitter.hpp"
 #include "npsim/render/surface_points.hpp"
 
 namespace npsim {
@@ -51,30 +55,96 @@ inline void daytime_colours(const SceneView& scene, Span<const std::uint32_t> em
   }
 }
 
-// Brightness of a lit source across its area, about 1 on average, at most 2: a window shows curtains and bars, a sign its letters. By day they
-// show in the photograph; half of that contrast is taken, as the light now comes from behind.
-[[nodiscard]] inline float texture(const SceneView& scene, float mean, int x, int y) {
-  if (!(mean > 0.0F)) return 1.0F;
-  const Rgb8 c = scene.image(x, y);
-  const float here = luminance({static_cast<float>(c.r), static_cast<float>(c.g), static_cast<float>(c.b)});
-  const float ratio = 0.5F + 0.5F * here / mean;
-  return ratio < 2.0F ? ratio : 2.0F;
+// How a lit source looks across its area, of which the photograph shows the pattern by day.
+//   sign, clock, screen   its colours: print on what glows from behind passes what it reflects by day, so it can be read
+//   window                its panes glow, and what differs from them by day, to either side, is frame, bar or curtain
+//                         before the light: 1 / (1 + 2 (q - 1)^2 / q), q = here / panes, so a half at twice or half
+//                         the brightness [default]
+//   lamp                  half the contrast of the day: its glass scatters, and what reflected light is now the source
+// The mean over a source's pixels is 1 where the pattern allows, so that it shows the luminance that it lights with.
+enum class SourcePattern : std::uint8_t { lamp, sign, window };
+
+[[nodiscard]] constexpr SourcePattern source_pattern(LightClass cls, EmissionProfile profile) noexcept {
+  switch (cls) {
+    case LightClass::window_building:
+    case LightClass::window_parked:
+    case LightClass::window_transport: return SourcePattern::window;
+    case LightClass::advertisement:
+    case LightClass::clock: return SourcePattern::sign;
+    case LightClass::inferred_object:
+      return profile == EmissionProfile::lambert ? SourcePattern::sign : SourcePattern::lamp;
+    default: break;
+  }
+  return SourcePattern::lamp;
 }
 
-// Mean displayed brightness of each mark's pixels.
-inline void mean_brightness(const SceneView& scene, Span<float> mean, Span<float> count) {
-  for (float& m : mean) m = 0.0F;
-  for (float& c : count) c = 0.0F;
-  for (int y = 0; y < (scene.light_index.empty() ? 0 : scene.shape().height); ++y) {
-    for (int x = 0; x < scene.shape().width; ++x) {
-      const std::uint16_t mark = scene.light_index(x, y);
-      if (mark == 0) continue;
-      const Rgb8 c = scene.image(x, y);
-      mean[mark - 1U] += luminance({static_cast<float>(c.r), static_cast<float>(c.g), static_cast<float>(c.b)});
-      count[mark - 1U] += 1.0F;
-    }
+// Of the pixels of one mark by day.
+struct SourceBrightness {
+  float mean = 0;   // linear luminance; of a window: the squared mean of roots, which its frame moves less
+  float scale = 1;  // brings the pattern's mean to 1
+};
+
+inline constexpr float kMostBright = 4.0F;   // a highlight of the sun is no part of a sign
+inline constexpr float kDarkestPart = 0.05F;  // of a window: what is before it is lit from the other side
+inline constexpr float kPatternFloor = 1e-3F;  // linear; of what is black
+
+[[nodiscard]] inline Vec3f source_pattern_at(const SceneView& scene, SourcePattern pattern, const SourceBrightness& of,
+                                             int x, int y) {
+  if (!(of.mean > 0.0F)) return {1.0F, 1.0F, 1.0F};
+  const Vec3f here = srgb_decode8(scene.image(x, y));
+  const auto bounded = [](float v) { return v < kMostBright ? v : kMostBright; };
+  if (pattern == SourcePattern::sign) {
+    return Vec3f{bounded(here.x / of.mean), bounded(here.y / of.mean), bounded(here.z / of.mean)} * of.scale;
   }
-  for (std::size_t m = 0; m < mean.size(); ++m) mean[m] = count[m] > 0.0F ? mean[m] / count[m] : 0.0F;
+  const float brightness = luminance(here);
+  float value = 0.0F;
+  if (pattern == SourcePattern::window) {
+    const float q = (brightness + kPatternFloor) / of.mean;
+    value = 1.0F / (1.0F + 2.0F * (q - 1.0F) * (q - 1.0F) / q);
+    if (value < kDarkestPart) value = kDarkestPart;
+  } else {
+    value = 0.5F + 0.5F * brightness / of.mean;
+    if (value > 2.0F) value = 2.0F;
+  }
+  value *= of.scale;
+  return {value, value, value};
+}
+
+// Brightness of each mark's pixels; count: scratch of as many elements.
+inline void source_brightness(const SceneView& scene, Span<const Emitter> emitters,
+                              Span<const std::uint32_t> emitter_of_mark, Span<SourceBrightness> out,
+                              Span<float> count) {
+  const auto for_marks = [&](auto&& f) {
+    for (int y = 0; y < (scene.light_index.empty() ? 0 : scene.shape().height); ++y) {
+      for (int x = 0; x < scene.shape().width; ++x) {
+        const std::uint16_t mark = scene.light_index(x, y);
+        if (mark == 0 || emitter_of_mark[mark - 1U] == kNoPoint) continue;
+        const Emitter& e = emitters[emitter_of_mark[mark - 1U]];
+        f(static_cast<std::size_t>(mark - 1U), source_pattern(e.cls, e.profile), x, y);
+      }
+    }
+  };
+  for (SourceBrightness& b : out) b = {0.0F, 0.0F};
+  for (float& c : count) c = 0.0F;
+  for_marks([&](std::size_t m, SourcePattern pattern, int x, int y) {
+    const float brightness = luminance(srgb_decode8(scene.image(x, y)));
+    out[m].mean += pattern == SourcePattern::window ? std::sqrt(brightness + kPatternFloor) : brightness;
+    count[m] += 1.0F;
+  });
+  for (std::size_t m = 0; m < out.size(); ++m) {
+    if (!(count[m] > 0.0F)) continue;
+    const float mean = out[m].mean / count[m];
+    const std::uint32_t e = emitter_of_mark[m];
+    const bool window = e != kNoPoint && source_pattern(emitters[e].cls, emitters[e].profile) == SourcePattern::window;
+    out[m].mean = window ? mean * mean : mean;
+  }
+  for_marks([&](std::size_t m, SourcePattern pattern, int x, int y) {
+    const SourceBrightness plain{out[m].mean, 1.0F};
+    out[m].scale += luminance(source_pattern_at(scene, pattern, plain, x, y));
+  });
+  for (std::size_t m = 0; m < out.size(); ++m) {
+    out[m].scale = count[m] > 0.0F && out[m].scale > 0.0F ? count[m] / out[m].scale : 1.0F;
+  }
 }
 
 // The frame that rectification leaves around some data sets' pictures shows nothing; it repeats what is next to it,

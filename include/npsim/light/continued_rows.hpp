@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: Apache-2.0
+// Street lamps that the photograph does not show: rows of lamps go on behind, above and beside the camera.
+//
+// Lamps of one class and kind on one side of the road are a row. From its nearest lamp it is walked towards the camera
+// and past it, parallel to the viewing direction, at the median of the row's gaps; where one lamp alone is known, or
+// its gaps are none of a row (min_gap_m to max_gap_m), at 3.5 times its height, which is what the luminance classes of
+// EN 13201-2 take with common luminaires. Each station outside the picture gets a lamp like the nearest one, as
+// high above the ground. The first station that the picture would show and does not ends the row, as it stops there for
+// all that one sees; and so does one inside a house. One that something else hides, such as leaves, is passed over: a lamp
+// that nobody sees would light just what hides it.
+// Where no street lamp is marked, assumed_width_m > 0 supposes a road of that width with a row of masts on its right
+// kerb: one-sided rows are about as high as the road is wide (5 to 10 m).
+// Such an emitter has mark 0 and the number `unseen`; strength and colour are those of its class in the same night.
+// Error: the row itself is a guess; gaps come from placed lamps, so from depth. Cost: one pass over the lamps per row.
+#ifndef NPSIM_LIGHT_CONTINUED_ROWS_HPP
+#define NPSIM_LIGHT_CONTINUED_ROWS_HPP
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/algorithm.hpp"
+#include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/geometry/ground.hpp"
+#include "npsim/labels/cityscapes.hpp"
+#include "npsim/labels/light_classes.hpp"
+#include "npsim/light/emitter.hpp"
+#include "npsim/light/placement.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+
+struct ContinuedRowParams {
+  float behind_m = 60.0F;        // rows go on so far behind the camera; 0: no row is continued
+  float min_gap_m = 10.0F;       // between lamps of a row; nearer ones share a station [default]
+  float max_gap_m = 60.0F;       // what is farther apart misses one in between [default]
+  float assumed_width_m = 0.0F;  // of a road without a marked street lamp, which gets a row; 0: none is assumed
+};
+
+inline constexpr std::size_t kMaxUnseenLamps = 24;
+
+[[nodiscard]] inline Status validate(const ContinuedRowParams& p) noexcept {
+  const bool good = p.behind_m >= 0.0F && p.behind_m <= 500.0F && p.min_gap_m >= 1.0F && p.max_gap_m > p.min_gap_m &&
+                    std::isfinite(p.max_gap_m) && p.assumed_width_m >= 0.0F && p.assumed_width_m <= 50.0F;
+  return good ? Status() : Status(StatusCode::invalid_argument, "continued rows: a parameter lies outside its range");
+}
+
+// Lamps that continue_rows() adds at most.
+[[nodiscard]] constexpr std::size_t most_unseen_lamps(const ContinuedRowParams& p, std::size_t marks) noexcept {
+  return p.behind_m > 0.0F && (marks > 0 || p.assumed_width_m > 0.0F) ? kMaxUnseenLamps : 0;
+}
+
+namespace light_detail {
+
+// By class, kind and side of the road.
+[[nodiscard]] inline int row_of(const Emitter& e, const Vec3f& forward) noexcept {
+  if (!is_street_lamp(e.cls) || !is_street_profile(e.profile)) return -1;
+  const int kind = e.profile == EmissionProfile::hung_luminaire ? 0 : (e.profile == EmissionProfile::lantern ? 1 : 2);
+  const int side = kind == 0 ? 0 : (dot(e.up, forward) > 0.0F ? 1 : 0);  // hung ones have none
+  return (e.cls == LightClass::street_light_ht ? 0 : 6) + 2 * kind + side;
+}
+inline constexpr int kRows = 12;
+
+inline constexpr LabelSet kHouses = LabelSet::of(label::building, label::wall, label::bridge, label::tunnel);
+inline constexpr float kGapPerHeight = 3.5F;
+inline constexpr std::size_t kMaxOfRow = 16;  // lamps whose gaps are looked at
+
+// The distances of a row's nearest lamps along the road, sorted.
+struct RowDistances {
+  float z[kMaxOfRow];
+  std::size_t count = 0;
+
+  void add(float distance) noexcept {
+    if (count == kMaxOfRow && distance >= z[count - 1]) return;
+    std::size_t at = count < kMaxOfRow ? count++ : kMaxOfRow - 1;
+    for (; at > 0 && z[at - 1] > distance; --at) z[at] = z[at - 1];
+    z[at] = distance;
+  }
+};
+
+[[nodiscard]] inline float row_gap(const ContinuedRowParams& p, const RowDistances& row, float height_m) noexcept {
+  float gaps[kMaxOfRow];
+  std::size_t count = 0;
+  float last = row.count > 0 ? row.z[0] : 0.0F;
+  for (std::size_t i = 1; i < row.count; ++i) {
+    const float gap = row.z[i] - last;
+    if (gap < p.min_gap_m) continue;
+    last = row.z[i];
+    if (gap > p.max_gap_m) continue;
+    std::size_t at = count++;
+    for (; at > 0 && gaps[at - 1] > gap; --at) gaps[at] = gaps[at - 1];
+    gaps[at] = gap;
+  }
+  if (count > 0) return gaps[count / 2];
+  return clamp_to(kGapPerHeight * height_m, p.min_gap_m, p.max_gap_m);
+}
+
+// What the picture says of a lamp at a station.
+enum class Station : std::uint8_t { outside, hidden, missing };
+
+[[nodiscard]] inline Station look_at_station(const PlacementScene& s, const Vec3f& point) noexcept {
+  if (!(point.z > 0.3F)) return Station::outside;
+  const float u = s.camera.fx * point.x / point.z + s.camera.cx;
+  const float v = s.camera.fy * point.y / point.z + s.camera.cy;
+  const Shape shape = s.depth.shape();
+  const bool inside =
+      u >= 0.0F && v >= 0.0F && u < static_cast<float>(shape.width) && v < static_cast<float>(shape.height);
+  if (!inside) return Station::outside;
+  const auto x = static_cast<int>(u);
+  const auto y = static_cast<int>(v);
+  if (!s.labels.empty() && (kHouses.contains(s.labels(x, y)) || s.labels(x, y) == label::sky)) return Station::missing;
+  return is_valid_depth(s.depth(x, y)) && s.depth(x, y) < 0.9F * point.z ? Station::hidden : Station::missing;
+}
+
+// Adds the row's stations before `nearest`, which lies `first_m` along the road.
+inline void continue_row(const ContinuedRowParams& p, const PlacementScene& scene, const Emitter& nearest, float first_m,
+                         float gap_m, Span<Emitter> lamps, std::size_t& count, std::uint16_t& unseen) noexcept {
+  const Vec3f forward = forward_on_ground(scene.ground);
+  for (float z = first_m - gap_m; z >= -p.behind_m; z -= gap_m) {
+    Emitter e = nearest;
+    e.centre_m = nearest.centre_m + forward * (z - first_m);
+    const Station station = look_at_station(scene, e.centre_m);
+    if (station == Station::missing || count == lamps.size() || unseen == kMaxUnseenLamps) return;
+    if (station == Station::hidden) continue;
+    e.mark = 0;
+    e.group = 0;
+    e.group_cls = LightClass::none;
+    e.unseen = ++unseen;
+    lamps[count++] = e;
+  }
+}
+
+// A mast on the right kerb of a road of that width, beside the camera, which drives in the middle of its right half.
+[[nodiscard]] inline Emitter assumed_lamp(float width_m, const GroundPlane& ground) noexcept {
+  const Vec3f forward = forward_on_ground(ground);
+  const Vec3f right = cross(forward, ground.up);
+  Emitter e;
+  e.cls = LightClass::street_light_ht;
+  e.profile = EmissionProfile::street_luminaire;
+  e.mounting_height_m = clamp_to(width_m, 5.0F, 10.0F);
+  e.centre_m = right * (0.25F * width_m) + ground.up * (e.mounting_height_m - ground.camera_height_m);
+  e.half_u_m = right * 0.15F;
+  e.half_v_m = forward * 0.3F;
+  e.axis = -ground.up;
+  e.up = forward;
+  e.area_m2 = 0.18F;
+  return e;
+}
+
+}  // namespace light_detail
+
+// lamps[0, count): those that place_lights() placed; new ones are added behind them, as far as there is room.
+[[nodiscard]] inline Status continue_rows(const ContinuedRowParams& p, const PlacementScene& scene, Span<Emitter> lamps,
+                                          std::size_t& count) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(p));
+  if (p.behind_m <= 0.0F) return {};
+  const Vec3f forward = forward_on_ground(scene.ground);
+  const std::size_t placed = count;
+  std::uint16_t unseen = 0;
+  bool any = false;
+  for (int row = 0; row < light_detail::kRows; ++row) {
+    light_detail::RowDistances distances;
+    std::size_t nearest = placed;
+    float nearest_m = 0.0F;
+    for (std::size_t e = 0; e < placed; ++e) {
+      if (light_detail::row_of(lamps[e], forward) != row) continue;
+      const float z = dot(forward, lamps[e].centre_m);
+      if (nearest == placed || z < nearest_m) {
+        nearest = e;
+        nearest_m = z;
+      }
+      distances.add(z);
+    }
+    if (nearest == placed) continue;
+    any = true;
+    const float gap = light_detail::row_gap(p, distances, lamps[nearest].mounting_height_m);
+    light_detail::continue_row(p, scene, lamps[nearest], nearest_m, gap, lamps, count, unseen);
+  }
+  if (!any && p.assumed_width_m > 0.0F) {
+    const Emitter lamp = light_detail::assumed_lamp(p.assumed_width_m, scene.ground);
+    const float gap = clamp_to(light_detail::kGapPerHeight * lamp.mounting_height_m, p.min_gap_m, p.max_gap_m);
+    light_detail::continue_row(p, scene, lamp, 0.0F, gap, lamps, count, unseen);
+    const bool outside = light_detail::look_at_station(scene, lamp.centre_m) == light_detail::Station::outside;
+    if (outside && count < lamps.size() && unseen < kMaxUnseenLamps) {
+      lamps[count] = lamp;
+      lamps[count++].unseen = ++unseen;
+    }
+  }
+  return {};
+}
+
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_LIGHT_CONTINUED_ROWS_HPP

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+// Street lamps that the photograph does not show.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "fixture.hpp"
+#include "npsim/light/activation.hpp"
+#include "npsim/light/continued_rows.hpp"
+#include "npsim/light/photometry.hpp"
+
+namespace {
+
+using namespace npsim;
+using npsim_test::Image;
+
+// A camera 1.5 m above a level ground under the sky, with placed lamps.
+struct Street {
+  Shape shape{200, 100};
+  Image<float> depth{shape};
+  Image<Label> labels{shape, label::sky};
+  std::vector<Emitter> lamps = std::vector<Emitter>(40);
+  std::size_t count = 0;
+  ContinuedRowParams params;
+
+  void lamp(Vec3f at, EmissionProfile profile = EmissionProfile::street_luminaire, float road = 1.0F,
+            LightClass cls = LightClass::street_light_ht) {
+    Emitter e;
+    e.centre_m = at;
+    e.axis = {0, 1, 0};
+    e.up = {0, 0, road};
+    e.profile = profile;
+    e.cls = cls;
+    e.mounting_height_m = 1.5F - at.y;
+    e.mark = static_cast<std::uint16_t>(count + 1);
+    lamps[count++] = e;
+  }
+  [[nodiscard]] std::vector<Emitter> unseen() {
+    PlacementScene scene;
+    scene.camera = {180, 180, 100, 50};
+    scene.ground.up = {0, -1, 0};
+    scene.ground.camera_height_m = 1.5F;
+    scene.depth = depth.view();
+    scene.labels = labels.view();
+    const std::size_t placed = count;
+    REQUIRE(continue_rows(params, scene, Span<Emitter>(lamps.data(), lamps.size()), count).ok());
+    std::vector<Emitter> out(lamps.begin() + static_cast<std::ptrdiff_t>(placed),
+                             lamps.begin() + static_cast<std::ptrdiff_t>(count));
+    count = placed;
+    return out;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("a row goes on at its own gap, past the camera, as high and on the same side as it is seen") {
+  Street s;
+  for (const float z : {80.0F, 25.0F, 52.0F}) s.lamp({4, -6.5F, z});
+  const std::vector<Emitter> unseen = s.unseen();
+  REQUIRE(unseen.size() == 3);  // gaps of 27 and 28: at -3, -31, -59
+  for (std::size_t i = 0; i < unseen.size(); ++i) {
+    CHECK(unseen[i].centre_m.z == doctest::Approx(-3.0 - 28.0 * static_cast<double>(i)).epsilon(1e-4));
+    CHECK(unseen[i].centre_m.x == doctest::Approx(4));
+    CHECK(unseen[i].centre_m.y == doctest::Approx(-6.5));
+    CHECK(unseen[i].mark == 0);
+    CHECK(unseen[i].unseen == i + 1);
+    CHECK(!is_own_headlamp(unseen[i]));
+    CHECK(unseen[i].profile == EmissionProfile::street_luminaire);
+    CHECK(unseen[i].up.z == 1.0F);
+  }
+}
+
+TEST_CASE("a lamp alone, or two at one station, go on at 3.5 times their height; a missing lamp in a row does not widen it") {
+  Street s;
+  s.lamp({0, -6.5F, 10}, EmissionProfile::hung_luminaire);
+  CHECK(s.unseen()[0].centre_m.z == doctest::Approx(10 - 28).epsilon(1e-4));
+  s.lamp({0.5F, -6.5F, 13}, EmissionProfile::hung_luminaire);
+  CHECK(s.unseen()[0].centre_m.z == doctest::Approx(10 - 28).epsilon(1e-4));
+  for (const float z : {30.0F, 110.0F, 130.0F}) s.lamp({0, -6.5F, z}, EmissionProfile::hung_luminaire);
+  CHECK(s.unseen()[0].centre_m.z == doctest::Approx(-10).epsilon(1e-4));
+}
+
+TEST_CASE("a row ends at the first station that the picture would show and does not, or in a house, and passes what hides it") {
+  Street s;
+  s.lamp({1, -6.5F, 90});
+  s.lamp({1, -6.5F, 60});
+  CHECK(s.unseen().empty());  // z = 30 is before the sky
+  for (int y = 0; y < 50; ++y) {
+    for (int x = 0; x < 200; ++x) {
+      s.labels(x, y) = label::vegetation;
+      s.depth(x, y) = 9;
+    }
+  }
+  CHECK(s.unseen().size() == 3);  // 30 behind leaves is passed over; 0, -30, -60
+  for (Label& l : s.labels.view().pixels()) l = label::building;
+  CHECK(s.unseen().empty());
+}
+
+TEST_CASE("rows of two classes and of both sides go on by themselves; signals and cars have none") {
+  Street s;
+  s.lamp({5, -6.5F, 20});
+  s.lamp({-5, -6.5F, 12}, EmissionProfile::street_luminaire, -1.0F);
+  s.lamp({-6, -2.5F, 9}, EmissionProfile::lantern, -1.0F, LightClass::street_light_lt);
+  s.lamp({0, 0.8F, 9}, EmissionProfile::signal, 1.0F, LightClass::moving_rear);
+  int right = 0;
+  int left = 0;
+  int low = 0;
+  for (const Emitter& e : s.unseen()) {
+    right += e.centre_m.x == 5.0F ? 1 : 0;
+    left += e.centre_m.x == -5.0F ? 1 : 0;
+    low += e.cls == LightClass::street_light_lt ? 1 : 0;
+    CHECK(e.cls != LightClass::moving_rear);
+  }
+  CHECK(right == 2);  // -8, -36
+  CHECK(left == 2);   // -16, -44
+  CHECK(low == 4);    // every 14 m: -5, -19, -33, -47
+  s.params.behind_m = 0;
+  CHECK(s.unseen().empty());
+}
+
+TEST_CASE("no lamp marked: nothing, unless a road of some width is assumed; the number of lamps is bounded") {
+  Street s;
+  CHECK(s.unseen().empty());
+  CHECK(most_unseen_lamps(s.params, 0) == 0);
+  s.params.assumed_width_m = 8;
+  const std::vector<Emitter> row = s.unseen();
+  REQUIRE(row.size() == 3);  // 0, -28, -56
+  for (const Emitter& e : row) {
+    CHECK(e.mounting_height_m == 8.0F);
+    CHECK(e.centre_m.x == doctest::Approx(2));
+  }
+  s.params.min_gap_m = 1;
+  s.params.max_gap_m = 2;
+  s.params.behind_m = 400;
+  CHECK(s.unseen().size() == kMaxUnseenLamps);
+  s.params.max_gap_m = 1;
+  CHECK(!validate(s.params).ok());
+}
+
+TEST_CASE("unseen lamps are of the technology of their class, each with its own age, whatever else is there") {
+  Street s;
+  s.lamp({4, -6.5F, 20});
+  std::vector<Emitter> all = s.unseen();
+  all.insert(all.begin(), s.lamps[0]);
+  REQUIRE(all.size() == 3);
+  std::vector<Activation> drawn(all.size());
+  REQUIRE(activate_lights({}, 3, 0, {all.data(), all.size()}, {}, {drawn.data(), drawn.size()}).ok());
+  for (const Activation& a : drawn) {
+    CHECK(a.lit);
+    CHECK(std::fabs(a.strength / drawn[0].strength - 1.0F) < 0.23F);
+    CHECK(std::fabs(a.xy.x - drawn[0].xy.x) < 0.0061F);
+  }
+  CHECK(drawn[1].strength != drawn[2].strength);
+  Activation alone;
+  REQUIRE(activate_lights({}, 3, 0, {&all[2], 1}, {}, {&alone, 1}).ok());
+  CHECK(alone.strength == drawn[2].strength);
+}
+
+TEST_CASE("a row of lamps of 10 klm at 8 m every 30 m gives 0.5 to 3 cd/m2 on the road") {
+  for (const EmissionProfile profile : {EmissionProfile::street_luminaire, EmissionProfile::hung_luminaire}) {
+    const bool hung = profile == EmissionProfile::hung_luminaire;
+    Emitter lamp;
+    lamp.profile = profile;
+    lamp.axis = {0, 1, 0};
+    lamp.up = {0, 0, 1};  // the road is to its left
+    const float peak = peak_intensity_cd(profile, 10000.0F, 0.1F);
+    double sum = 0;
+    int points = 0;
+    for (double z = 0; z < 30; z += 0.5) {
+      for (double x = -3.5; x <= 3.5; x += 0.5, ++points) {
+        for (int k = -5; k <= 5; ++k) {
+          const double dx = x - (hung ? 0.0 : 3.5);
+          const double dz = z - 30.0 * k;
+          const double d2 = dx * dx + dz * dz + 64;
+          const double d = std::sqrt(d2);
+          const Vec3f to{static_cast<float>(dx / d), static_cast<float>(8 / d), static_cast<float>(dz / d)};
+          sum += static_cast<double>(peak * relative_intensity(lamp, to)) * (8 / d) / d2;
+        }
+      }
+    }
+    const double pi = 3.14159265358979;
+    CHECK(sum / points * 0.1 / pi > 0.5);  // albedo 0.1
+    CHECK(sum / points * 0.1 / pi < 3.0);
+  }
+}
