@@ -183,6 +183,17 @@ class Judge {
   io::Image<Rgb8> true_picture_, own_picture_;
 };
 
+[[nodiscard]] NightParams one_night(NightParams params) {
+  params.variants = 1;
+  return params;
+}
+
+[[nodiscard]] NightParams with_true_lamps(NightParams params, const TrueNight& night) {
+  params.relight.lamps = Span<const Emitter>(night.lamps.data(), night.lamps.size());
+  params.relight.ego_headlamps = false;  // they are among the lamps
+  return params;
+}
+
 [[nodiscard]] SceneView without_materials(const SceneView& scene) {
   SceneView guessed = scene;  // they are estimated
   guessed.albedo = {};
@@ -217,11 +228,8 @@ class Judge {
 Status night_stages(const NightParams& params, const SceneView& scene, const Truth& truth, const TrueNight& night,
                     std::uint64_t transport_samples, ThreadPool& pool, Console& console, std::vector<NightErrors>& out,
                     NightPictures& pictures) {
-  NightParams placed = params;
-  placed.variants = 1;
-  NightParams known = placed;
-  known.relight.lamps = Span<const Emitter>(night.lamps.data(), night.lamps.size());
-  known.relight.ego_headlamps = false;  // they are among the lamps
+  const NightParams placed = one_night(params);
+  const NightParams known = with_true_lamps(placed, night);
   const SceneView guessed = without_materials(scene);
 
   KeptDepth refined, given, exact, sheet, by_thesis;
@@ -275,23 +283,25 @@ Status night_stages(const NightParams& params, const SceneView& scene, const Tru
   return {};
 }
 
-std::array<std::string, 2> source_rows(const std::string& name) {
-  return {name + " depth", name + ", estimated materials"};
+std::array<std::string, 3> source_rows(const std::string& name) {
+  return {name + " depth", name + ", estimated materials", name + " depth, true lamps"};
 }
 
 Status night_of_source(const NightParams& params, const SceneView& scene, const Truth& truth, const TrueNight& night,
                        const std::string& name, ThreadPool& pool, Console& console, std::vector<NightErrors>& out) {
-  NightParams placed = params;
-  placed.variants = 1;
+  const NightParams placed = one_night(params);
+  const NightParams known = with_true_lamps(placed, night);
   KeptDepth refined;
   NPSIM_RETURN_IF_ERROR(refined_depth(params, scene, pool, console, refined));
   Judge judge(params, scene, truth, night, pool);
   NPSIM_RETURN_IF_ERROR(judge.start());
-  const std::array<SceneView, 2> views = {scene, without_materials(scene)};
-  const std::array<std::string, 2> names = source_rows(name);
-  for (std::size_t i = 0; i < views.size(); ++i) {
+  const SceneView guessed = without_materials(scene);
+  const std::array<std::pair<const NightParams*, const SceneView*>, 3> rows = {
+      {{&placed, &scene}, {&placed, &guessed}, {&known, &scene}}};
+  const std::array<std::string, 3> names = source_rows(name);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
     io::Image<Vec3f> own;
-    NPSIM_RETURN_IF_ERROR(night_of(placed, views[i], refined, pool, console, own));
+    NPSIM_RETURN_IF_ERROR(night_of(*rows[i].first, *rows[i].second, refined, pool, console, own));
     NightErrors errors;
     NPSIM_RETURN_IF_ERROR(judge.judge(names[i], own, errors));
     out.push_back(std::move(errors));
@@ -308,7 +318,7 @@ std::vector<SourceRatios> source_ratios(const std::vector<NightErrors>& rows, co
   const double estimated = error_of(kWholeChainEstimated);
   std::vector<SourceRatios> out = {{"network", 1.0, 1.0, ratio(estimated, given)}};
   for (const std::string& source : sources) {
-    const std::array<std::string, 2> names = source_rows(source);
+    const std::array<std::string, 3> names = source_rows(source);
     out.push_back({source, ratio(error_of(names[0]), given), ratio(error_of(names[1]), estimated),
                    ratio(error_of(names[1]), error_of(names[0]))});
   }

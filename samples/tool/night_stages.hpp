@@ -53,9 +53,9 @@ struct NightPictures {
 inline constexpr const char* kWholeChain = "+ refined depth";
 inline constexpr const char* kWholeChainEstimated = "+ estimated materials";
 
-// The whole chain alone, on the same street with another depth: two rows behind those that are there, called NAME, and
-// NAME with estimated materials.
-[[nodiscard]] std::array<std::string, 2> source_rows(const std::string& name);
+// The same street with another depth: three rows behind those that are there. The whole chain, the whole chain with
+// estimated materials, and its depth with the true lamps, which tells depth and lamps apart.
+[[nodiscard]] std::array<std::string, 3> source_rows(const std::string& name);
 [[nodiscard]] Status night_of_source(const NightParams& params, const SceneView& scene, const Truth& truth,
                                      const TrueNight& night, const std::string& name, ThreadPool& pool,
                                      Console& console, std::vector<NightErrors>& out);

@@ -31,10 +31,10 @@ TEST_CASE("tool: judge makes streets, true nights, pictures and a table; evaluat
   REQUIRE_MESSAGE(evaluated.status == 0, evaluated.output);
   CHECK(json_of(figures).at("nights") == judged.at("3"));
 
-  // The same street measured by a laser: the same rows, and two more with their ratios.
+  // The same street measured by a laser: the same rows, and three more with their ratios.
   REQUIRE(run_tool(command + " --depth lidar").status == 0);
   const nlohmann::json both = json_of(folder + "/judge.json");
-  REQUIRE(both.at("3").size() == judged.at("3").size() + 2);
+  REQUIRE(both.at("3").size() == judged.at("3").size() + 3);
   for (std::size_t i = 0; i < judged.at("3").size(); ++i) CHECK(both.at("3").at(i) == judged.at("3").at(i));
   const auto median = [&](const std::string& name) {
     for (const nlohmann::json& row : both.at("3")) {
@@ -49,6 +49,7 @@ TEST_CASE("tool: judge makes streets, true nights, pictures and a table; evaluat
   CHECK(ratios.at("lidar").at("estimated_materials").get<double>() * median("+ estimated materials") ==
         doctest::Approx(median("lidar, estimated materials")));
   CHECK(median("lidar depth") > 0.0);
+  CHECK(median("lidar depth, true lamps") > 0.0);
 
   // What is there is kept: the true night is not computed again.
   const std::string truth = bytes_of(folder + "/truth_3.pfm");
