@@ -408,7 +408,7 @@ TEST_CASE("night: planes of another size and light indices without a mark are re
   CHECK(run(default_night_params(), scene.view, serial, keeper).code() == StatusCode::invalid_argument);
 }
 
-TEST_CASE("night: what the workspace is asked for is at most 1.3 times what is used, on the street with and without labels") {
+TEST_CASE("night: what the workspace is asked for is at most 1.3 times what is used, on the street with and without labels, dry and wet") {
   street::StreetParams street_params;
   street_params.shape = {480, 270};
   ThreadPool pool(2);
@@ -416,9 +416,14 @@ TEST_CASE("night: what the workspace is asked for is at most 1.3 times what is u
   REQUIRE(street::make_street(street_params, pool, street).ok());
   NightParams params = default_night_params();
   params.relight.gather.rays = 8;
-  for (const bool labelled : {true, false}) {
+  struct Case {
+    bool labelled;
+    float wetness;
+  };
+  for (const Case& c : {Case{true, 0.0F}, Case{false, 0.0F}, Case{true, 1.0F}}) {
+    params.relight.material.film.wetness = c.wetness;
     SceneView view = view_of(street);
-    if (!labelled) {
+    if (!c.labelled) {
       view.labels = {};
       view.instances = {};
       view.light_index = {};
@@ -435,6 +440,34 @@ TEST_CASE("night: what the workspace is asked for is at most 1.3 times what is u
     CHECK(memory.usable() <= bound);
     CHECK(static_cast<double>(memory.usable()) <= 1.3 * static_cast<double>(workspace.peak()));
   }
+}
+
+TEST_CASE("night of a wet street: runs in the memory of its bound, the same bits for any number of threads, and it mirrors") {
+  const SceneView view = view_of(small_street());
+  NightParams params = default_night_params();
+  params.seed = 3;
+  Keeper dry, wet, threaded;
+  SerialExecutor serial;
+  REQUIRE(run(params, view, serial, dry).ok());
+  params.relight.material.film.wetness = 1;
+  REQUIRE(run(params, view, serial, wet).ok());
+  ThreadPool pool(3);
+  REQUIRE(run(params, view, pool, threaded).ok());
+  double road = 0, changed = 0;
+  for (int y = 0; y < view.shape().height; ++y) {
+    for (int x = 0; x < view.shape().width; ++x) {
+      const Vec3f light = wet.nights[0](x, y);
+      CHECK(light == threaded.nights[0](x, y));
+      CHECK_UNARY(is_finite(light) && light.x >= 0 && light.y >= 0 && light.z >= 0);
+      if (view.labels(x, y) != label::road) continue;
+      ++road;
+      // Headlamps leave it ahead, lamps are mirrored in it.
+      const float ratio = luminance(light) / luminance(dry.nights[0](x, y));
+      if (!(ratio > 0.7F && ratio < 1.4F)) ++changed;
+    }
+  }
+  CHECK(road > 1000);
+  CHECK(changed > 0.5 * road);
 }
 
 TEST_CASE("night: a workspace one page short is a status, not a crash") {

@@ -127,7 +127,8 @@ namespace retro_detail {
 }
 
 // The pixels of the sign that (x, y) belongs to, taken from `open`: those of its label that hang together.
-[[nodiscard]] inline std::size_t take_sign(ImageView<std::uint8_t> open, int x, int y, Span<std::uint32_t> list) noexcept {
+[[nodiscard]] inline std::size_t take_sign(ImageView<std::uint8_t> open, int x, int y,
+                                           Span<std::uint32_t> list) noexcept {
   const int width = open.width();
   std::size_t count = 0;
   const auto add = [&](int u, int v) {

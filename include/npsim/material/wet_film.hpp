@@ -22,7 +22,8 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 inline constexpr float kWaterIndex = 1.33F;
-inline constexpr float kWaterF0 = ((kWaterIndex - 1.0F) / (kWaterIndex + 1.0F)) * ((kWaterIndex - 1.0F) / (kWaterIndex + 1.0F));
+inline constexpr float kWaterF0 =
+    ((kWaterIndex - 1.0F) / (kWaterIndex + 1.0F)) * ((kWaterIndex - 1.0F) / (kWaterIndex + 1.0F));
 
 struct WetFilmParams {
   float wetness = 0.0F;  // 0 dry .. 1 a closed film

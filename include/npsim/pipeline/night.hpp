@@ -84,7 +84,7 @@ struct Night {
   const SceneMeshSize most = SceneMeshSize::most(shape);
   // The backs of objects that fill the image; see SceneMeshSize::most().
   const RelightSize light{marks, params.variants, most.vertices(), pixels, most.faces(), 2 * most.backs.faces,
-                          true, 0, most_unseen_lamps(params.relight.rows, marks)};
+                          true, 0, pixels, most_unseen_lamps(params.relight.rows, marks)};
   const std::size_t mesh = mesh_workspace_bytes(params.mesh, shape, most);
   const std::size_t nights =
       allocation_bytes<Rgb8>(pixels) + std::max(relight_workspace_bytes(params.relight, params.mesh.traced, shape, light),

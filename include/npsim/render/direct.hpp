@@ -4,7 +4,8 @@
 //   E(p) = sum_e V(e, p) I_e f_e(direction) cos / d^2                       illuminance, lx, linear RGB
 //   L(p) = sum_e V(e, p) I_e f_e(direction) cos / d^2 * bsdf(camera, light)   luminance towards the camera, cd/m2
 //        + sum_e V(e, p) I_e f_e(direction) / d^2 * albedo * strength * retroreflection(camera, light)
-// f0: of dry surfaces; under a film of water its own. What is retroreflected reaches the camera alone: no other surface lies where the lamp is.
+// f0: of dry surfaces; under a film of water its own. What is retroreflected reaches the camera alone: no other surface
+// lies where the lamp is.
 // Lit surfaces (windows, signs) within eight of their sides count by Lambert's closed form for their rectangle, exact to
 // .1 % where nothing stands in the way; what hides a part of them counts by V as if it hid its share everywhere. Beyond,
 // and for every other lamp, a point at the centre stands for them, within 1 %; gloss takes the mean direction of the
