@@ -14,8 +14,16 @@
 namespace npsim::tool {
 namespace {
 
-[[nodiscard]] bool is_street_lamp(const io::TrueEmitter& lamp) {
-  return lamp.cls == LightClass::street_light_ht || lamp.cls == LightClass::street_light_lt;
+// A street lamp outside the picture. One inside that is too small to be marked, or hidden, is no unseen one: a night
+// does not know of it.
+[[nodiscard]] bool is_unseen_lamp(const io::Scene& scene, const io::TrueEmitter& lamp) {
+  if (lamp.mark != 0) return false;
+  if (lamp.cls != LightClass::street_light_ht && lamp.cls != LightClass::street_light_lt) return false;
+  const Vec3f& p = lamp.centre_m;
+  if (!(p.z > 0.3F)) return true;
+  const float u = scene.intrinsics.fx * p.x / p.z + scene.intrinsics.cx;
+  const float v = scene.intrinsics.fy * p.y / p.z + scene.intrinsics.cy;
+  return u < 0 || v < 0 || u >= static_cast<float>(scene.shape().width) || v >= static_cast<float>(scene.shape().height);
 }
 
 [[nodiscard]] Emitter emitter_of(const io::TrueEmitter& lamp, const LightMark& mark, const GroundPlane& ground) {
@@ -81,7 +89,7 @@ io::Expected<TrueLamps> read_true_lamps(const io::Scene& scene) {
   out.emitters.insert(out.emitters.end(), own, own + count);
   out.faces_of.resize(out.emitters.size(), 0);
   for (const io::TrueEmitter& lamp : lamps.value()) {
-    if (lamp.mark != 0 || !is_street_lamp(lamp)) continue;
+    if (!is_unseen_lamp(scene, lamp)) continue;
     LightMark unmarked;
     unmarked.cls = lamp.cls;
     Emitter e = emitter_of(lamp, unmarked, out.ground);

@@ -304,6 +304,7 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
                           const SceneView& scene, const RefinedDepth& refined, const SceneMesh& mesh,
                           Workspace& workspace, Executor& executor, Observer& observer, Relighting& out) {
   if (variants < 1) return Status(StatusCode::invalid_argument, "at least one variant is needed");
+  const std::size_t before = workspace.used();
   RelightSize size = relight_size(scene, mesh, variants);
   NPSIM_RETURN_IF_ERROR(workspace.ensure(relight_workspace_bytes(params, traced, scene.shape(), size)));
 
@@ -315,7 +316,8 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   NPSIM_RETURN_IF_ERROR(relight_detail::place_emitters(params, scene, refined, workspace, emitters, emitter_of_mark));
   // How many lamps continue rows is known only now.
   for (const Emitter& e : emitters) size.unseen += e.unseen != 0 && params.lamps.empty() ? 1U : 0U;
-  NPSIM_RETURN_IF_ERROR(workspace.ensure(relight_workspace_bytes(params, traced, scene.shape(), size)));
+  const std::size_t taken = workspace.used() - before;
+  NPSIM_RETURN_IF_ERROR(workspace.ensure(relight_workspace_bytes(params, traced, scene.shape(), size) - taken));
   Span<Activation> activations;
   Span<float> peak_cd;
   NPSIM_RETURN_IF_ERROR(relight_detail::draw_activations(params.activation, key, variants, scene, emitters,
