@@ -133,7 +133,8 @@ struct RefinedDepth {
   DepthSource source = DepthSource::network;  // given or found
   DepthTrust trust;                   // by how much the filled depth may be changed
   DepthNoise noise;                   // of the depth as given
-  ImageView<float> filled;            // m; the depth before it was filtered and refined; empty where it moves freely
+  ImageView<float> filled;            // m; the depth before it was filtered and refined; empty where it moves freely, and
+                                      // where `smooth` has taken its memory
   ImageView<float> confidence;        // 1 where measured, falling to 0 where made up far from it; empty likewise
   PlanarMap planes;                   // of facades and the like; empty where normals are given
   GroundPlane ground;                 // of the anchored depth; inlier_share 0: a guess
@@ -245,7 +246,7 @@ namespace refine_detail {
       guiding_normals_workspace_bytes(params.normals, shape),
       refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels),
       kerb_faces_workspace_bytes(shape), ground_mismatches_workspace_bytes(shape));
-  return 4 * allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
+  return 3 * allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
          allocation_bytes<Vec3f>(pixels) + planar_map_bytes(params.planes, shape) + steps + kWorkspaceAlignment;
 }
 
@@ -264,7 +265,6 @@ namespace refine_detail {
   if (out.trust.bounded) {
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.filled));
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.confidence));
-    if (out.source != DepthSource::exact) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.smooth));
   }
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.depth));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.surface));
@@ -477,9 +477,11 @@ template <class Executor>
 [[nodiscard]] Status complete_surfaces(const RefineDepthParams& params, const SceneView& scene,
                                        const ObjectMap& objects, Workspace& workspace, Executor& executor,
                                        RefinedDepth& out) {
-  if (out.smooth.empty()) {
+  if (!out.trust.bounded || out.source == DepthSource::exact) {
     return kerb_faces(params.kerbs, scene.camera, out.ground, scene.labels, out.depth, out.normals, workspace);
   }
+  out.smooth = out.filled;  // its memory: no step asks any more
+  out.filled = {};
   return smooth_surfaces(params.smooth, ImageView<const float>(out.depth), objects, out.planes, out.noise,
                          scene.camera, out.ground, out.smooth, executor);
 }
