@@ -169,8 +169,8 @@ Comparison refine_case(const Options& options) {
     if (run_torch(scene, torch)) {
       const double matching = adam_curve[kTorchSteps].total;
       std::fprintf(stderr, "  pytorch %s: %.4g ms per step; loss %.7g then %.7g, ours %.7g then %.7g\n",
-                   torch.version.c_str(), torch.ms_per_step, torch.first, torch.last,
-                   adam_curve.front().total, matching);
+                   torch.version.c_str(), torch.ms_per_step, torch.first, torch.last, adam_curve.front().total,
+                   matching);
       if (!(std::fabs(torch.last - matching) < 1e-3 * matching)) {
         std::fprintf(stderr, "benchmark: PyTorch does not minimise the same loss\n");
         std::exit(1);

@@ -89,8 +89,7 @@ CoverageErrors coverage_errors(const SceneView& scene, const Truth& truth, const
   const Shape shape = scene.shape();
   const ImageView<const float> true_depth = truth.depth.view();
   const Mask surface = mask_where(shape, [&](int x, int y) {
-    return is_valid_depth(true_depth(x, y)) &&
-           (scene.labels.empty() || !kNoSurfaceLabels.contains(scene.labels(x, y)));
+    return is_valid_depth(true_depth(x, y)) && (scene.labels.empty() || !kNoSurfaceLabels.contains(scene.labels(x, y)));
   });
   const Mask everywhere = mask_where(shape, [&](int x, int y) {
     return surface(x, y) != 0 &&
@@ -99,11 +98,9 @@ CoverageErrors coverage_errors(const SceneView& scene, const Truth& truth, const
   const auto has_input = [&](int x, int y) { return is_valid_depth(scene.depth(x, y)); };
   CoverageErrors out;
   out.source = refined.source;
-  out.missing_pixels =
-      marked(mask_where(shape, [&](int x, int y) { return surface(x, y) != 0 && !has_input(x, y); }));
+  out.missing_pixels = marked(mask_where(shape, [&](int x, int y) { return surface(x, y) != 0 && !has_input(x, y); }));
   out.given_pixels = marked(mask_where(shape, [&](int x, int y) { return surface(x, y) != 0 && has_input(x, y); }));
-  const Mask missing =
-      mask_where(shape, [&](int x, int y) { return everywhere(x, y) != 0 && !has_input(x, y); });
+  const Mask missing = mask_where(shape, [&](int x, int y) { return everywhere(x, y) != 0 && !has_input(x, y); });
   const Mask given = mask_where(shape, [&](int x, int y) { return everywhere(x, y) != 0 && has_input(x, y); });
   std::array<Mask, kLabelGroups.size()> missing_of, given_of;
   for (std::size_t g = 0; g < kLabelGroups.size(); ++g) {

@@ -231,7 +231,8 @@ int run_hold_out(const EvaluateOptions& options) {
   if (!options.true_night.empty() || options.simplified) {
     return fail(io::Error{"", "--hold-out", "judges the depth alone, expected neither --night nor --simplified"});
   }
-  const io::Expected<io::Scene> scene = console.timed("read scene", [&] { return load_scene(options.scene, options.size); });
+  const io::Expected<io::Scene> scene =
+      console.timed("read scene", [&] { return load_scene(options.scene, options.size); });
   if (!scene) return fail(scene.error());
   if (!options.output.empty()) {
     if (const io::Outcome apart = InputFiles(scene.value()).expect_none_of({options.output}); !apart) {
@@ -262,8 +263,8 @@ int run_evaluate(const EvaluateOptions& options) {
     return fail(io::Error{"", "--weights", "belongs to --losses, expected a folder for both"});
   }
   Console console(options.quiet);
-  const io::Expected<std::pair<io::Scene, Truth>> loaded =
-      console.timed("read scene and truth", [&] { return load_with_truth(options.scene, options.size, options.output); });
+  const io::Expected<std::pair<io::Scene, Truth>> loaded = console.timed(
+      "read scene and truth", [&] { return load_with_truth(options.scene, options.size, options.output); });
   if (!loaded) return fail(loaded.error());
   const auto& [scene, truth] = loaded.value();
   for (const std::string& note : scene.notes) {
@@ -301,9 +302,9 @@ int run_evaluate(const EvaluateOptions& options) {
     own.seed = options.night_seed;
     own.photograph = scene.photograph;
     NightPictures pictures;
-    const Status judged = night_stages(own, scene.view(), truth, *night,
-                                       static_cast<std::uint64_t>(options.transport_samples), pool, console,
-                                       evaluation.stages, pictures);
+    const Status judged =
+        night_stages(own, scene.view(), truth, *night, static_cast<std::uint64_t>(options.transport_samples), pool,
+                     console, evaluation.stages, pictures);
     if (!judged.ok()) return fail(options.scene, judged);
   }
   if (options.simplified) {

@@ -20,11 +20,11 @@ struct EvaluateOptions {
   int transport_samples = 0;     // paths a pixel by which transport is judged alone
   std::string hold_out;          // SHARE or SHARE,blocks: judge the depth by measured pixels left out, without truth
   std::uint64_t hold_out_seed = 1;
-  std::string losses;            // folder for the losses of the refinement, for which no truth is needed
-  std::string weights;           // "grid": with those of other lambdas
-  bool depth_only = false;       // neither mesh, lamps nor albedo
-  bool flatness = false;         // only how flat facades are, for which no truth is needed
-  bool simplified = false;       // render with all faces and with fewer
+  std::string losses;       // folder for the losses of the refinement, for which no truth is needed
+  std::string weights;      // "grid": with those of other lambdas
+  bool depth_only = false;  // neither mesh, lamps nor albedo
+  bool flatness = false;    // only how flat facades are, for which no truth is needed
+  bool simplified = false;  // render with all faces and with fewer
   bool quiet = false;
 };
 

@@ -229,8 +229,7 @@ Status evaluate(const SceneView& scene, const Truth& truth, const RefineDepthPar
   if (!true_albedo.empty()) {
     NPSIM_RETURN_IF_ERROR(albedo_errors(AlbedoParams{}, scene, true_albedo, refined, pool, out.albedo.emplace()));
   }
-  return evaluate_meshes(scene, truth, params.uncertainty, *mesh_params, refined, pool, console, out.meshes,
-                         out.lamps);
+  return evaluate_meshes(scene, truth, params.uncertainty, *mesh_params, refined, pool, console, out.meshes, out.lamps);
 }
 
 }  // namespace npsim::tool

@@ -65,7 +65,7 @@ struct Evaluation {
   NormalRow given_normals;
   NormalRow guiding_normals;
   NormalRow true_depth_normals;
-  CoverageErrors coverage;  // missing and given pixels apart
+  CoverageErrors coverage;                    // missing and given pixels apart
   MaskOverlap uncertain_on_edges;             // first: true edges, second: the uncertain map
   MaskOverlap uncertain_on_foreground_edges;  // the same for edges of vehicles, persons, poles and signs
   MaskOverlap uncertain_near_edges;           // first: within a window of a true edge

@@ -36,10 +36,10 @@ inline constexpr int kHoldOutBlock_px = 16;
 [[nodiscard]] io::Expected<HoldOut> parse_hold_out(const std::string& text);
 
 struct HoldOutRow {
-  std::string name;                                      // in the table
-  std::string key;                                       // in JSON
+  std::string name;                                    // in the table
+  std::string key;                                     // in JSON
   std::array<DepthShift, kLabelGroups.size()> errors;  // at the pixels that were left out
-  DepthShift kept;                                       // of measured pixels that were not
+  DepthShift kept;                                     // of measured pixels that were not
 };
 
 struct HoldOutResult {

@@ -111,9 +111,9 @@ int run_judge(const JudgeOptions& options) {
     ThreadPool pool(thread_count(options.threads));
     scenes.emplace_back();
     NightPictures pictures;
-    const Status judged = night_stages(night_params(seed, scene), scene.view(), truth, night.value(),
-                                       static_cast<std::uint64_t>(options.transport_samples), pool, console,
-                                       scenes.back(), pictures);
+    const Status judged =
+        night_stages(night_params(seed, scene), scene.view(), truth, night.value(),
+                     static_cast<std::uint64_t>(options.transport_samples), pool, console, scenes.back(), pictures);
     if (!judged.ok()) return fail(files.street, judged);
     if (const int failed = judge_sources(options, seed, files, night.value(), pool, console, scenes.back());
         failed != kExitDone) {

@@ -15,7 +15,7 @@ struct JudgeOptions {
   int last = 8;
   std::string size = "480x270";
   int samples = 1000;
-  int transport_samples = 1000;  // of the reference on the renderer's own mesh; 0: transport is not judged alone
+  int transport_samples = 1000;      // of the reference on the renderer's own mesh; 0: transport is not judged alone
   std::vector<std::string> sources;  // nights of depth that these measured stand beside those of a network's
   int threads = 0;
   bool quiet = false;

@@ -103,25 +103,30 @@ int main(int argc, char** argv) {
       ->check(within(0.0, 1.0))
       ->capture_default_str();
   night_app
-      ->add_option("--unseen-lamps", night.unseen_lamps,
-                   "Whether rows of street lamps go on where the photograph does not show them: continued, of the thesis "
-                   "dark")
+      ->add_option(
+          "--unseen-lamps", night.unseen_lamps,
+          "Whether rows of street lamps go on where the photograph does not show them: continued, of the thesis "
+          "dark")
       ->check(CLI::IsMember({"continued", "dark"}));
   night_app
-      ->add_option("--assume-lamps", night.assume_lamps_m,
-                   "Metres of road width: where no street lamp is marked, a row for such a road stands beside and behind "
-                   "the camera; 0: none")
+      ->add_option(
+          "--assume-lamps", night.assume_lamps_m,
+          "Metres of road width: where no street lamp is marked, a row for such a road stands beside and behind "
+          "the camera; 0: none")
       ->check(within(0.0, 50.0))
       ->capture_default_str();
   night_app
-      ->add_option("--unseen-street", night.unseen_street,
-                   "How much of the mean light of the street in the picture the street around it has; default: 1, of the "
-                   "thesis 0")
+      ->add_option(
+          "--unseen-street", night.unseen_street,
+          "How much of the mean light of the street in the picture the street around it has; default: 1, of the "
+          "thesis 0")
       ->check(within(0.0, 1.0));
-  night_app->add_option("--headlamps", night.headlamps, "Of the car that carries the camera: low, high (both beams) or off")
+  night_app
+      ->add_option("--headlamps", night.headlamps, "Of the car that carries the camera: low, high (both beams) or off")
       ->check(CLI::IsMember({"low", "high", "off"}))
       ->capture_default_str();
-  night_app->add_option("--traffic", night.traffic, "Side of the road on which the own car drives, and its low beam rises")
+  night_app
+      ->add_option("--traffic", night.traffic, "Side of the road on which the own car drives, and its low beam rises")
       ->check(CLI::IsMember({"right", "left"}))
       ->capture_default_str();
   night_app
@@ -142,8 +147,7 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   street_app->add_option("--size", street.size, "WIDTHxHEIGHT")->capture_default_str();
   street_app
-      ->add_option("--depth", street.depth,
-                   "How the depth is measured; with stereo and lidar the scene has no normals")
+      ->add_option("--depth", street.depth, "How the depth is measured; with stereo and lidar the scene has no normals")
       ->check(CLI::IsMember({"network", "stereo", "lidar", "exact"}))
       ->capture_default_str();
   street_app->add_option("--albedo", street.albedo, "Whether the scene gives albedo and roughness")
@@ -218,13 +222,15 @@ int main(int argc, char** argv) {
   evaluate_app->add_option("--seed", evaluate.night_seed, "Seed of the night that was drawn for the true night")
       ->check(whole_number)
       ->capture_default_str();
-  evaluate_app->add_option("--transport", evaluate.transport_samples,
-                           "With --night: paths a pixel of the reference on our own mesh, to judge transport alone")
+  evaluate_app
+      ->add_option("--transport", evaluate.transport_samples,
+                   "With --night: paths a pixel of the reference on our own mesh, to judge transport alone")
       ->check(CLI::Range(0, 1 << 24))
       ->capture_default_str();
-  evaluate_app->add_option("--hold-out", evaluate.hold_out,
-                           "SHARE or SHARE,blocks: leave out that share of the measured pixels, at random or in squares "
-                           "of 16, and judge the depth there; needs no truth");
+  evaluate_app->add_option(
+      "--hold-out", evaluate.hold_out,
+      "SHARE or SHARE,blocks: leave out that share of the measured pixels, at random or in squares "
+      "of 16, and judge the depth there; needs no truth");
   evaluate_app->add_option("--hold-out-seed", evaluate.hold_out_seed, "Of the pixels that are left out")
       ->check(whole_number)
       ->capture_default_str();
@@ -234,8 +240,9 @@ int main(int argc, char** argv) {
   evaluate_app->add_option("--losses", evaluate.losses,
                            "Folder for what the refinement by normals minimises, step by step, as CSV and SVG; needs "
                            "no truth");
-  evaluate_app->add_option("--weights", evaluate.weights,
-                           "With --losses: grid, also the outcome for 7 x 7 weights of continuity and depth")
+  evaluate_app
+      ->add_option("--weights", evaluate.weights,
+                   "With --losses: grid, also the outcome for 7 x 7 weights of continuity and depth")
       ->check(CLI::IsMember({"grid"}));
   evaluate_app->add_flag("--depth-only", evaluate.depth_only,
                          "Judge neither mesh, lamps nor albedo, which takes longer");
@@ -275,18 +282,24 @@ int main(int argc, char** argv) {
   CLI::App* judge_app = app.add_subcommand(
       "judge", "Judge every stage by the true night of generated streets; what the folder has already is kept");
   judge_app->add_option("output", judge.output, "Folder for streets, true nights, pictures and judge.json")->required();
-  judge_app->add_option("--first", judge.first, "Seed of the first street")->check(CLI::Range(0, 1000000))->capture_default_str();
-  judge_app->add_option("--last", judge.last, "Seed of the last street")->check(CLI::Range(0, 1000000))->capture_default_str();
+  judge_app->add_option("--first", judge.first, "Seed of the first street")
+      ->check(CLI::Range(0, 1000000))
+      ->capture_default_str();
+  judge_app->add_option("--last", judge.last, "Seed of the last street")
+      ->check(CLI::Range(0, 1000000))
+      ->capture_default_str();
   judge_app->add_option("--size", judge.size, "WIDTHxHEIGHT of the streets")->capture_default_str();
   judge_app->add_option("--samples", judge.samples, "Paths a pixel of the true nights")
       ->check(CLI::Range(2, 1 << 24))
       ->capture_default_str();
-  judge_app->add_option("--transport", judge.transport_samples,
-                        "Paths a pixel of the reference on our own mesh, to judge transport alone; 0: not judged")
+  judge_app
+      ->add_option("--transport", judge.transport_samples,
+                   "Paths a pixel of the reference on our own mesh, to judge transport alone; 0: not judged")
       ->check(CLI::Range(0, 1 << 24))
       ->capture_default_str();
-  judge_app->add_option("--depth", judge.sources,
-                        "Also nights with depth from these, comma separated, beside those with a network's")
+  judge_app
+      ->add_option("--depth", judge.sources,
+                   "Also nights with depth from these, comma separated, beside those with a network's")
       ->delimiter(',')
       ->check(CLI::IsMember({"stereo", "lidar", "exact"}));
   judge_app->add_option("--threads", judge.threads, "0 = one per processor")

@@ -185,8 +185,7 @@ Status evaluate_mesh(const ReconstructParams& params, const SceneView& scene, co
       stage.background_faces = stage.sheet_faces = stage.mesh.faces.size();
     }
     NPSIM_RETURN_IF_ERROR(
-        cast(stage, i < 2 ? refined.surface_depth() : ImageView<const float>(shown[which].view()),
-             casters[i]));
+        cast(stage, i < 2 ? refined.surface_depth() : ImageView<const float>(shown[which].view()), casters[i]));
   }
   SceneMesh traced = mesh;
   const std::vector<Face> faces = traced_faces(mesh, traced.background_faces);

@@ -109,8 +109,8 @@ Status measure_mesh_steps(const ReconstructParams& params, const SceneView& scen
   NPSIM_RETURN_IF_ERROR(
       timed("complete_objects", layer_bytes + shape.pixels() * sizeof(std::uint32_t), [&](Workspace& workspace) {
         return complete_foreground(params.foreground,
-                                   {params.sheet, refined.surface_depth(), refined.surface, refined.labels, scene.instances,
-                                    doubt, state.view(), scene.camera},
+                                   {params.sheet, refined.surface_depth(), refined.surface, refined.labels,
+                                    scene.instances, doubt, state.view(), scene.camera},
                                    foreground, object.view(), workspace, pool);
       }));
   NPSIM_RETURN_IF_ERROR(timed("open_steps", quad_shape(shape).pixels(), [&](Workspace&) {

@@ -17,7 +17,7 @@ struct NightOptions {
   int threads = 0;
   std::string size;
   std::string light_set;
-  float wet = 0.0F;          // share of the ground under a film of water
+  float wet = 0.0F;  // share of the ground under a film of water
   std::string texture = "photograph";
   std::string unseen_lamps;     // continued, dark; empty: as the preset has it
   float assume_lamps_m = 0.0F;  // width of a road without marked street lamps that gets a row of them; 0: none does

@@ -26,7 +26,7 @@ struct KeptDepth {
 
   static KeptDepth of(const RefinedDepth& refined) {
     const Shape shape = refined.depth.shape();
-    KeptDepth kept{io::Image<float>(shape), io::Image<Label>(shape), io::Image<std::uint8_t>(shape),
+    KeptDepth kept{io::Image<float>(shape),        io::Image<Label>(shape), io::Image<std::uint8_t>(shape),
                    io::Image<std::uint8_t>(shape), io::Image<Vec3f>(shape), refined};
     copy_pixels(refined.surface_depth(), kept.depth.view());
     copy_pixels(refined.labels, kept.labels.view());
@@ -102,8 +102,8 @@ template <class Holds>
   io::Image<std::uint8_t> mask(scene.shape());
   for (int y = 0; y < mask.height(); ++y) {
     for (int x = 0; x < mask.width(); ++x) {
-      const bool surface = is_valid_depth(truth.depth(x, y)) &&
-                           (scene.labels.empty() || !kNoSurfaceLabels.contains(scene.labels(x, y)));
+      const bool surface =
+          is_valid_depth(truth.depth(x, y)) && (scene.labels.empty() || !kNoSurfaceLabels.contains(scene.labels(x, y)));
       mask(x, y) = surface && !is_lamp(scene, x, y) && holds(x, y) ? 1 : 0;
     }
   }
@@ -125,8 +125,9 @@ class Judge {
 
   [[nodiscard]] Status judge(const std::string& name, const io::Image<Vec3f>& own, NightErrors& out) {
     const Shape shape = scene_.shape();
-    std::vector<unsigned char> memory(std::max({luminance_errors_workspace_bytes(shape), flip_workspace_bytes({}, shape),
-                                                picture_errors_workspace_bytes(shape)}));
+    std::vector<unsigned char> memory(
+        std::max({luminance_errors_workspace_bytes(shape), flip_workspace_bytes({}, shape),
+                  picture_errors_workspace_bytes(shape)}));
     Workspace workspace(memory.data(), memory.size());
     out.name = name;
     const auto errors = [&](const io::Image<std::uint8_t>& mask, std::optional<LuminanceErrors>& into) {
@@ -141,8 +142,8 @@ class Judge {
       NPSIM_RETURN_IF_ERROR(errors(judged_pixels(scene_, truth_, of_label), out.by_label[i]));
     }
     NPSIM_RETURN_IF_ERROR(shown(own, own_picture_));
-    NPSIM_RETURN_IF_ERROR(
-        picture_errors(std::as_const(true_picture_).view(), std::as_const(own_picture_).view(), out.picture, workspace, pool_));
+    NPSIM_RETURN_IF_ERROR(picture_errors(std::as_const(true_picture_).view(), std::as_const(own_picture_).view(),
+                                         out.picture, workspace, pool_));
     io::Image<float> map(shape);
     return flip({}, std::as_const(true_picture_).view(), std::as_const(own_picture_).view(), map.view(), out.flip,
                 workspace, pool_);
@@ -209,8 +210,7 @@ class Judge {
   params.relight.unseen.share = 0.0F;  // of which the reference knows nothing
   io::Image<Vec3f> own;
   TrueNight night;
-  NPSIM_RETURN_IF_ERROR(
-      transport_alone(params, scene, depth.refined(), samples, pool, console, own, night.luminance));
+  NPSIM_RETURN_IF_ERROR(transport_alone(params, scene, depth.refined(), samples, pool, console, own, night.luminance));
   // The pictures shall differ by what surfaces show, not by lamps and sky.
   for (int y = 0; y < own.height(); ++y) {
     for (int x = 0; x < own.width(); ++x) {
@@ -371,7 +371,8 @@ std::vector<NightErrors> mean_of(const std::vector<std::vector<NightErrors>>& sc
     };
     mean.all = average([](const NightErrors& e) -> const std::optional<LuminanceErrors>& { return e.all; });
     for (std::size_t i = 0; i < kJudgedLabels.size(); ++i) {
-      mean.by_label[i] = average([i](const NightErrors& e) -> const std::optional<LuminanceErrors>& { return e.by_label[i]; });
+      mean.by_label[i] =
+          average([i](const NightErrors& e) -> const std::optional<LuminanceErrors>& { return e.by_label[i]; });
     }
     for (const std::vector<NightErrors>& scene : scenes) {
       mean.picture.psnr_db += scene[row].picture.psnr_db / n;
@@ -409,7 +410,8 @@ OrderedJson to_json(const std::vector<NightErrors>& rows) {
 }
 
 void print_table(const std::vector<NightErrors>& rows) {
-  const auto cell = [](int width, int digits, const std::optional<LuminanceErrors>& e, double LuminanceErrors::*member) {
+  const auto cell = [](int width, int digits, const std::optional<LuminanceErrors>& e,
+                       double LuminanceErrors::*member) {
     if (e) {
       std::printf(" %*.*f", width, digits, (*e).*member);
     } else {

@@ -2,9 +2,9 @@
 // The nights of one scene against its true night: the whole chain, and what each stage is worth by replacing it with the
 // truth, one at a time and cumulatively.
 //
-// Judged are the pixels of surfaces that are no lamp: luminance where the truth is above .005 cd/m2, over all of them and
-// label by label; and the displayed pictures, all pixels, without sensor noise and at the exposure that the camera would
-// have chosen for the true night, so that a night which is too dark looks too dark.
+// Judged are the pixels of surfaces that are no lamp: luminance where the truth is above .005 cd/m2, over all of them
+// and label by label; and the displayed pictures, all pixels, without sensor noise and at the exposure that the camera
+// would have chosen for the true night, so that a night which is too dark looks too dark.
 #ifndef NPSIM_SAMPLES_TOOL_NIGHT_STAGES_HPP
 #define NPSIM_SAMPLES_TOOL_NIGHT_STAGES_HPP
 

@@ -17,13 +17,12 @@ namespace npsim::tool {
 
 struct Truth {
   io::Image<float> depth;
-  io::Image<Vec3f> normals;               // this and all that follow may be empty
-  io::Image<float> background_depth;      // behind the foreground
-  io::Image<Vec3f> albedo;                // linear
+  io::Image<Vec3f> normals;           // this and all that follow may be empty
+  io::Image<float> background_depth;  // behind the foreground
+  io::Image<Vec3f> albedo;            // linear
   MeshTruth mesh;
   std::vector<io::TrueEmitter> emitters;
 };
-
 
 // What a night is judged by; all of the scene's size.
 struct TrueNight {

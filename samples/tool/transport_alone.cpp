@@ -24,13 +24,12 @@ class Comparison {
     Workspace workspace(memory.data(), memory.size());
     NPSIM_RETURN_IF_ERROR(
         mark_faces(scene_, mesh, light.emitters, Span<std::uint16_t>(mark.data(), mark.size()), workspace));
-    const reference::NightScene night = reference::scene_of_points(
-        mesh.mesh, light.points.normal, light.points.albedo, light.points.alpha,
-        Span<const std::uint16_t>(mark.data(), mark.size()), light.emitters, light.of_variant(0), light.sky,
-        params_.relight.f0);
+    const reference::NightScene night =
+        reference::scene_of_points(mesh.mesh, light.points.normal, light.points.albedo, light.points.alpha,
+                                   Span<const std::uint16_t>(mark.data(), mark.size()), light.emitters,
+                                   light.of_variant(0), light.sky, params_.relight.f0);
     const reference::TriangleTree tree(night.mesh());
-    std::vector<reference::ViewedPoint> seen =
-        reference::viewed_points(night, tree, scene_.camera, scene_.shape());
+    std::vector<reference::ViewedPoint> seen = reference::viewed_points(night, tree, scene_.camera, scene_.shape());
     std::size_t pixel = 0;
     for (int y = 0; y < scene_.shape().height; ++y) {
       for (int x = 0; x < scene_.shape().width; ++x, ++pixel) {
@@ -41,8 +40,7 @@ class Comparison {
     reference::PathParams path;
     path.seed = params_.seed;
     path.bounces = params_.relight.bounces;
-    const std::vector<reference::PixelSums> sums =
-        reference::trace_night(path, night, tree, seen, samples_, executor_);
+    const std::vector<reference::PixelSums> sums = reference::trace_night(path, night, tree, seen, samples_, executor_);
     converged_ = io::Image<Vec3f>(scene_.shape());
     std::size_t p = 0;
     for (Vec3f& light_of_pixel : converged_.view().pixels()) {

@@ -23,7 +23,8 @@ namespace {
   if (!(p.z > 0.3F)) return true;
   const float u = scene.intrinsics.fx * p.x / p.z + scene.intrinsics.cx;
   const float v = scene.intrinsics.fy * p.y / p.z + scene.intrinsics.cy;
-  return u < 0 || v < 0 || u >= static_cast<float>(scene.shape().width) || v >= static_cast<float>(scene.shape().height);
+  return u < 0 || v < 0 || u >= static_cast<float>(scene.shape().width) ||
+         v >= static_cast<float>(scene.shape().height);
 }
 
 [[nodiscard]] Emitter emitter_of(const io::TrueEmitter& lamp, const LightMark& mark, const GroundPlane& ground) {

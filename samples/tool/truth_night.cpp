@@ -52,8 +52,8 @@ struct DrawnLamp {
   const bool street = is_street_profile(lamp.profile);
   const bool kind = profile.value() == profile_name(lamp.profile);
   const auto is = [&](EmissionProfile p) { return profile.value() == profile_name(p); };
-  const bool any_street = is(EmissionProfile::street_luminaire) || is(EmissionProfile::hung_luminaire) ||
-                          is(EmissionProfile::lantern);
+  const bool any_street =
+      is(EmissionProfile::street_luminaire) || is(EmissionProfile::hung_luminaire) || is(EmissionProfile::lantern);
   if (!kind && !(street && any_street)) {
     return Error{entry.file(), entry.field("profile"),
                  "is '" + profile.value() + "', expected " + profile_name(lamp.profile) + " as that of the true lamp"};
@@ -95,8 +95,8 @@ void add_unseen_lamps(const TrueLamps& lamps, std::vector<DrawnLamp>& drawn) {
       ++count;
     }
     if (!(count > 0)) continue;
-    drawn.push_back({e, strength / count * light_detail::height_factor(lamp.mounting_height_m),
-                     {xy.x / count, xy.y / count}});
+    drawn.push_back(
+        {e, strength / count * light_detail::height_factor(lamp.mounting_height_m), {xy.x / count, xy.y / count}});
   }
 }
 

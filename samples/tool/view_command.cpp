@@ -113,7 +113,8 @@ int view_file(const ViewOptions& options) {
   SheetLayer sheet;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), sheet.vertices));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(quad_shape(scene.shape()), sheet.quads));
-  NPSIM_RETURN_IF_ERROR(build_sheet(params.sheet, refined.surface_depth(), refined.surface, scene.camera, sheet, executor));
+  NPSIM_RETURN_IF_ERROR(
+      build_sheet(params.sheet, refined.surface_depth(), refined.surface, scene.camera, sheet, executor));
   if (pruned) NPSIM_RETURN_IF_ERROR(prune(params.prune, refined.uncertain, refined.labels, sheet, executor));
   MeshSize size = mesh_size(sheet);
   MeshBuffers buffers;

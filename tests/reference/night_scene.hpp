@@ -230,7 +230,7 @@ struct SurfaceSample {
   Vec3d normal;     // unit, for the reflection
   Vec3d albedo;
   double alpha = 1;
-  std::uint32_t lamp = 0;  // whose glass it is, 0: nobody's
+  std::uint32_t lamp = 0;     // whose glass it is, 0: nobody's
   Retroreflector retro = {};  // of a point that a pixel shows; what paths reach has none
 
   // What it retroreflects of light from wi, per illuminance across the beam.

@@ -38,7 +38,8 @@ struct Street {
     for (int y = 0; y < kShape.height; ++y) {
       for (int x = 0; x < kShape.width; ++x) {
         if (y >= kHorizon) {
-          truth(x, y) = (x < 200 ? kCameraHeight : kCameraHeight - kerb_m) * k.fy / (static_cast<float>(y) + 0.5F - k.cy);
+          truth(x, y) =
+              (x < 200 ? kCameraHeight : kCameraHeight - kerb_m) * k.fy / (static_cast<float>(y) + 0.5F - k.cy);
         } else {
           labels(x, y) = label::building;
           plane_of(x, y) = 1;
@@ -52,7 +53,8 @@ struct Street {
   void add_noise() {
     for (int y = 0; y < kShape.height; ++y) {
       for (int x = 0; x < kShape.width; ++x) {
-        RandomStream random(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>((y / 2) * kShape.width + x / 2), 0);
+        RandomStream random(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>((y / 2) * kShape.width + x / 2),
+                            0);
         const float sum = random.uniform() + random.uniform() + random.uniform() + random.uniform() - 2.0F;
         depth(x, y) = 1.0F / (1.0F / truth(x, y) + 1.732F * sum * noise.amplitude);
       }
@@ -98,13 +100,15 @@ TEST_CASE("smooth surfaces: noise leaves road and wall, and what moved stays wit
   for (int y = 0; y < kShape.height; ++y) {
     for (int x = 0; x < kShape.width; ++x) {
       const float moved = std::fabs(1.0F / street.smooth(x, y) - 1.0F / street.depth(x, y));
-      const float most = y >= kHorizon ? SmoothSurfacesParams{}.ground_deviations : SmoothSurfacesParams{}.plane_deviations;
+      const float most =
+          y >= kHorizon ? SmoothSurfacesParams{}.ground_deviations : SmoothSurfacesParams{}.plane_deviations;
       REQUIRE(moved <= 1.001F * most * street.noise.amplitude);
     }
   }
 }
 
-TEST_CASE("smooth surfaces: a kerb without a label of its own keeps most of its step, a window its depth but for the bound") {
+TEST_CASE(
+    "smooth surfaces: a kerb without a label of its own keeps most of its step, a window its depth but for the bound") {
   Street street;
   SerialExecutor serial;
   REQUIRE(street.run(serial).ok());
@@ -138,7 +142,8 @@ TEST_CASE("smooth surfaces: plants, missing depth and depth without surroundings
   CHECK(street.smooth(300, 190) == street.depth(300, 190));
 }
 
-TEST_CASE("smooth surfaces: the same bits for any order of work; disabled, nothing changes; bad parameters are refused") {
+TEST_CASE(
+    "smooth surfaces: the same bits for any order of work; disabled, nothing changes; bad parameters are refused") {
   Street a;
   Street b;
   a.add_noise();

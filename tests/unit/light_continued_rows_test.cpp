@@ -72,7 +72,8 @@ TEST_CASE("a row goes on at its own gap, past the camera, as high and on the sam
   }
 }
 
-TEST_CASE("a lamp alone, or two at one station, go on at 3.5 times their height; a missing lamp in a row does not widen it") {
+TEST_CASE(
+    "a lamp alone, or two at one station, go on at 3.5 times their height; a missing lamp in a row does not widen it") {
   Street s;
   s.lamp({0, -6.5F, 10}, EmissionProfile::hung_luminaire);
   CHECK(s.unseen()[0].centre_m.z == doctest::Approx(10 - 28).epsilon(1e-4));
@@ -82,7 +83,9 @@ TEST_CASE("a lamp alone, or two at one station, go on at 3.5 times their height;
   CHECK(s.unseen()[0].centre_m.z == doctest::Approx(-10).epsilon(1e-4));
 }
 
-TEST_CASE("a row ends at the first station that the picture would show and does not, or in a house, and passes what hides it") {
+TEST_CASE(
+    "a row ends at the first station that the picture would show and does not, or in a house, and passes what hides "
+    "it") {
   Street s;
   s.lamp({1, -6.5F, 90});
   s.lamp({1, -6.5F, 60});

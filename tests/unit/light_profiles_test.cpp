@@ -6,8 +6,8 @@
 #include <limits>
 
 #include "npsim/core/random.hpp"
-#include "npsim/light/emitter.hpp"
 #include "npsim/light/detail/low_beam.hpp"
+#include "npsim/light/emitter.hpp"
 #include "npsim/light/photometry.hpp"
 
 namespace {
@@ -15,9 +15,9 @@ namespace {
 using namespace npsim;
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr EmissionProfile kProfiles[] = {EmissionProfile::lambert,  EmissionProfile::street_luminaire,
-                                         EmissionProfile::low_beam, EmissionProfile::signal,
-                                         EmissionProfile::lantern,  EmissionProfile::hung_luminaire,
+constexpr EmissionProfile kProfiles[] = {EmissionProfile::lambert,   EmissionProfile::street_luminaire,
+                                         EmissionProfile::low_beam,  EmissionProfile::signal,
+                                         EmissionProfile::lantern,   EmissionProfile::hung_luminaire,
                                          EmissionProfile::high_beam, EmissionProfile::low_beam_left};
 
 Emitter emitter_with(EmissionProfile profile) {
@@ -92,8 +92,8 @@ TEST_CASE("road luminaires: cut off as the classes of EN 13201-2 ask, over the r
     EmissionProfile profile;
     double at_70;
   };
-  for (const auto& [profile, at_70] : {Limit{EmissionProfile::street_luminaire, 350},
-                                       Limit{EmissionProfile::hung_luminaire, 500}}) {
+  for (const auto& [profile, at_70] :
+       {Limit{EmissionProfile::street_luminaire, 350}, Limit{EmissionProfile::hung_luminaire, 500}}) {
     for (double across = -1; across <= 1; across += 0.1) {
       CHECK(cd_per_klm(profile, 70, across) <= at_70);
       CHECK(cd_per_klm(profile, 80, across) <= 100);
@@ -103,7 +103,8 @@ TEST_CASE("road luminaires: cut off as the classes of EN 13201-2 ask, over the r
     CHECK(cd_per_klm(profile, 64, 0) > 1.4 * cd_per_klm(profile, 0, 0));
     CHECK(cd_per_klm(profile, 60, -1) < 0.25 * cd_per_klm(profile, 60, 0));
   }
-  CHECK(cd_per_klm(EmissionProfile::street_luminaire, 60, 1) > 3 * cd_per_klm(EmissionProfile::street_luminaire, 60, -1));
+  CHECK(cd_per_klm(EmissionProfile::street_luminaire, 60, 1) >
+        3 * cd_per_klm(EmissionProfile::street_luminaire, 60, -1));
   CHECK(cd_per_klm(EmissionProfile::hung_luminaire, 60, 1) ==
         doctest::Approx(cd_per_klm(EmissionProfile::hung_luminaire, 60, -1)).epsilon(1e-5));
 }

@@ -316,7 +316,8 @@ TEST_CASE("roughness follows the label; the priors are usable") {
   SerialExecutor serial;
   const Shape shape{2, 2};
   REQUIRE(
-      estimate_roughness(ImageView<const Label>(labels.data(), shape), ImageView<float>(alpha.data(), shape), serial).ok());
+      estimate_roughness(ImageView<const Label>(labels.data(), shape), ImageView<float>(alpha.data(), shape), serial)
+          .ok());
   CHECK(alpha[0] == surface_prior(label::road).alpha);
   CHECK(alpha[2] < alpha[1]);
   CHECK(alpha[3] == surface_prior(label::unlabeled).alpha);

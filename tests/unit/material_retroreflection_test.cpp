@@ -49,8 +49,8 @@ double seen_luminance(const Vec3f& position, const Vec3f& normal, const Vec3f& a
   const std::array<std::uint8_t, 2> seen{255, 255};
   Vec3f illuminance, out;
   SerialExecutor serial;
-  REQUIRE(direct_light(points, {lamps.data(), 2}, {lit.data(), 2}, {seen.data(), 2}, 0.04F, {&illuminance, 1}, {&out, 1},
-                       serial)
+  REQUIRE(direct_light(points, {lamps.data(), 2}, {lit.data(), 2}, {seen.data(), 2}, 0.04F, {&illuminance, 1},
+                       {&out, 1}, serial)
               .ok());
   return static_cast<double>(luminance(out));
 }
@@ -126,8 +126,7 @@ TEST_CASE("retroreflection: no surface returns more light than arrives, at any e
         const double solid = 2 * kPi * (std::cos(low) - std::cos(high)) / kSectors;
         for (int j = 0; j < kSectors; ++j) {
           const double a = 2 * kPi * (j + 0.5) / kSectors;
-          const Vec3d wo =
-              axis * std::cos(o) + (side * std::cos(a) + other * std::sin(a)) * std::sin(o);
+          const Vec3d wo = axis * std::cos(o) + (side * std::cos(a) + other * std::sin(a)) * std::sin(o);
           if (!(wo.z > 0)) continue;
           returned += static_cast<double>(eval_retroreflection(s.kind, n, vec_cast<float>(wo), wi)) * wo.z * solid;
         }
@@ -143,7 +142,8 @@ TEST_CASE("retroreflection: no surface returns more light than arrives, at any e
   }
 }
 
-TEST_CASE("retroreflection: faces of signs shine, grey backs with shadows on them do not, paint is told from its road") {
+TEST_CASE(
+    "retroreflection: faces of signs shine, grey backs with shadows on them do not, paint is told from its road") {
   const Shape shape{80, 40};
   npsim_test::Image<Label> labels(shape, label::road);
   npsim_test::Image<Vec3f> albedo(shape, Vec3f{0.1F, 0.1F, 0.1F});

@@ -9,6 +9,7 @@
 #include <memory>
 #include <vector>
 
+#include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/observe.hpp"
 #include "npsim/exec/thread_pool.hpp"
@@ -16,7 +17,6 @@
 #include "npsim/io/memory.hpp"
 #include "npsim/mesh/check.hpp"
 #include "npsim/pipeline/night.hpp"
-#include "fixture.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
 #include "tool/engine.hpp"
@@ -408,7 +408,9 @@ TEST_CASE("night: planes of another size and light indices without a mark are re
   CHECK(run(default_night_params(), scene.view, serial, keeper).code() == StatusCode::invalid_argument);
 }
 
-TEST_CASE("night: what the workspace is asked for is at most 1.3 times what is used, on the street with and without labels, dry and wet") {
+TEST_CASE(
+    "night: what the workspace is asked for is at most 1.3 times what is used, on the street with and without labels, "
+    "dry and wet") {
   street::StreetParams street_params;
   street_params.shape = {480, 270};
   ThreadPool pool(2);
@@ -442,7 +444,8 @@ TEST_CASE("night: what the workspace is asked for is at most 1.3 times what is u
   }
 }
 
-TEST_CASE("night of a wet street: runs in the memory of its bound, the same bits for any number of threads, and it mirrors") {
+TEST_CASE(
+    "night of a wet street: runs in the memory of its bound, the same bits for any number of threads, and it mirrors") {
   const SceneView view = view_of(small_street());
   NightParams params = default_night_params();
   params.seed = 3;

@@ -75,7 +75,8 @@ TEST_CASE("sources that are even, black or white by day glow evenly") {
     for (const LightClass cls : {LightClass::advertisement, LightClass::window_building, LightClass::street_light_ht}) {
       Source s;
       s.emitter.cls = cls;
-      s.emitter.profile = cls == LightClass::street_light_ht ? EmissionProfile::street_luminaire : EmissionProfile::lambert;
+      s.emitter.profile =
+          cls == LightClass::street_light_ht ? EmissionProfile::street_luminaire : EmissionProfile::lambert;
       for (Rgb8& c : s.image.view().pixels()) c = {code, code, code};
       CHECK(s.at(3, 3).x == doctest::Approx(1).epsilon(1e-3));
     }

@@ -294,7 +294,8 @@ TEST_CASE("gather: inside a closed white-lit box every ray lands and the furnace
   CHECK(gathered.z == doctest::Approx(15).epsilon(1e-5));
 }
 
-TEST_CASE("gather: an open road sees sky and unseen street, whose shares add up to one, and no sky behind a wall's back") {
+TEST_CASE(
+    "gather: an open road sees sky and unseen street, whose shares add up to one, and no sky behind a wall's back") {
   World world;
   world.add_point({0, 1.5F, 10}, {0, -1, 0});
   // A wall beside the point that faces away from it.
@@ -326,7 +327,8 @@ TEST_CASE("gather: an open road sees sky and unseen street, whose shares add up 
       const double weight = std::cos(theta) * std::sin(theta) * (kPi / 2 / n) * (2 * kPi / n);
       const Vec2f seen = unseen_weights(UnseenStreetParams{}, static_cast<float>(-d.y));
       street += static_cast<double>(seen.y) * weight / kPi;
-      const double l = static_cast<double>(luminance(sky_luminance(SkyParams{}, vec_cast<float>(d))) * (1 - seen.y)) * weight;
+      const double l =
+          static_cast<double>(luminance(sky_luminance(SkyParams{}, vec_cast<float>(d))) * (1 - seen.y)) * weight;
       whole += l;
       if (d.x < 0) half += l;
     }

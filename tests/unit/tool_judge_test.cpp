@@ -10,7 +10,8 @@ using namespace tool_test;
 
 TEST_CASE("tool: judge makes streets, true nights, pictures and a table; evaluate finds the same figures") {
   const std::string folder = fixture().out("judge");
-  const std::string command = "judge '" + folder + "' --first 3 --last 3 --size 96x54 --samples 8 --transport 4 --quiet";
+  const std::string command =
+      "judge '" + folder + "' --first 3 --last 3 --size 96x54 --samples 8 --transport 4 --quiet";
   const Run run = run_tool(command);
   REQUIRE_MESSAGE(run.status == 0, run.output);
   CHECK(run.output.find("mesh of the true depth") != std::string::npos);

@@ -26,9 +26,9 @@ inline namespace NPSIM_ABI {
 enum class DepthSource : std::uint8_t {
   unknown,
   network,  // dense and smooth, wrong by slowly varying factors, edges smeared
-  stereo,   // noise of some tenths of a pixel of disparity, so it grows with z squared; mismatches, shadows of occlusion
-  lidar,    // sparse, right to centimetres
-  exact     // rendered
+  stereo,  // noise of some tenths of a pixel of disparity, so it grows with z squared; mismatches, shadows of occlusion
+  lidar,   // sparse, right to centimetres
+  exact    // rendered
 };
 inline constexpr std::array<const char*, 5> kDepthSourceNames = {"unknown", "network", "stereo", "lidar", "exact"};
 
@@ -42,17 +42,17 @@ inline constexpr std::array<const char*, 5> kDepthSourceNames = {"unknown", "net
 
 struct SceneView {
   Intrinsics camera;
-  float camera_height_m = 0.0F;                  // above the road, where the depth is an estimate; 0: not known
-  ImageView<const Rgb8> image;                   // sRGB
-  ImageView<const float> depth;                  // z-depth, m; invalid where not finite or not positive
+  float camera_height_m = 0.0F;  // above the road, where the depth is an estimate; 0: not known
+  ImageView<const Rgb8> image;   // sRGB
+  ImageView<const float> depth;  // z-depth, m; invalid where not finite or not positive
   DepthSource depth_source = DepthSource::unknown;
-  float stereo_baseline_m = 0.0F;                // of the pair that the depth comes from; 0: not known
-  ImageView<const Label> labels;                 // Cityscapes label ids
-  ImageView<const std::uint16_t> instances;      // any ids; equal id and label = same object
-  ImageView<const Vec3f> normals;                // unit, camera frame, facing the camera; zero = none
-  ImageView<const Vec3f> albedo;                 // linear RGB
-  ImageView<const float> roughness;              // GGX alpha
-  ImageView<const std::uint16_t> light_index;    // position + 1 in lights, 0 = none
+  float stereo_baseline_m = 0.0F;              // of the pair that the depth comes from; 0: not known
+  ImageView<const Label> labels;               // Cityscapes label ids
+  ImageView<const std::uint16_t> instances;    // any ids; equal id and label = same object
+  ImageView<const Vec3f> normals;              // unit, camera frame, facing the camera; zero = none
+  ImageView<const Vec3f> albedo;               // linear RGB
+  ImageView<const float> roughness;            // GGX alpha
+  ImageView<const std::uint16_t> light_index;  // position + 1 in lights, 0 = none
   Span<const LightMark> lights;
 
   [[nodiscard]] constexpr Shape shape() const noexcept { return image.shape(); }
@@ -83,12 +83,11 @@ struct SceneView {
     return Status(StatusCode::invalid_argument, "the stereo baseline must be finite and not negative, 0 if not known");
   }
   const Shape shape = s.shape();
-  const bool agree = s.depth.shape() == shape && (s.labels.empty() || s.labels.shape() == shape) &&
-                     (s.instances.empty() || s.instances.shape() == shape) &&
-                     (s.normals.empty() || s.normals.shape() == shape) &&
-                     (s.albedo.empty() || s.albedo.shape() == shape) &&
-                     (s.roughness.empty() || s.roughness.shape() == shape) &&
-                     (s.light_index.empty() || s.light_index.shape() == shape);
+  const bool agree =
+      s.depth.shape() == shape && (s.labels.empty() || s.labels.shape() == shape) &&
+      (s.instances.empty() || s.instances.shape() == shape) && (s.normals.empty() || s.normals.shape() == shape) &&
+      (s.albedo.empty() || s.albedo.shape() == shape) && (s.roughness.empty() || s.roughness.shape() == shape) &&
+      (s.light_index.empty() || s.light_index.shape() == shape);
   if (!agree) return Status(StatusCode::shape_mismatch, "every plane of a scene must have the size of its image");
   for (int y = 0; y < (s.light_index.empty() ? 0 : shape.height); ++y) {
     for (int x = 0; x < shape.width; ++x) {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Surfaces without the noise of the sensor that measured them: the depth that a mesh is made of.
 //
-// As a measurement the depth with its noise is the best there is: on held-out points of real frames every smoothing makes
-// it worse. As a surface it is not. Light of headlamps and street lamps comes in within a few degrees of roads and walls,
-// where noise between neighbours throws shadows that are not there. So each depth is drawn, by at most some deviations of
-// its noise, to
+// As a measurement the depth with its noise is the best there is: on held-out points of real frames every smoothing
+// makes it worse. As a surface it is not. Light of headlamps and street lamps comes in within a few degrees of roads
+// and walls, where noise between neighbours throws shadows that are not there. So each depth is drawn, by at most some
+// deviations of its noise, to
 //   the plane of its facade (planar_segments.hpp), by at most plane_deviations: relief beyond that stays, less high;
 //   else the middle of the plane in 1/z that fits its surroundings (fitted_normals.hpp), by at most `deviations`, on the
 //   ground ground_deviations. A kerb is another plane to such a fit, and stays.
@@ -77,8 +77,8 @@ template <class Executor>
   const auto draw_to_fit = [&](int x, int y, const depth_detail::FittedPlane& plane) {
     draw(x, y, plane.c, is_ground(x, y) ? params.ground_deviations : params.deviations);
   };
-  NPSIM_RETURN_IF_ERROR(depth_detail::for_fitted_planes(params.fit, depth, objects, noise, camera, shape, fitted,
-                                                        draw_to_fit, executor));
+  NPSIM_RETURN_IF_ERROR(
+      depth_detail::for_fitted_planes(params.fit, depth, objects, noise, camera, shape, fitted, draw_to_fit, executor));
   executor.for_chunks(static_cast<std::size_t>(shape.height), 16, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
       for (int x = 0; x < shape.width; ++x) {

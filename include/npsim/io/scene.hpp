@@ -54,7 +54,7 @@ struct Scene {
   std::vector<SceneFile> files;  // scene.json and every file it names, also those that are read on demand
   Image<Rgb8> image;
   std::uint64_t photograph = 0;  // photograph_key() of the image as it was read, for NightParams::photograph
-  Image<float> depth;  // z-depth, m
+  Image<float> depth;            // z-depth, m
   DepthSource depth_source = DepthSource::unknown;
   Intrinsics intrinsics;
   double baseline_m = 0;             // of a stereo pair; 0 where unknown

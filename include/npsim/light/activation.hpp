@@ -250,9 +250,9 @@ struct SignalChoice {
                                              : ActivationKey::alone;
     const std::uint32_t id = ego || street ? 0U : (e.group != 0 ? e.group : e.mark);
     RandomStream shared = light_detail::activation_stream(seed, variant, key, id, e.cls);
-    RandomStream source =
-        e.unseen != 0 ? light_detail::activation_stream(seed, variant, ActivationKey::unseen, e.unseen, e.cls)
-                      : light_detail::activation_stream(seed, variant, ActivationKey::source, e.mark, e.cls);
+    RandomStream source = e.unseen != 0
+                              ? light_detail::activation_stream(seed, variant, ActivationKey::unseen, e.unseen, e.cls)
+                              : light_detail::activation_stream(seed, variant, ActivationKey::source, e.mark, e.cls);
     float u_p = shared.uniform();
     const float u_strength = shared.uniform();
     const float u_xy = shared.uniform();

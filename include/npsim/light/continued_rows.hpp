@@ -6,8 +6,8 @@
 // its gaps are none of a row (min_gap_m to max_gap_m), at 3.5 times its height, which is what the luminance classes of
 // EN 13201-2 take with common luminaires. Each station outside the picture gets a lamp like the nearest one, as
 // high above the ground. The first station that the picture would show and does not ends the row, as it stops there for
-// all that one sees; and so does one inside a house. One that something else hides, such as leaves, is passed over: a lamp
-// that nobody sees would light just what hides it.
+// all that one sees; and so does one inside a house. One that something else hides, such as leaves, is passed over: a
+// lamp that nobody sees would light just what hides it.
 // Where no street lamp is marked, assumed_width_m > 0 supposes a road of that width with a row of masts on its right
 // kerb: one-sided rows are about as high as the road is wide (5 to 10 m).
 // Such an emitter has mark 0 and the number `unseen`; strength and colour are those of its class in the same night.
@@ -117,8 +117,9 @@ enum class Station : std::uint8_t { outside, hidden, missing };
 }
 
 // Adds the row's stations before `nearest`, which lies `first_m` along the road.
-inline void continue_row(const ContinuedRowParams& p, const PlacementScene& scene, const Emitter& nearest, float first_m,
-                         float gap_m, Span<Emitter> lamps, std::size_t& count, std::uint16_t& unseen) noexcept {
+inline void continue_row(const ContinuedRowParams& p, const PlacementScene& scene, const Emitter& nearest,
+                         float first_m, float gap_m, Span<Emitter> lamps, std::size_t& count,
+                         std::uint16_t& unseen) noexcept {
   const Vec3f forward = forward_on_ground(scene.ground);
   for (float z = first_m - gap_m; z >= -p.behind_m; z -= gap_m) {
     Emitter e = nearest;

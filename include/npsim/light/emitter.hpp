@@ -10,7 +10,7 @@
 //   lantern           (1 - g) c (1/2 + 8/3 r^4) + g,  r = cosine to the road's direction (`up`), g = 0.01
 //                     Peak at 60 degrees along the road, half of it straight down and c/2 across: a batwing. g is the
 //                     glow of the glass: a lantern can be seen from everywhere, and 2.3 % of its light goes up.
-//   low_beam, low_beam_left   headlamp of UN R112 class B for right-hand and for left-hand traffic, see detail/low_beam.hpp
+//   low_beam, low_beam_left   headlamp of UN R112 class B for right-hand and left-hand traffic, see detail/low_beam.hpp
 //   high_beam         the same headlamp with both beams on
 // The closed forms are ours, chosen so that the flux integrals in photometry.hpp are exact where they can be; they use
 // only + * / sqrt, so that every machine gets the same bits.
@@ -30,7 +30,16 @@
 namespace npsim {
 inline namespace NPSIM_ABI {
 
-enum class EmissionProfile : std::uint8_t { lambert, street_luminaire, low_beam, signal, hung_luminaire, lantern, low_beam_left, high_beam };
+enum class EmissionProfile : std::uint8_t {
+  lambert,
+  street_luminaire,
+  low_beam,
+  signal,
+  hung_luminaire,
+  lantern,
+  low_beam_left,
+  high_beam
+};
 
 [[nodiscard]] constexpr bool is_headlamp_profile(EmissionProfile p) noexcept {
   return p == EmissionProfile::low_beam || p == EmissionProfile::low_beam_left || p == EmissionProfile::high_beam;
@@ -38,14 +47,15 @@ enum class EmissionProfile : std::uint8_t { lambert, street_luminaire, low_beam,
 
 // Those whose strength is a luminous flux, and which hang level, shining down.
 [[nodiscard]] constexpr bool is_street_profile(EmissionProfile p) noexcept {
-  return p == EmissionProfile::street_luminaire || p == EmissionProfile::hung_luminaire || p == EmissionProfile::lantern;
+  return p == EmissionProfile::street_luminaire || p == EmissionProfile::hung_luminaire ||
+         p == EmissionProfile::lantern;
 }
 
 struct Emitter {
   Vec3f centre_m;  // camera frame
   Vec3f half_u_m;  // the patch is centre + a half_u + b half_v with a, b in [-1, 1]
   Vec3f half_v_m;
-  Vec3f axis;         // unit: main direction. low_beam: towards the elbow of the cut-off, 1 % below the horizontal
+  Vec3f axis;  // unit: main direction. low_beam: towards the elbow of the cut-off, 1 % below the horizontal
   // Unit, normal to axis. low_beam: upwards; lamps of streets: along the road, so that cross(up, axis) of a
   // street_luminaire points over the road and not to the houses; else any.
   Vec3f up;
@@ -57,15 +67,13 @@ struct Emitter {
   // camera, or a street lamp with a number of its own.
   std::uint16_t mark = 0;
   std::uint16_t unseen = 0;  // 1, 2, ... of the street lamps that the photograph does not show, else 0
-  std::uint16_t group = 0;  // position + 1 of its group's LightMark; 0 = stands alone
+  std::uint16_t group = 0;   // position + 1 of its group's LightMark; 0 = stands alone
   LightClass group_cls = LightClass::none;
   float mounting_height_m = 0;  // of a street lamp above the ground; 0 = unknown
 };
 
 // Of the vehicle that carries the camera.
-[[nodiscard]] constexpr bool is_own_headlamp(const Emitter& e) noexcept {
-  return e.mark == 0 && e.unseen == 0;
-}
+[[nodiscard]] constexpr bool is_own_headlamp(const Emitter& e) noexcept { return e.mark == 0 && e.unseen == 0; }
 
 inline constexpr float kLanternGlow = 0.01F;  // share of the peak that leaves in every direction, upwards included
 

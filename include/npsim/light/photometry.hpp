@@ -2,8 +2,8 @@
 // From what a data sheet says of a source (lumens, candelas, cd/m2) to intensity and luminance, in SI units.
 //
 // Flux of a profile per candela of its peak, integral of relative_intensity over the sphere (exact but for low_beam):
-//   lambert pi;  signal 2 pi / 5;  lantern (1 - g) 5 pi / 6 + 4 pi g;  low_beam 0.02188 and high_beam 0.01945 (quadrature, 0.1 %);
-//   street_luminaire 2.8150, hung_luminaire 2.1366 (quadrature, 1e-5)
+//   lambert pi;  signal 2 pi / 5;  lantern (1 - g) 5 pi / 6 + 4 pi g;  low_beam 0.02188 and high_beam 0.01945
+//   (quadrature, 0.1 %); street_luminaire 2.8150, hung_luminaire 2.1366 (quadrature, 1e-5)
 // Example: 10 klm of street_luminaire have their peak at 3550 cd and 2450 cd straight down, so 38 lx at 8 m.
 // Luminance that the camera sees: intensity towards it / luminous area seen, so that what a pixel shows and what glare
 // spreads agree with the intensity; for lambert this is the luminance itself. It is bounded by the luminance of the

@@ -12,8 +12,8 @@
 // colours and its black print, and nothing needs to be told apart by colour.
 //
 //   sheeting  R_A = strength albedo c^3 / sqrt(1 + (o / .283 deg)^4), c = cosine of entrance, o = observation. Class RA2
-//             at .2, .33, 2 degrees: 1, .72, .02 of the first, here 1, .65, .022; entrance 5, 30, 40 degrees: 1, .60, .44,
-//             here 1, .66, .45.
+//             at .2, .33, 2 degrees: 1, .72, .02 of the first, here 1, .65, .022; entrance 5, 30, 40 degrees: 1, .60,
+//             .44, here 1, .66, .45.
 //   beads     R_L = strength albedo g(ci) g(co) / (1 + (o / 3 deg)^2), glass beads in paint; the width is [default]
 //   grain     the same with 15 degrees: stones show lamp and eye the side that faces both [default]. Oren and Nayar
 //             (SIGGRAPH 1994) find the same at a roughness of 35 degrees, twice Lambert's light at 5 m.
@@ -50,11 +50,11 @@ struct Retroreflector {
 
 struct RetroreflectionParams {
   bool on = true;
-  float sign_cd_lx_m2 = 250.0F;       // R_A of white sheeting: EN 12899-1 class RA2 [default]; RA1 70
-  float marking_cd_lx_m2 = 0.15F;     // R_L of white paint, dry: EN 1436 class R3 [default]; R2 .1, R4 .2, R5 .3
-  float road_cd_lx_m2 = 0.0125F;      // R_L of bare asphalt, dry: .010 to .020, less what bsdf.hpp gives there
-  float wet_share = 0.2F;             // what a film of water leaves: RW2 .035 of R3 .15
-  float marking_contrast = 2.0F;      // paint has so many times the road's albedo; old concrete has .2 to .1 [default]
+  float sign_cd_lx_m2 = 250.0F;    // R_A of white sheeting: EN 12899-1 class RA2 [default]; RA1 70
+  float marking_cd_lx_m2 = 0.15F;  // R_L of white paint, dry: EN 1436 class R3 [default]; R2 .1, R4 .2, R5 .3
+  float road_cd_lx_m2 = 0.0125F;   // R_L of bare asphalt, dry: .010 to .020, less what bsdf.hpp gives there
+  float wet_share = 0.2F;          // what a film of water leaves: RW2 .035 of R3 .15
+  float marking_contrast = 2.0F;   // paint has so many times the road's albedo; old concrete has .2 to .1 [default]
 };
 
 [[nodiscard]] inline Status validate(const RetroreflectionParams& p) noexcept {
@@ -148,8 +148,8 @@ namespace retro_detail {
   return count;
 }
 
-// The albedo of a sign's white, or 0 where it shows its back. A face has ink of a saturated colour on a part of it, or is
-// white; a back is grey, however the light falls on it: aluminium sheet reflects .3 to .5 [default].
+// The albedo of a sign's white, or 0 where it shows its back. A face has ink of a saturated colour on a part of it, or
+// is white; a back is grey, however the light falls on it: aluminium sheet reflects .3 to .5 [default].
 template <class IsInner>
 [[nodiscard]] float white_of_sign(ImageView<const Vec3f> albedo, Span<const std::uint32_t> pixels,
                                   const IsInner& is_inner, Span<float> strongest) noexcept {
@@ -157,9 +157,7 @@ template <class IsInner>
   constexpr float kInkShare = 0.15F;  // of the sign
   constexpr float kWhite = 0.6F;
   const auto width = static_cast<std::uint32_t>(albedo.width());
-  const auto at = [&](std::uint32_t p) {
-    return albedo(static_cast<int>(p % width), static_cast<int>(p / width));
-  };
+  const auto at = [&](std::uint32_t p) { return albedo(static_cast<int>(p % width), static_cast<int>(p / width)); };
   // Outlines hold what is behind the sign, unless nothing else is left.
   for (const bool inner : {true, false}) {
     std::size_t count = 0;

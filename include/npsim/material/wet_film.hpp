@@ -3,8 +3,8 @@
 //
 // Under a film of index n light that the ground scatters is reflected back onto it and absorbed (Angstrom 1925; Lekner
 // and Dorf, Applied Optics 1988):  albedo_wet = a / (n^2 (1 - a) + a).  So asphalt of .1 gets .059; white stays white.
-// The film takes over the interface: its GGX alpha, and its reflectance at normal incidence, ((n - 1) / (n + 1))^2 = .020.
-// `wetness` blends all of it linearly, as a share of the surface that is covered.
+// The film takes over the interface: its GGX alpha, and its reflectance at normal incidence,
+// ((n - 1) / (n + 1))^2 = .020. `wetness` blends all of it linearly, as a share of the surface that is covered.
 // Cost: a division per channel of wet pixels.
 #ifndef NPSIM_MATERIAL_WET_FILM_HPP
 #define NPSIM_MATERIAL_WET_FILM_HPP
@@ -35,12 +35,9 @@ struct WetFilmParams {
   return good ? Status() : Status(StatusCode::invalid_argument, "wet film: wetness in 0..1, alpha in (0, 1]");
 }
 
-inline constexpr LabelSet kWettedLabels =
-    LabelSet::of(label::road, label::parking, label::sidewalk, label::ground);
+inline constexpr LabelSet kWettedLabels = LabelSet::of(label::road, label::parking, label::sidewalk, label::ground);
 
-[[nodiscard]] constexpr float wet_albedo(float a) noexcept {
-  return a / (kWaterIndex * kWaterIndex * (1.0F - a) + a);
-}
+[[nodiscard]] constexpr float wet_albedo(float a) noexcept { return a / (kWaterIndex * kWaterIndex * (1.0F - a) + a); }
 
 // Reflectance at normal incidence under a film of `share` / 255.
 [[nodiscard]] constexpr float film_f0(float dry_f0, std::uint8_t share) noexcept {

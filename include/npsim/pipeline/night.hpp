@@ -77,18 +77,27 @@ struct Night {
 };
 
 // Enough for every scene of that shape with at most so many marked lamps, so that static memory can be sized. Far more
-// than most scenes take: make_nights() asks the workspace for what it needs once it knows the mesh (Workspace::ensure()).
+// than most scenes take: make_nights() asks the workspace for what it needs once it knows the mesh
+// (Workspace::ensure()).
 [[nodiscard]] constexpr std::size_t night_workspace_bytes(const NightParams& params, Shape shape,
-                                                       std::size_t marks) noexcept {
+                                                          std::size_t marks) noexcept {
   const std::size_t pixels = shape.pixels();
   const SceneMeshSize most = SceneMeshSize::most(shape);
   // The backs of objects that fill the image; see SceneMeshSize::most().
-  const RelightSize light{marks, params.variants, most.vertices(), pixels, most.faces(), 2 * most.backs.faces,
-                          true, 0, pixels, most_unseen_lamps(params.relight.rows, marks)};
+  const RelightSize light{marks,
+                          params.variants,
+                          most.vertices(),
+                          pixels,
+                          most.faces(),
+                          2 * most.backs.faces,
+                          true,
+                          0,
+                          pixels,
+                          most_unseen_lamps(params.relight.rows, marks)};
   const std::size_t mesh = mesh_workspace_bytes(params.mesh, shape, most);
-  const std::size_t nights =
-      allocation_bytes<Rgb8>(pixels) + std::max(relight_workspace_bytes(params.relight, params.mesh.traced, shape, light),
-                                                photograph_workspace_bytes(params.camera, shape));
+  const std::size_t nights = allocation_bytes<Rgb8>(pixels) +
+                             std::max(relight_workspace_bytes(params.relight, params.mesh.traced, shape, light),
+                                      photograph_workspace_bytes(params.camera, shape));
   return refine_depth_workspace_bytes(params.depth, shape) + layers_workspace_bytes(params.mesh, shape) + mesh + nights;
 }
 

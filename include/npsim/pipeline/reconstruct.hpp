@@ -3,11 +3,11 @@
 //
 // outlines of objects -> sheet (3.1) -> delete spurious faces -> complete the background behind objects -> complete the
 // objects -> open the background's steps for rays -> one indexed mesh: background, objects as they are seen, and the
-// objects' backs where these are wanted (the thesis has none). Each pixel then knows the vertex that the camera sees: the
-// object's where there is one, else the background's, never a back; a pixel whose vertex got no face borrows the nearest
-// one of its row. Objects are all that stands before something: trees and posts as well as the thesis' foreground.
-// Two steps, because the mesh's size is known only when its layers are there: build_layers() and build_mesh();
-// reconstruct() is both. Memory: see the functions beside each; layers and mesh stay in the workspace.
+// objects' backs where these are wanted (the thesis has none). Each pixel then knows the vertex that the camera sees:
+// the object's where there is one, else the background's, never a back; a pixel whose vertex got no face borrows the
+// nearest one of its row. Objects are all that stands before something: trees and posts as well as the thesis'
+// foreground. Two steps, because the mesh's size is known only when its layers are there: build_layers() and
+// build_mesh(); reconstruct() is both. Memory: see the functions beside each; layers and mesh stay in the workspace.
 #ifndef NPSIM_PIPELINE_RECONSTRUCT_HPP
 #define NPSIM_PIPELINE_RECONSTRUCT_HPP
 
@@ -121,8 +121,8 @@ struct SceneLayers {
 };
 
 // The scene as geometry; views over the workspace. Vertices and faces alike: the background's [0, background), the
-// objects' visible sides [background, sheet), the rest of the objects [sheet, size). Of that rest, the faces from `solid`
-// on are the backs of leaves, which rays pass: the leaves in front have stopped their share of the light.
+// objects' visible sides [background, sheet), the rest of the objects [sheet, size). Of that rest, the faces from
+// `solid` on are the backs of leaves, which rays pass: the leaves in front have stopped their share of the light.
 struct SceneMesh {
   TriangleMeshView mesh;
   Span<const std::uint32_t> vertex_pixel;  // y * width + x of each vertex
@@ -331,7 +331,8 @@ Status build_layers(const ReconstructParams& params, const SceneView& given, con
   NPSIM_RETURN_IF_ERROR(find_doubt(params, refined, workspace, executor, doubt));
 
   observer.begin(Stage::sheet);
-  NPSIM_RETURN_IF_ERROR(build_sheet(params.sheet, refined.surface_depth(), refined.surface, scene.camera, sheet, executor));
+  NPSIM_RETURN_IF_ERROR(
+      build_sheet(params.sheet, refined.surface_depth(), refined.surface, scene.camera, sheet, executor));
   observer.end(Stage::sheet);
 
   observer.begin(Stage::prune);

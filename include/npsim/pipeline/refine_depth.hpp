@@ -131,13 +131,13 @@ struct RefinedDepth {
   ImageView<std::uint8_t> uncertain;  // U of (3.3)
   ImageView<Vec3f> normals;           // that guided the refinement: given or derived, smoothed, the ground's made plain
   DepthSource source = DepthSource::network;  // given or found
-  DepthTrust trust;                   // by how much the filled depth may be changed
-  DepthNoise noise;                   // of the depth as given
-  ImageView<float> filled;            // m; the depth before it was filtered and refined; empty where it moves freely, and
-                                      // where `smooth` has taken its memory
-  ImageView<float> confidence;        // 1 where measured, falling to 0 where made up far from it; empty likewise
-  PlanarMap planes;                   // of facades and the like; empty where normals are given
-  GroundPlane ground;                 // of the anchored depth; inlier_share 0: a guess
+  DepthTrust trust;                           // by how much the filled depth may be changed
+  DepthNoise noise;                           // of the depth as given
+  ImageView<float> filled;      // m; the depth before it was filtered and refined; empty where it moves freely, and
+                                // where `smooth` has taken its memory
+  ImageView<float> confidence;  // 1 where measured, falling to 0 where made up far from it; empty likewise
+  PlanarMap planes;             // of facades and the like; empty where normals are given
+  GroundPlane ground;           // of the anchored depth; inlier_share 0: a guess
   RefineResult refinement;
 
   // What a mesh is made of.
@@ -223,8 +223,8 @@ namespace refine_detail {
 
 // What only the scene can tell: the filter at this size, and whether the scene has a reference for it.
 [[nodiscard]] inline Status validate(const RefineDepthParams& params, const SceneView& scene) noexcept {
-  const bool reference = !params.filter_one_reference ||
-                         (scene.labels.empty() ? params.filter.use_colour : params.filter.use_labels);
+  const bool reference =
+      !params.filter_one_reference || (scene.labels.empty() ? params.filter.use_colour : params.filter.use_labels);
   if (!reference) {
     return {StatusCode::invalid_argument, "refine_depth: the filter may not use the one reference that the scene has"};
   }
@@ -421,8 +421,7 @@ template <class Executor>
     NPSIM_RETURN_IF_ERROR(cross_bilateral(filter, depth, ImageView<const std::uint16_t>(objects), colours, filtered,
                                           result, workspace, executor));
   } else {
-    NPSIM_RETURN_IF_ERROR(
-        cross_bilateral(filter, depth, out.labels, colours, filtered, result, workspace, executor));
+    NPSIM_RETURN_IF_ERROR(cross_bilateral(filter, depth, out.labels, colours, filtered, result, workspace, executor));
   }
   if (params.filter_inverse_depth) invert_depth(filtered);
   copy_pixels(filtered, out.depth);
@@ -482,8 +481,8 @@ template <class Executor>
   }
   out.smooth = out.filled;  // its memory: no step asks any more
   out.filled = {};
-  return smooth_surfaces(params.smooth, ImageView<const float>(out.depth), objects, out.planes, out.noise,
-                         scene.camera, out.ground, out.smooth, executor);
+  return smooth_surfaces(params.smooth, ImageView<const float>(out.depth), objects, out.planes, out.noise, scene.camera,
+                         out.ground, out.smooth, executor);
 }
 
 }  // namespace refine_detail

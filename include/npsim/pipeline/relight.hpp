@@ -3,9 +3,9 @@
 //
 // prepare_relighting() does what all nights of one day share: it places the lamps, draws which variant lights which of
 // them, and traces every ray of the method: which lamp reaches which point, and where light that bounces comes from.
-// relight() then makes the linear image of one night by adding up: the lit lamps, `bounces` gathers, a denoiser, and what
-// is seen of the lamps themselves. Light is linear, so nothing is lost by the split; forty nights cost little more than
-// one.
+// relight() then makes the linear image of one night by adding up: the lit lamps, `bounces` gathers, a denoiser, and
+// what is seen of the lamps themselves. Light is linear, so nothing is lost by the split; forty nights cost little more
+// than one.
 // Rays look for light at the points that pixels show; lamps are asked about those and the points that their bounces
 // reach. A variant's bits do not depend on how many others there are.
 // Memory (workspace): relight_workspace_bytes(), from the sizes of the mesh; a byte a lamp and point, 4 bytes a gather
@@ -50,19 +50,19 @@ inline namespace NPSIM_ABI {
 
 struct RelightParams {
   PlacementParams placement;
-  ContinuedRowParams rows;     // street lamps that the picture does not show
-  Span<const Emitter> lamps;   // where the lamps are known: these, in place of marked ones that are placed
+  ContinuedRowParams rows;    // street lamps that the picture does not show
+  Span<const Emitter> lamps;  // where the lamps are known: these, in place of marked ones that are placed
   ActivationParams activation;
   VisibilityParams visibility;
   GatherParams gather;
-  MirrorParams mirror;         // where the ground is wet (material.film)
-  UnseenStreetParams unseen;   // what rays see that leave the picture's street
+  MirrorParams mirror;        // where the ground is wet (material.film)
+  UnseenStreetParams unseen;  // what rays see that leave the picture's street
   DenoiseParams denoise;
   SkyParams sky;
   MaterialParams material;
-  int bounces = 2;             // diffuse bounces after the direct light, 1..16
-  float f0 = 0.04F;            // normal reflectance of a dielectric of index 1.5
-  bool ego_headlamps = true;   // the low beams of the car that carries the camera
+  int bounces = 2;            // diffuse bounces after the direct light, 1..16
+  float f0 = 0.04F;           // normal reflectance of a dielectric of index 1.5
+  bool ego_headlamps = true;  // the low beams of the car that carries the camera
   EgoHeadlampParams ego;
 };
 
@@ -87,7 +87,7 @@ struct RelightParams {
 
 // Everything that the variants share; spans into the workspace.
 struct Relighting {
-  SkyParams sky;                                 // with the scene's up direction
+  SkyParams sky;  // with the scene's up direction
   SurfacePoints points;
   ImageView<const std::uint32_t> visible_point;  // per pixel; kNoPoint where the scene has no surface
   Span<const Emitter> emitters;                  // marked ones first, then unseen ones, then the ego vehicle's
@@ -95,11 +95,11 @@ struct Relighting {
   Span<const std::uint32_t> emitter_of_mark;     // mark position -> emitter, or kNoPoint
   Span<const relight_detail::SourceBrightness> brightness_of_mark;  // of each mark's pixels by day
   Span<const std::uint8_t> visibility;
-  Span<const std::uint32_t> receivers;           // the points that pixels show, in the order of the pixels
+  Span<const std::uint32_t> receivers;  // the points that pixels show, in the order of the pixels
   Span<const std::uint32_t> hits;
   Span<const Vec3f> sky_irradiance;
-  Mirrors mirrors;                               // of wet pixels; none where all is dry
-  Span<const Vec2f> unseen;                      // how much of the unseen street each receiver sees
+  Mirrors mirrors;           // of wet pixels; none where all is dry
+  Span<const Vec2f> unseen;  // how much of the unseen street each receiver sees
   int variants = 0;
 
   [[nodiscard]] Span<const Activation> of_variant(int variant) const noexcept {
@@ -109,21 +109,29 @@ struct Relighting {
 
 // What relight_workspace_bytes() goes by.
 struct RelightSize {
-  std::size_t marks = 0;      // lamps that are marked
+  std::size_t marks = 0;  // lamps that are marked
   int variants = 1;
   std::size_t points = 0;     // vertices of the mesh
   std::size_t receivers = 0;  // pixels that show a point
   std::size_t faces = 0;      // of the mesh
   std::size_t backs = 0;      // of these, the objects' backs
   bool albedo_guessed = true;
-  std::size_t groups = 0;     // of the marks, those that shine no light of their own
-  std::size_t wet = 0;        // of the receivers, those that a film of water may cover
-  std::size_t unseen = 0;     // street lamps that continue a row
+  std::size_t groups = 0;  // of the marks, those that shine no light of their own
+  std::size_t wet = 0;     // of the receivers, those that a film of water may cover
+  std::size_t unseen = 0;  // street lamps that continue a row
 };
 
 [[nodiscard]] inline RelightSize relight_size(const SceneView& scene, const SceneMesh& mesh, int variants) noexcept {
-  RelightSize size{scene.lights.size(),  variants, mesh.mesh.vertices.size(), 0, mesh.mesh.faces.size(),
-                   mesh.mesh.faces.size() - mesh.sheet_faces, scene.albedo.empty(), 0, 0, 0};
+  RelightSize size{scene.lights.size(),
+                   variants,
+                   mesh.mesh.vertices.size(),
+                   0,
+                   mesh.mesh.faces.size(),
+                   mesh.mesh.faces.size() - mesh.sheet_faces,
+                   scene.albedo.empty(),
+                   0,
+                   0,
+                   0};
   for (const LightMark& mark : scene.lights) size.groups += is_group(mark.cls) ? 1U : 0U;
   for (int y = 0; y < scene.shape().height; ++y) {
     for (int x = 0; x < scene.shape().width; ++x) {
@@ -156,9 +164,8 @@ struct RelightSize {
       allocation_bytes<Emitter>(emitters) + allocation_bytes<Activation>(drawn) +
       2 * allocation_bytes<float>(emitters) + allocation_bytes<Vec3f>(emitters) +
       allocation_bytes<std::uint32_t>(size.marks) + allocation_bytes<float>(size.marks) +
-      allocation_bytes<relight_detail::SourceBrightness>(size.marks) +
-      2 * allocation_bytes<Vec3f>(size.points) + 2 * allocation_bytes<float>(size.points) +
-      allocation_bytes<Retroreflector>(size.points) +
+      allocation_bytes<relight_detail::SourceBrightness>(size.marks) + 2 * allocation_bytes<Vec3f>(size.points) +
+      2 * allocation_bytes<float>(size.points) + allocation_bytes<Retroreflector>(size.points) +
       allocation_bytes<std::uint32_t>(size.receivers) + allocation_bytes<std::uint32_t>(size.receivers * rays) +
       allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<Vec2f>(size.receivers) +
       allocation_bytes<std::uint8_t>(traced_lamps * size.points) +
@@ -183,8 +190,7 @@ inline constexpr float kInversePi = 0.31830989F;
 
 // The lamps that are marked, or known, then those that continue their rows, then the own car's.
 [[nodiscard]] inline Status place_emitters(const RelightParams& params, const SceneView& scene,
-                                           const RefinedDepth& refined, Workspace& workspace,
-                                           Span<Emitter>& emitters,
+                                           const RefinedDepth& refined, Workspace& workspace, Span<Emitter>& emitters,
                                            Span<std::uint32_t>& emitter_of_mark) {
   const std::size_t most = (params.lamps.empty() ? scene.lights.size() : params.lamps.size()) +
                            most_unseen_lamps(params.rows, scene.lights.size());
@@ -199,8 +205,9 @@ inline constexpr float kInversePi = 0.31830989F;
       emitters[count++] = lamp;
     }
   } else {
-    const PlacementScene known{scene.camera,   refined.ground,  scene.lights,      scene.light_index, refined.surface_depth(),
-                               refined.labels, scene.instances, refined.uncertain, refined.normals};
+    const PlacementScene known{scene.camera,      refined.ground,          scene.lights,
+                               scene.light_index, refined.surface_depth(), refined.labels,
+                               scene.instances,   refined.uncertain,       refined.normals};
     if (!scene.light_index.empty() && !scene.lights.empty()) {
       NPSIM_RETURN_IF_ERROR(
           place_lights(params.placement, known, workspace, emitters.sub(0, scene.lights.size()), count));
@@ -211,7 +218,8 @@ inline constexpr float kInversePi = 0.31830989F;
   for (std::size_t e = 0; e < count; ++e) {
     if (emitters[e].mark != 0) emitter_of_mark[emitters[e].mark - 1U] = static_cast<std::uint32_t>(e);
   }
-  if (params.ego_headlamps) count += place_ego_headlamps(params.ego, refined.ground, emitters.sub(count, kEgoHeadlampCount));
+  if (params.ego_headlamps)
+    count += place_ego_headlamps(params.ego, refined.ground, emitters.sub(count, kEgoHeadlampCount));
   emitters = emitters.sub(0, count);
   return {};
 }
@@ -290,8 +298,8 @@ template <class Rays, class Executor, class Observer>
   for (const std::uint32_t point : light.mirrors.hits) {
     if (point != kNoPoint) wanted[point] = 1;
   }
-  NPSIM_RETURN_IF_ERROR(compute_visibility(params.visibility, key, rays.scene, light.points, wanted, light.emitters, peak_cd,
-                                           face_mark, visibility, executor, observer));
+  NPSIM_RETURN_IF_ERROR(compute_visibility(params.visibility, key, rays.scene, light.points, wanted, light.emitters,
+                                           peak_cd, face_mark, visibility, executor, observer));
   observer.end(Stage::render);
   return {};
 }
@@ -341,14 +349,14 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   if (is_wet(params.material.film)) {
     NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, surface.film));
   }
-  NPSIM_RETURN_IF_ERROR(
-      surface_attributes(params.material, scene, refined, mesh, surface, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(surface_attributes(params.material, scene, refined, mesh, surface, workspace, executor));
   Span<float> lift_m;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, lift_m));
   ray_lifts(mesh, refined.trust.bounded ? refined.noise : DepthNoise{}, surface.normal, lift_m, executor);
   observer.end(Stage::material);
 
-  out.points = SurfacePoints{mesh.mesh.vertices, surface.normal, surface.albedo, surface.alpha, lift_m, surface.retro, surface.film};
+  out.points = SurfacePoints{mesh.mesh.vertices, surface.normal, surface.albedo, surface.alpha, lift_m,
+                             surface.retro,      surface.film};
   out.visible_point = mesh.visible_vertex;
   out.emitters = emitters;
   out.activations = activations;
@@ -407,8 +415,8 @@ template <class Executor>
   const WorkspaceScope scope(workspace);
   Span<Vec3f> luminance;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(light.points.size(), luminance));
-  NPSIM_RETURN_IF_ERROR(direct_light(light.points, light.emitters, lit, light.visibility, params.f0, illuminance,
-                                     luminance, executor));
+  NPSIM_RETURN_IF_ERROR(
+      direct_light(light.points, light.emitters, lit, light.visibility, params.f0, illuminance, luminance, executor));
   for (int y = 0; y < out.height(); ++y) {
     for (int x = 0; x < out.width(); ++x) {
       const std::uint32_t point = light.visible_point(x, y);
@@ -418,8 +426,9 @@ template <class Executor>
   return {};
 }
 
-// Irradiance that comes by way of other surfaces, from the sky and from the street that is not seen. illuminance: direct in, with that of all bounces but
-// the last one out. Gathering direct light and what k bounces brought to the points that pixels show gives k + 1.
+// Irradiance that comes by way of other surfaces, from the sky and from the street that is not seen. illuminance:
+// direct in, with that of all bounces but the last one out. Gathering direct light and what k bounces brought to the
+// points that pixels show gives k + 1.
 template <class Executor>
 [[nodiscard]] Status indirect_image(const RelightParams& params, const Relighting& light, Span<const Activation> lit,
                                     Span<Vec3f> illuminance, ImageView<Vec3f> irradiance, Workspace& workspace,
@@ -438,8 +447,8 @@ template <class Executor>
   // Until the end the image keeps the direct light of its pixels' points.
   for (Vec3f& v : irradiance.pixels()) v = Vec3f{};
   for_receivers([&](std::size_t r, Vec3f& direct) { direct = illuminance[light.receivers[r]]; });
-  const UnseenStreetLight street = unseen_street_light(light.points, light.receivers, light.sky.up, light.emitters, lit,
-                                                       light.visibility);
+  const UnseenStreetLight street =
+      unseen_street_light(light.points, light.receivers, light.sky.up, light.emitters, lit, light.visibility);
   for (int bounce = 1;; ++bounce) {
     NPSIM_RETURN_IF_ERROR(
         gather_irradiance(light.points, illuminance, light.hits, params.gather.rays, indirect, executor));
@@ -470,8 +479,8 @@ inline void add_rest(const SceneView& scene, const Relighting& light, Span<const
     const std::uint32_t emitter = mark == 0 ? kNoPoint : light.emitter_of_mark[mark - 1U];
     if (emitter != kNoPoint && lit[emitter].lit) {
       const Emitter& e = light.emitters[emitter];
-      seen += lit[emitter].luminance_cd_m2 * source_pattern_at(scene, source_pattern(e.cls, e.profile),
-                                                               light.brightness_of_mark[mark - 1U], x, y);
+      seen += lit[emitter].luminance_cd_m2 *
+              source_pattern_at(scene, source_pattern(e.cls, e.profile), light.brightness_of_mark[mark - 1U], x, y);
     }
     out(x, y) = seen;
   }
@@ -482,8 +491,8 @@ inline void add_rest(const SceneView& scene, const Relighting& light, Span<const
 // One variant's linear image: luminance(rgb) is in cd/m2. guides: from fill_guides().
 template <class Executor, class Observer>
 Status relight(const RelightParams& params, const SceneView& scene, const Relighting& light,
-               const DenoiseGuides& guides, int variant, ImageView<Vec3f> out, Workspace& workspace,
-               Executor& executor, Observer& observer) {
+               const DenoiseGuides& guides, int variant, ImageView<Vec3f> out, Workspace& workspace, Executor& executor,
+               Observer& observer) {
   const Shape shape = scene.shape();
   if (variant < 0 || variant >= light.variants) {
     return Status(StatusCode::invalid_argument, "the variant was not prepared");

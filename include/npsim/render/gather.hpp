@@ -7,7 +7,8 @@
 // gather: a Monte Carlo form of radiosity (Goral et al. 1984) on the vertices. The radiosity of a point near the hit
 // stands for that of the hit; the error is the variation of B between the two, about one pixel.
 // Rays that leave the modelled scene sideways or downwards, and those that meet the back of a surface, see the street
-// that the picture does not show (unseen_street.hpp); how much of it a receiver sees does not depend on the lamps either.
+// that the picture does not show (unseen_street.hpp); how much of it a receiver sees does not depend on the lamps
+// either.
 // Cost: n closest-hit rays per receiver. Memory: 4 n bytes per receiver; 13 KiB of stack.
 #ifndef NPSIM_RENDER_GATHER_HPP
 #define NPSIM_RENDER_GATHER_HPP
@@ -32,7 +33,7 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 struct GatherParams {
-  int rays = 8;                 // per receiver, 1..4096; the denoiser takes care of the rest
+  int rays = 8;  // per receiver, 1..4096; the denoiser takes care of the rest
 };
 
 [[nodiscard]] inline Status validate(const GatherParams& p) noexcept {

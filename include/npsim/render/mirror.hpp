@@ -4,12 +4,13 @@
 // Rays are drawn in proportion to the visible normals of GGX (Heitz, JCGT 2018). Over them
 //   L = E(n.wo) * mean of the luminance that the rays meet,
 // with E the interface's directional albedo (material/detail/specular_albedo.hpp), by which the body below has lost its
-// light already: under a uniform sky film and body together return what they should (within .5 %), and never more. Taking
-// E out of the mean leaves out how Fresnel's term and the masking vary within the lobe. Lamps, windows and signs are not
-// met here: direct light knows their gloss (direct.hpp).
+// light already: under a uniform sky film and body together return what they should (within .5 %), and never more.
+// Taking E out of the mean leaves out how Fresnel's term and the masking vary within the lobe. Lamps, windows and signs
+// are not met here: direct light knows their gloss (direct.hpp).
 // A surface that is met hands on albedo times illuminance over pi, as in gather.hpp; which, depends on no lamp, so all
 // nights share the rays.
-// Cost: `rays` closest hits per wet pixel. Memory: 4 bytes a ray, 24 a wet pixel. Error: noise, which the caller filters.
+// Cost: `rays` closest hits per wet pixel. Memory: 4 bytes a ray, 24 a wet pixel. Error: noise, which the caller
+// filters.
 #ifndef NPSIM_RENDER_MIRROR_HPP
 #define NPSIM_RENDER_MIRROR_HPP
 
@@ -39,8 +40,7 @@ struct MirrorParams {
 };
 
 [[nodiscard]] inline Status validate(const MirrorParams& p) noexcept {
-  return p.rays >= 1 && p.rays <= 1024 ? Status()
-                                       : Status(StatusCode::invalid_argument, "mirror: rays in 1..1024");
+  return p.rays >= 1 && p.rays <= 1024 ? Status() : Status(StatusCode::invalid_argument, "mirror: rays in 1..1024");
 }
 
 // Where the mirrored light of wet pixels comes from; spans of one length, hits of `rays` times it.

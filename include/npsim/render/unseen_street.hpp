@@ -9,8 +9,8 @@
 //                   shine down; the rest, 1 - w, is sky.
 // Means are over the pixels that show a surface, of direct light alone, and without the own headlamps, which light the
 // picture and nothing else; so this light is linear in the lamps, and nights remain sums of their lamps. No mean exceeds
-// what surfaces send out, so no light is created. Error: the difference between the street that is seen and that which is
-// not; of the mean itself, taken over every 17th pixel, about 1 %.
+// what surfaces send out, so no light is created. Error: the difference between the street that is seen and that which
+// is not; of the mean itself, taken over every 17th pixel, about 1 %.
 // Cost: one evaluation per lit lamp and 17th pixel. Memory: none.
 #ifndef NPSIM_RENDER_UNSEEN_STREET_HPP
 #define NPSIM_RENDER_UNSEEN_STREET_HPP

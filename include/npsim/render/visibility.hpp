@@ -39,21 +39,20 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 struct VisibilityParams {
-  int samples_per_side = 4;     // k of the penumbra, 1..16
-  float small_angle = 0.02F;    // patch side / distance below which one ray is enough
-  float cutoff_lx = 5e-4F;      // full moon: 0.25 lx; city sky: 0.07 lx
+  int samples_per_side = 4;   // k of the penumbra, 1..16
+  float small_angle = 0.02F;  // patch side / distance below which one ray is enough
+  float cutoff_lx = 5e-4F;    // full moon: 0.25 lx; city sky: 0.07 lx
 };
 
 [[nodiscard]] inline Status validate(const VisibilityParams& p) noexcept {
-  const bool good = p.samples_per_side >= 1 && p.samples_per_side <= 16 && p.cutoff_lx >= 0.0F &&
-                    p.small_angle >= 0.0F;
+  const bool good = p.samples_per_side >= 1 && p.samples_per_side <= 16 && p.cutoff_lx >= 0.0F && p.small_angle >= 0.0F;
   return good ? Status()
               : Status(StatusCode::invalid_argument,
                        "visibility: samples_per_side in 1..16, cutoff and angle not negative");
 }
 
-// Closer than so many of its longer sides a lit surface is not taken for a point. Beyond, its centre stands for it within
-// 1 % of what it gives a receiver that faces it, and within 1 % of the square of side over distance elsewhere.
+// Closer than so many of its longer sides a lit surface is not taken for a point. Beyond, its centre stands for it
+// within 1 % of what it gives a receiver that faces it, and within 1 % of the square of side over distance elsewhere.
 inline constexpr float kPointFromSides = 8.0F;
 
 // Whether a lit surface is near enough for its extent to count; `squared`: of the distance of its centre.
@@ -126,8 +125,8 @@ inline void plan_chunk(const VisibilityParams& params, const SurfacePoints& poin
     like = kDark;
     if (!wanted.empty() && wanted[p] == 0) continue;
     Vec3f to_light;
-    const float unshadowed = shine(points, p) * peak_cd *
-                             illuminance_per_cd(emitter, points.position[p], points.normal[p], to_light);
+    const float unshadowed =
+        shine(points, p) * peak_cd * illuminance_per_cd(emitter, points.position[p], points.normal[p], to_light);
     if (!(unshadowed > params.cutoff_lx)) continue;
     if (plan.count > 0) {
       const std::size_t stride =

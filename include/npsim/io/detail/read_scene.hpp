@@ -365,7 +365,8 @@ inline Expected<GroundPlane> read_truth_ground(const JsonObject& entry) {
 }
 
 inline Outcome read_truth_names(const JsonObject& entry, Scene& scene) {
-  const Outcome known = entry.allow_only({"depth", "background_depth", "normals", "albedo", "mesh", "emitters", "ground"});
+  const Outcome known =
+      entry.allow_only({"depth", "background_depth", "normals", "albedo", "mesh", "emitters", "ground"});
   if (!known) return known;
   if (entry.has("ground")) {
     const Expected<JsonObject> object = entry.object("ground");
@@ -374,12 +375,10 @@ inline Outcome read_truth_names(const JsonObject& entry, Scene& scene) {
     if (!ground) return ground.error();
     scene.truth.ground = ground.value();
   }
-  const std::pair<const char*, std::string*> names[] = {{"depth", &scene.truth.depth},
-                                                        {"background_depth", &scene.truth.background_depth},
-                                                        {"normals", &scene.truth.normals},
-                                                        {"albedo", &scene.truth.albedo},
-                                                        {"mesh", &scene.truth.mesh},
-                                                        {"emitters", &scene.truth.emitters}};
+  const std::pair<const char*, std::string*> names[] = {
+      {"depth", &scene.truth.depth},     {"background_depth", &scene.truth.background_depth},
+      {"normals", &scene.truth.normals}, {"albedo", &scene.truth.albedo},
+      {"mesh", &scene.truth.mesh},       {"emitters", &scene.truth.emitters}};
   for (const auto& [key, path] : names) {
     if (!entry.has(key)) continue;
     const Expected<std::string> file = named_file(entry, key, scene);

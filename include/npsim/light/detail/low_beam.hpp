@@ -52,8 +52,8 @@ inline constexpr float kLowBeamPeakCd = 20196.7F;  // nominal; R112 holds from 0
 }
 
 // High beam: UN R112 class B asks of the driving beam a greatest intensity of at least 40,500 cd near H-V (and at most
-// 215,000), a good part of it 5 degrees to either side. A spot that is wider than high stands on top of the low beam, which most
-// cars leave on.
+// 215,000), a good part of it 5 degrees to either side. A spot that is wider than high stands on top of the low beam,
+// which most cars leave on.
 inline constexpr float kHighBeamSpotCd = 48000.0F;
 inline constexpr float kHighBeamPeakCd = 62261.0F;  // nominal, with a nominal low beam; 1 degree right, 0.5 below H-H
 

@@ -22,7 +22,7 @@
 namespace npsim {
 inline namespace NPSIM_ABI {
 
-inline constexpr float kRoadLuminaireGlow = 0.002F;  // of the peak
+inline constexpr float kRoadLuminaireGlow = 0.002F;    // of the peak
 inline constexpr float kRoadLuminairePeak = 1.44336F;  // of I; at 64 degrees along the road
 // Integral of I over the sphere (quadrature, 1e-5).
 inline constexpr float kMastLuminaireFlux = 4.034808F;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the photograph says about its marked sources, and what to show where it says nothing.
 //
-// The daytime colour of each emitter (a signal's meaning), the brightness pattern across a lit source, and the frame that
-// rectification leaves around a picture. Each is one pass over the image, without memory of its own.
+// The daytime colour of each emitter (a signal's meaning), the brightness pattern across a lit source, and the frame
+// that rectification leaves around a picture. Each is one pass over the image, without memory of its own.
 #ifndef NPSIM_PIPELINE_DETAIL_SOURCE_PIXELS_HPP
 #define NPSIM_PIPELINE_DETAIL_SOURCE_PIXELS_HPP
 
@@ -84,8 +84,8 @@ struct SourceBrightness {
   float scale = 1;  // brings the pattern's mean to 1
 };
 
-inline constexpr float kMostBright = 4.0F;   // a highlight of the sun is no part of a sign
-inline constexpr float kDarkestPart = 0.05F;  // of a window: what is before it is lit from the other side
+inline constexpr float kMostBright = 4.0F;     // a highlight of the sun is no part of a sign
+inline constexpr float kDarkestPart = 0.05F;   // of a window: what is before it is lit from the other side
 inline constexpr float kPatternFloor = 1e-3F;  // linear; of what is black
 
 [[nodiscard]] inline Vec3f source_pattern_at(const SceneView& scene, SourcePattern pattern, const SourceBrightness& of,

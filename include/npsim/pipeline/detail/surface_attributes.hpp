@@ -2,8 +2,8 @@
 // Normal, albedo and roughness at every vertex of the scene mesh, hidden ones included.
 //
 // A visible vertex takes what its pixel shows. Behind objects the same row-wise interpolation as for the geometry
-// (Algorithm 1) continues normals and albedo from the background on both sides; roughness there is that of `hidden_alpha`.
-// The back of an object has the paint of its front, and the normal of its own faces.
+// (Algorithm 1) continues normals and albedo from the background on both sides; roughness there is that of
+// `hidden_alpha`. The back of an object has the paint of its front, and the normal of its own faces.
 // Cost: two passes over the image. Memory: two images and two planes.
 #ifndef NPSIM_PIPELINE_DETAIL_SURFACE_ATTRIBUTES_HPP
 #define NPSIM_PIPELINE_DETAIL_SURFACE_ATTRIBUTES_HPP
