@@ -177,7 +177,7 @@ struct RelightSize {
                             mark_faces_workspace_bytes(shape, size.marks, emitters) +
                             allocation_bytes<std::uint8_t>(size.points);
   return shared +
-         max_of(placement_workspace_bytes(params.placement, shape),
+         max_of(size.marks > 0 ? placement_workspace_bytes(params.placement, shape) : std::size_t{0},
                 surface_attributes_workspace_bytes(params.material, shape, size.albedo_guessed), trace,
                 variant_workspace_bytes(params, shape, size.points, size.receivers)) +
          kWorkspaceAlignment;

@@ -60,8 +60,9 @@ inline constexpr float kHiddenAlpha = 0.8F;
                                                                        bool guessed) noexcept {
   return 2 * allocation_bytes<Vec3f>(shape.pixels()) + allocation_bytes<float>(shape.pixels()) +
          2 * allocation_bytes<std::uint8_t>(shape.pixels()) + allocation_bytes<Retroreflector>(shape.pixels()) +
-         find_retroreflectors_workspace_bytes(shape) +
-         (guessed ? estimate_albedo_workspace_bytes(params.albedo, shape) : 0) + kWorkspaceAlignment;
+         max_of(find_retroreflectors_workspace_bytes(shape),
+                guessed ? estimate_albedo_workspace_bytes(params.albedo, shape) : std::size_t{0}) +
+         kWorkspaceAlignment;
 }
 
 namespace attributes_detail {
