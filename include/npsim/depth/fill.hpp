@@ -39,8 +39,7 @@ inline namespace NPSIM_ABI {
 
 struct FillParams {
   LabelSet no_surface = kNoSurfaceLabels;
-  LabelSet planar =
-      LabelSet::of(label::ground, label::road, label::sidewalk, label::parking, label::rail_track, label::terrain);
+  LabelSet planar = kGroundLabels;
   float ground_outlier = 2;  // farther than this many times the near ground: filled anew; 0: kept
   int max_sweeps = 32;       // per level
   float tolerance = 1e-5F;   // stop when no inverse depth changes by more than this share of itself in one sweep

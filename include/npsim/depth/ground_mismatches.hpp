@@ -30,8 +30,7 @@ inline namespace NPSIM_ABI {
 
 struct GroundMismatchParams {
   bool enabled = true;
-  LabelSet labels =
-      LabelSet::of(label::road, label::sidewalk, label::parking, label::ground, label::rail_track, label::terrain);
+  LabelSet labels = kGroundLabels;
   float height_m = 0.15F;
   float mismatch = 6.0F;     // deviations
   FittedNormalsParams wide;  // the surroundings

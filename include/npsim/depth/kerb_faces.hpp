@@ -34,8 +34,7 @@ inline namespace NPSIM_ABI {
 
 struct KerbFaceParams {
   bool enabled = true;
-  LabelSet labels =
-      LabelSet::of(label::road, label::sidewalk, label::parking, label::ground, label::terrain, label::rail_track);
+  LabelSet labels = kGroundLabels;
   float min_step_m = 0.03F;
   float max_step_m = 0.4F;
   int most_px = 256;  // of a face's extent, 1..1024; nearer than where a kerb is this large it is cut

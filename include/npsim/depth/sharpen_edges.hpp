@@ -37,8 +37,7 @@ struct SharpenEdgesParams {
   float min_contrast = 0.04F;  // of depth, across the border; wheels stand on roads without an edge
   float min_change = 0.02F;    // relative; what lies closer to its object's surface is no mixture
   // Labels that join each other without a gap: depth changes across their borders, but steadily.
-  LabelSet joined =
-      LabelSet::of(label::ground, label::road, label::sidewalk, label::parking, label::rail_track, label::terrain);
+  LabelSet joined = kGroundLabels;
 };
 
 [[nodiscard]] inline Status validate(const SharpenEdgesParams& params) noexcept {

@@ -34,8 +34,7 @@ inline namespace NPSIM_ABI {
 
 struct SmoothSurfacesParams {
   bool enabled = true;
-  LabelSet ground =
-      LabelSet::of(label::road, label::sidewalk, label::parking, label::ground, label::rail_track, label::terrain);
+  LabelSet ground = kGroundLabels;
   float ground_height_m = 0.15F;  // without labels: from the ground plane
   LabelSet plants = LabelSet::of(label::vegetation);
   FittedNormalsParams fit;

@@ -181,12 +181,10 @@ template <class Wanted>
   Span<GroundSample> samples;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(p.max_samples), samples));
   constexpr LabelSet kCarriageway = LabelSet::of(label::road, label::parking);
-  constexpr LabelSet kGround =
-      LabelSet::of(label::road, label::parking, label::sidewalk, label::ground, label::rail_track, label::terrain);
   const int first_row = depth.height() * 3 / 5;
   std::size_t count = 0;
   for (int pass = 0; pass < 2 && count < static_cast<std::size_t>(p.min_samples); ++pass) {
-    const LabelSet wanted_labels = pass == 0 ? kCarriageway : kGround;
+    const LabelSet wanted_labels = pass == 0 ? kCarriageway : kGroundLabels;
     count = geometry_detail::collect_ground(
         depth, k,
         [&](int x, int y) {

@@ -93,6 +93,10 @@ inline constexpr LabelSet kStandingLabels =
 inline constexpr LabelSet kVehicleLabels = LabelSet::of(label::car, label::truck, label::bus, label::caravan,
                                                         label::trailer, label::train, label::motorcycle, label::bicycle);
 
+// What one walks or drives on.
+inline constexpr LabelSet kGroundLabels =
+    LabelSet::of(label::road, label::sidewalk, label::parking, label::ground, label::rail_track, label::terrain);
+
 // Labels that bound no surface of the scene: the sky, and what belongs to the camera rather than to the street.
 inline constexpr LabelSet kNoSurfaceLabels =
     LabelSet::of(label::sky, label::ego_vehicle, label::rectification_border, label::out_of_roi);

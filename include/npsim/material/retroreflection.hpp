@@ -210,7 +210,6 @@ template <class IsInner>
 }
 
 inline constexpr LabelSet kPainted = LabelSet::of(label::road, label::parking, label::ground);
-inline constexpr LabelSet kGrained = kPainted | LabelSet::of(label::sidewalk, label::rail_track, label::terrain);
 
 template <class Executor>
 void find_ground(const RetroreflectionParams& p, float wetness, ImageView<const Label> labels,
@@ -223,7 +222,7 @@ void find_ground(const RetroreflectionParams& p, float wetness, ImageView<const 
     for (auto y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
       for (int x = 0; x < out.width(); ++x) {
         const Label l = labels(x, y);
-        if (!kGrained.contains(l)) continue;
+        if (!kGroundLabels.contains(l)) continue;
         const bool painted = kPainted.contains(l) && paint_albedo > 0.0F && luminance(albedo(x, y)) > paint_albedo;
         out(x, y) = painted ? paint : grain;
       }

@@ -63,8 +63,6 @@ inline constexpr LabelSet kSignLabels = LabelSet::of(label::traffic_light, label
 inline constexpr LabelSet kLampHeadLabels =
     LabelSet::of(label::pole, label::polegroup, label::traffic_light, label::traffic_sign, label::static_object,
                  label::dynamic_object, label::unlabeled);
-inline constexpr LabelSet kFloorLabels =
-    LabelSet::of(label::ground, label::road, label::sidewalk, label::parking, label::rail_track, label::terrain);
 
 // ln z and its standard deviation, which is the relative error of z.
 struct LogDepth {
@@ -288,10 +286,10 @@ inline void add_pole_depth(const LampView& lamp, const Pole& pole, Span<float> s
 inline void add_foot(const LampView& lamp, const Pole& pole, Span<float> scratch, Evidence& evidence) noexcept {
   const RegionInput& in = lamp.in;
   const int below = pole.y + 1;
-  if (below >= in.labels.height() || !kFloorLabels.contains(in.labels(pole.x, below))) return;
+  if (below >= in.labels.height() || !kGroundLabels.contains(in.labels(pole.x, below))) return;
   const float floor_z = robust_median(collect_depth(
       in, pole.x - 3, below, pole.x + 3, below + 2,
-      [&](int x, int y) { return kFloorLabels.contains(in.labels(x, y)) && is_surface(in, x, y); }, scratch));
+      [&](int x, int y) { return kGroundLabels.contains(in.labels(x, y)) && is_surface(in, x, y); }, scratch));
   const float row = static_cast<float>(below);
   const float u = static_cast<float>(pole.x) + 0.5F;
   const float raised = height_above_ground(lamp.ground, unproject(lamp.camera, u, row + 1.5F, floor_z));

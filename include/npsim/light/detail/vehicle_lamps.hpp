@@ -145,7 +145,7 @@ struct VehicleView {
   const int x = (r.x0 + r.x1) / 2;
   int y = r.y1;
   while (y < in.labels.height() && kVehicleLabels.contains(in.labels(x, y))) ++y;
-  if (y >= in.labels.height() || !kFloorLabels.contains(in.labels(x, y)) || !is_surface(in, x, y)) return z;
+  if (y >= in.labels.height() || !kGroundLabels.contains(in.labels(x, y)) || !is_surface(in, x, y)) return z;
   const float floor_z = in.depth(x, y);
   if (std::fabs(floor_z - z) > 0.25F * z) return z;
   const float floor = height_above_ground(view.ground, unproject_pixel(view.camera, x, y, floor_z));
