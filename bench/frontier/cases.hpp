@@ -14,6 +14,7 @@ namespace npsim::bench {
 [[nodiscard]] Comparison normals_case(const Options& options);
 [[nodiscard]] Comparison losses_case(const Options& options);
 [[nodiscard]] Comparison refine_case(const Options& options);
+[[nodiscard]] Comparison light_case(const Options& options);
 
 }  // namespace npsim::bench
 

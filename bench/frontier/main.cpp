@@ -33,6 +33,7 @@ constexpr Case kCases[] = {
     {"normals", normals_case},
     {"losses", losses_case},
     {"refine", refine_case},
+    {"light", light_case},
 };
 
 // A field of CSV: numbers short, an empty one for NaN, quotes where there is a comma.

@@ -102,6 +102,7 @@
 #include "npsim/render/denoise.hpp"
 #include "npsim/render/direct.hpp"
 #include "npsim/render/gather.hpp"
+#include "npsim/render/light_images.hpp"
 #include "npsim/render/mirror.hpp"
 #include "npsim/render/preview.hpp"
 #include "npsim/render/surface_points.hpp"

@@ -99,6 +99,17 @@ int main(int argc, char** argv) {
       "--lights", night.light_set,
       "JSON list of measured light sources [{class, strength, xy | rg_bg}] that replaces the built-in "
       "strengths and colours of the classes it names");
+  CLI::Option* const rays =
+      night_app->add_option("--rays", night.rays, "Effort: rays by which each pixel looks for indirect light")
+          ->check(CLI::Range(1, 4096))
+          ->capture_default_str();
+  night_app
+      ->add_option(
+          "--error", night.error,
+          "Error: relative noise of the light that is allowed, for instance 0.02; as many rays as it takes, at "
+          "most 256. What was reached stands in the report")
+      ->check(within(1e-4, 1.0))
+      ->excludes(rays);
   night_app->add_option("--wet", night.wet, "How wet road and pavement are: 0 dry, 1 under a closed film of water")
       ->check(within(0.0, 1.0))
       ->capture_default_str();

@@ -97,6 +97,12 @@ class NightWriter {
       counts_ = {vertices_of_faces(mesh.mesh), mesh.mesh.vertices.size(), mesh.mesh.faces.size(), mesh.background_faces,
                  light.emitters.size()};
       ground_ = refined.ground;
+      light_ = {{"groups", light.groups.count},
+                {"images", light.images.count},
+                {"images_bytes", light.images.bytes()},
+                {"left_out_cd_m2", light.images.left_out_cd_m2},
+                {"rays", light.rays},
+                {"error", light.error}};
       if (auto o = io::write_png(path("depth.png"), panels_[2].picture.view()); !o) return o;
       if (auto o = io::write_pfm(path("depth.pfm"), refined.depth); !o) return o;
       if (auto o = io::write_png(path("uncertain.png"), refined.uncertain); !o) return o;
@@ -148,7 +154,8 @@ class NightWriter {
           {"threads", threads},
           {"width", scene_.image.width()},
           {"height", scene_.image.height()},
-          {"gather_rays", params.relight.gather.rays},
+          {"rays", options_.rays},
+          {"max_error", options_.error},
           {"bounces", params.relight.bounces}}},
         {"seconds", total},
         {"stages", std::move(stages)},
@@ -163,6 +170,8 @@ class NightWriter {
           {"foreground_triangles", counts_.faces - counts_.background_faces}}},
         {"ground", {{"camera_height_m", ground_.camera_height_m}, {"up", {ground_.up.x, ground_.up.y, ground_.up.z}}}},
         {"emitters", counts_.emitters},
+        {"light", light_},
+        {"seconds_per_night", per_night()},
         {"daylight", daylight_},
         {"doubts", doubts_},
         {"notes", scene_.notes}};
@@ -175,6 +184,17 @@ class NightWriter {
   struct Counts {
     std::size_t vertices = 0, points = 0, faces = 0, background_faces = 0, emitters = 0;
   };
+
+  // Of what is done again for every night; writing it left out.
+  [[nodiscard]] double per_night() const {
+    double seconds = 0;
+    for (const StageTime& t : console_.times()) {
+      if (t.name == stage_name(Stage::add_lights) || t.name == stage_name(Stage::camera)) {
+        seconds += t.seconds / std::max(1, t.calls);
+      }
+    }
+    return seconds;
+  }
 
   [[nodiscard]] std::string path(const std::string& name) const { return options_.output + "/" + name; }
 
@@ -233,6 +253,7 @@ class NightWriter {
             {"unseen_street_lamps", params_.relight.rows.behind_m > 0.0F},
             {"assumed_road_width_m", params_.relight.rows.assumed_width_m},
             {"unseen_street_share", params_.relight.unseen.share},
+            {"light", light_},
             {"exposure",
              {{"iso", night.exposure.iso}, {"f_number", night.exposure.f_number}, {"time_s", night.exposure.time_s}}},
             {"sources", std::move(sources)}};
@@ -253,6 +274,7 @@ class NightWriter {
   Counts counts_;
   GroundPlane ground_;
   OrderedJson daylight_;  // null where albedo is given
+  OrderedJson light_;
   io::Error error_;
 };
 
@@ -288,6 +310,9 @@ int run_night(const NightOptions& options) {
   params.seed = options.seed;
   params.photograph = scene.photograph;
   params.variants = options.variants;
+  params.relight.gather.rays = options.rays;
+  params.relight.max_rays = std::max(params.relight.max_rays, options.rays);
+  params.relight.max_error = options.error;
   params.relight.material.film.wetness = options.wet;
   if (options.unseen_lamps == "dark") params.relight.rows.behind_m = 0.0F;
   if (options.unseen_lamps == "continued") params.relight.rows.behind_m = ContinuedRowParams{}.behind_m;

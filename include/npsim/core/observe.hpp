@@ -19,7 +19,7 @@ inline namespace NPSIM_ABI {
 
 enum class Stage : std::uint8_t {
   fill, sharpen, ground, cross_bilateral, planes, uncertainty, refine, sheet, prune, complete, mesh, material, lights, build_trace,
-  render, denoise, camera, count_
+  render, add_lights, camera, count_
 };
 
 [[nodiscard]] constexpr const char* stage_name(Stage stage) noexcept {
@@ -39,7 +39,7 @@ enum class Stage : std::uint8_t {
     case Stage::lights: return "light sources";
     case Stage::build_trace: return "ray tracer build";
     case Stage::render: return "light transport";
-    case Stage::denoise: return "denoise";
+    case Stage::add_lights: return "sum of the lights";
     case Stage::camera: return "camera";
     case Stage::count_: break;
   }

@@ -224,6 +224,25 @@ struct SignalChoice {
   return peak_intensity_cd(e.profile, strength, e.area_m2);
 }
 
+// What a lamp shines in every night at least, in cd; 0 for one that may be off.
+[[nodiscard]] inline float certain_intensity_cd(const Emitter& e) noexcept {
+  const LightClassModel model = light_class_model(e.cls, e.profile);
+  if (is_own_headlamp(e)) return peak_intensity_cd(e.profile, model.strength_low, e.area_m2);
+  const bool always = model.xy_count > 0 && model.p_low >= 1.0F && light_detail::is_street_light(e.cls);
+  return always ? peak_intensity_cd(e.profile, model.strength_low * light_detail::height_factor(e.mounting_height_m),
+                                    e.area_m2)
+                : 0.0F;
+}
+
+// The mean peak intensity, in cd, over many nights: where a class has a range, of its middle; without light sets.
+[[nodiscard]] inline float mean_intensity_cd(const Emitter& e) noexcept {
+  const LightClassModel model = light_class_model(e.cls, e.profile);
+  if (model.xy_count == 0) return 0.0F;
+  float strength = light_detail::draw_strength(model.strength_low, model.strength_high, 0.5F);
+  if (light_detail::is_street_light(e.cls)) strength *= light_detail::height_factor(e.mounting_height_m);
+  return 0.5F * (model.p_low + model.p_high) * peak_intensity_cd(e.profile, strength, e.area_m2);
+}
+
 // One night. `day_rgb` is empty or holds, per emitter, the linear mean colour of its brightest pixels by day.
 // Emitters of a class without a model (groups, none) stay dark.
 [[nodiscard]] inline Status activate_lights(const ActivationParams& p, std::uint64_t seed, std::uint32_t variant,

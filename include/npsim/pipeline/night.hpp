@@ -7,8 +7,8 @@
 // sink what is made while it is still in the workspace:
 //   Status sink.reconstructed(const RefinedDepth&, const SceneMesh&, const Relighting&)   once
 //   Status sink.night(const Night&)                                                     per variant
-// What a sink is shown holds for the length of the call: nights are made in the memory of normals and layers, each in
-// that of the one before.
+// What a sink is shown holds for the length of the call: nights are made in the memory of normals, each in that of the
+// one before.
 // A status other than ok from the sink stops the run and is returned. All parameters are checked before the first step.
 // Invariant: the bytes depend on the scene, the parameters and the seed, never on the executor.
 // Memory: peak 220 bytes a pixel and a byte for each lamp and point (1.1 to 1.4 points a pixel) on real streets, for
@@ -95,7 +95,7 @@ struct Night {
                           pixels,
                           most_unseen_lamps(params.relight.rows, marks)};
   const std::size_t mesh = mesh_workspace_bytes(params.mesh, shape, most);
-  const std::size_t nights = allocation_bytes<Rgb8>(pixels) +
+  const std::size_t nights = allocation_bytes<Rgb8>(pixels) + light_images_bytes(params.relight, shape, marks) +
                              std::max(relight_workspace_bytes(params.relight, params.mesh.traced, shape, light),
                                       photograph_workspace_bytes(params.camera, shape));
   return refine_depth_workspace_bytes(params.depth, shape) + layers_workspace_bytes(params.mesh, shape) + mesh + nights;
@@ -138,19 +138,14 @@ Status make_nights_of_depth(const NightParams& params, const SceneView& scene, c
                                            mesh, workspace, executor, observer, light));
   NPSIM_RETURN_IF_ERROR(sink.reconstructed(refined, mesh, light));
 
-  // Normals and layers have served; nights are made in their memory.
-  const ImageView<Vec3f> linear = refined.normals;
-  const DenoiseGuides guides{layers.background.vertices, layers.foreground.vertices};
-  fill_guides(light, guides);
-  NPSIM_RETURN_IF_ERROR(workspace.ensure(
-      kWorkspaceAlignment + allocation_bytes<Rgb8>(shape.pixels()) +
-      std::max(variant_workspace_bytes(params.relight, shape, light.points.size(), light.receivers.size()),
-               photograph_workspace_bytes(params.camera, shape))));
+  const ImageView<Vec3f> linear = refined.normals;  // they have served; nights are made in their memory
+  NPSIM_RETURN_IF_ERROR(workspace.ensure(kWorkspaceAlignment + allocation_bytes<Rgb8>(shape.pixels()) +
+                                         std::max(variant_workspace_bytes(shape, light.emitters.size()),
+                                                  photograph_workspace_bytes(params.camera, shape))));
   ImageView<Rgb8> picture;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, picture));
   for (int variant = 0; variant < params.variants; ++variant) {
-    NPSIM_RETURN_IF_ERROR(
-        relight(params.relight, scene, light, guides, variant, linear, workspace, executor, observer));
+    NPSIM_RETURN_IF_ERROR(relight(params.relight, scene, light, variant, linear, workspace, executor, observer));
     Night night;
     observer.begin(Stage::camera);
     NPSIM_RETURN_IF_ERROR(photograph(params.camera, key, static_cast<std::uint32_t>(variant), linear, picture,

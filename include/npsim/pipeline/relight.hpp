@@ -2,20 +2,25 @@
 // Section 3.6: light in the reconstructed scene, in two steps.
 //
 // prepare_relighting() does what all nights of one day share: it places the lamps, draws which variant lights which of
-// them, and traces every ray of the method: which lamp reaches which point, and where light that bounces comes from.
-// relight() then makes the linear image of one night by adding up: the lit lamps, `bounces` gathers, a denoiser, and
-// what is seen of the lamps themselves. Light is linear, so nothing is lost by the split; forty nights cost little more
-// than one.
+// them, traces every ray of the method, and makes the linear image of every light (detail/light_transport.hpp).
+// relight() then makes the linear image of one night: the sum of the lights, each by its strength and colour
+// (render/light_images.hpp), and what is seen of the lamps themselves. Light is linear, so nothing is lost by the split;
+// forty nights cost little more than one.
 // Rays look for light at the points that pixels show; lamps are asked about those and the points that their bounces
 // reach. A variant's bits do not depend on how many others there are.
-// Memory (workspace): relight_workspace_bytes(), from the sizes of the mesh; a byte a lamp and point, 4 bytes a gather
-// ray and receiver, 8 a receiver, 28 a point.
+// Effort or error: either `gather.rays` are traced from each receiver, or, with max_error, as many as the noise of the
+// expected night asks for; what was reached is in Relighting either way.
+// Memory (workspace): relight_workspace_bytes(), from the sizes of the mesh: 4 bytes a gather ray and receiver, 64 a
+// point and 170 a pixel while lights are made; then the images of the lights (LightImages::bytes()), for which the
+// workspace is asked image by image.
 #ifndef NPSIM_PIPELINE_RELIGHT_HPP
 #define NPSIM_PIPELINE_RELIGHT_HPP
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/observe.hpp"
@@ -29,6 +34,8 @@
 #include "npsim/light/placement.hpp"
 #include "npsim/light/sky.hpp"
 #include "npsim/pipeline/detail/lamp_faces.hpp"
+#include "npsim/pipeline/detail/light_groups.hpp"
+#include "npsim/pipeline/detail/light_transport.hpp"
 #include "npsim/pipeline/detail/mirrored_image.hpp"
 #include "npsim/pipeline/detail/own_car.hpp"
 #include "npsim/pipeline/detail/ray_starts.hpp"
@@ -38,8 +45,8 @@
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/render/denoise.hpp"
-#include "npsim/render/direct.hpp"
 #include "npsim/render/gather.hpp"
+#include "npsim/render/light_images.hpp"
 #include "npsim/render/mirror.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/render/unseen_street.hpp"
@@ -60,7 +67,12 @@ struct RelightParams {
   DenoiseParams denoise;
   SkyParams sky;
   MaterialParams material;
-  int bounces = 2;            // diffuse bounces after the direct light, 1..16
+  int bounces = 2;  // diffuse bounces after the direct light, 1..16
+  // Tiles of a light's image stay out that it nowhere brings to this luminance, at its strongest.
+  float least_cd_m2 = 2e-4F;  // the darkest sky over a city makes a grey surface 20 times as bright
+  // Of the expected night, see Relighting::error. 0: gather.rays decide; else these are where the search begins.
+  float max_error = 0;
+  int max_rays = 256;         // at most so many, whatever the error
   float f0 = 0.04F;           // normal reflectance of a dielectric of index 1.5
   bool ego_headlamps = true;  // the low beams of the car that carries the camera
   EgoHeadlampParams ego;
@@ -82,6 +94,9 @@ struct RelightParams {
   NPSIM_RETURN_IF_ERROR(validate(p.ego));
   if (p.bounces < 1 || p.bounces > 16) return {StatusCode::invalid_argument, "relight: bounces in 1..16"};
   if (!(p.f0 >= 0.0F && p.f0 <= 1.0F)) return {StatusCode::invalid_argument, "relight: f0 in [0, 1]"};
+  if (!(p.least_cd_m2 >= 0.0F) || !(p.max_error >= 0.0F) || p.max_rays < p.gather.rays || p.max_rays > 4096) {
+    return {StatusCode::invalid_argument, "relight: least luminance and error not negative, rays <= max_rays <= 4096"};
+  }
   return {};
 }
 
@@ -94,12 +109,12 @@ struct Relighting {
   Span<const Activation> activations;            // variant-major: variant * emitters + emitter
   Span<const std::uint32_t> emitter_of_mark;     // mark position -> emitter, or kNoPoint
   Span<const relight_detail::SourceBrightness> brightness_of_mark;  // of each mark's pixels by day
-  Span<const std::uint8_t> visibility;
-  Span<const std::uint32_t> receivers;  // the points that pixels show, in the order of the pixels
-  Span<const std::uint32_t> hits;
-  Span<const Vec3f> sky_irradiance;
-  Mirrors mirrors;           // of wet pixels; none where all is dry
-  Span<const Vec2f> unseen;  // how much of the unseen street each receiver sees
+  LightGroups groups;
+  LightImages images;  // of the groups, the sky first, then of the emitters
+  int rays = 0;        // that were traced from each receiver
+  // Root mean square over the picture, without the largest .1 %, of the noise relative to the luminance, of a night in
+  // which every lamp has its mean intensity. The denoiser's bias is not in it.
+  double error = 0;
   int variants = 0;
 
   [[nodiscard]] Span<const Activation> of_variant(int variant) const noexcept {
@@ -144,43 +159,49 @@ struct RelightSize {
 }
 
 // What relight() takes for a variant.
-[[nodiscard]] constexpr std::size_t variant_workspace_bytes(const RelightParams& params, Shape shape,
-                                                            std::size_t points, std::size_t receivers) noexcept {
-  return allocation_bytes<Vec3f>(shape.pixels()) * (is_wet(params.material.film) ? 2 : 1) +
-         max_of(allocation_bytes<Vec3f>(points) +
-                    std::max(allocation_bytes<Vec3f>(points), allocation_bytes<Vec3f>(receivers)),
-                denoise_workspace_bytes(params.denoise, shape), show_own_car_workspace_bytes(shape));
+[[nodiscard]] constexpr std::size_t variant_workspace_bytes(Shape shape, std::size_t emitters) noexcept {
+  return allocation_bytes<Vec3f>(2 * emitters + 1) + show_own_car_workspace_bytes(shape);
 }
 
-// What prepare_relighting() and then relight() take.
+// What prepare_relighting() and then relight() take; of the images of lights, none.
 [[nodiscard]] constexpr std::size_t relight_workspace_bytes(const RelightParams& params, TracedFaces traced,
                                                             Shape shape, const RelightSize& size) noexcept {
   const std::size_t known = std::max(size.marks, params.lamps.size()) + kEgoHeadlampCount;
   const std::size_t emitters = known + most_unseen_lamps(params.rows, size.marks);
-  const std::size_t traced_lamps = known - (params.lamps.empty() ? size.groups : 0) + size.unseen;
-  const std::size_t rays = params.gather.rays > 0 ? static_cast<std::size_t>(params.gather.rays) : 0;
+  const int most_rays = params.max_error > 0.0F ? params.max_rays : params.gather.rays;
+  const std::size_t rays = most_rays > 0 ? static_cast<std::size_t>(most_rays) : 0;
   const std::size_t drawn = emitters * (size.variants > 0 ? static_cast<std::size_t>(size.variants) : 0);
+  const bool wet = is_wet(params.material.film);
   const std::size_t shared =
-      allocation_bytes<Emitter>(emitters) + allocation_bytes<Activation>(drawn) +
-      2 * allocation_bytes<float>(emitters) + allocation_bytes<Vec3f>(emitters) +
+      allocation_bytes<Emitter>(emitters) + allocation_bytes<Activation>(drawn) + light_groups_bytes(emitters) +
       allocation_bytes<std::uint32_t>(size.marks) + allocation_bytes<float>(size.marks) +
       allocation_bytes<relight_detail::SourceBrightness>(size.marks) + 2 * allocation_bytes<Vec3f>(size.points) +
       2 * allocation_bytes<float>(size.points) + allocation_bytes<Retroreflector>(size.points) +
-      allocation_bytes<std::uint32_t>(size.receivers) + allocation_bytes<std::uint32_t>(size.receivers * rays) +
-      allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<Vec2f>(size.receivers) +
-      allocation_bytes<std::uint8_t>(traced_lamps * size.points) +
-      (is_wet(params.material.film)
-           ? mirrors_bytes(params.mirror, size.wet) + allocation_bytes<std::uint8_t>(size.points)
-           : 0);
-  const std::size_t trace = scene_rays_workspace_bytes(traced, shape, size.faces, size.backs) +
-                            allocation_bytes<std::uint16_t>(traced_face_count(traced, shape, size.faces, size.backs)) +
-                            mark_faces_workspace_bytes(shape, size.marks, emitters) +
-                            allocation_bytes<std::uint8_t>(size.points);
+      LightImageBuilder::index_bytes(shape, 2 * emitters + 1) + (wet ? allocation_bytes<std::uint8_t>(size.points) : 0);
+  const std::size_t rows = shape.height > 0 ? static_cast<std::size_t>(shape.height) : 0;
+  const std::size_t light =
+      scene_rays_workspace_bytes(traced, shape, size.faces, size.backs) +
+      allocation_bytes<std::uint16_t>(traced_face_count(traced, shape, size.faces, size.backs)) +
+      mark_faces_workspace_bytes(shape, size.marks, emitters) + allocation_bytes<std::uint8_t>(size.points) +
+      allocation_bytes<std::uint32_t>(size.receivers) + allocation_bytes<std::uint32_t>(rows + 1) +
+      allocation_bytes<std::uint32_t>(size.receivers * rays) + allocation_bytes<Vec3f>(size.receivers) +
+      allocation_bytes<Vec2f>(size.receivers) + (wet ? mirrors_bytes(params.mirror, size.wet) : 0) +
+      allocation_bytes<Vec3f>(shape.pixels()) + allocation_bytes<Vec3f>(2 * emitters + 1) +
+      relight_detail::light_transport_workspace_bytes(shape, size.points, wet);
   return shared +
          max_of(size.marks > 0 ? placement_workspace_bytes(params.placement, shape) : std::size_t{0},
-                surface_attributes_workspace_bytes(params.material, shape, size.albedo_guessed), trace,
-                variant_workspace_bytes(params, shape, size.points, size.receivers)) +
+                allocation_bytes<Vec3f>(emitters) + allocation_bytes<float>(emitters),
+                surface_attributes_workspace_bytes(params.material, shape, size.albedo_guessed), light,
+                variant_workspace_bytes(shape, emitters)) +
          kWorkspaceAlignment;
+}
+
+// The most that the images of lights can take: every tile of all of them.
+[[nodiscard]] constexpr std::size_t light_images_bytes(const RelightParams& params, Shape shape,
+                                                       std::size_t marks) noexcept {
+  const std::size_t emitters =
+      std::max(marks, params.lamps.size()) + kEgoHeadlampCount + most_unseen_lamps(params.rows, marks);
+  return (2 * emitters + 1) * allocation_bytes<std::uint16_t>(light_tiles(shape).pixels() * kLightBlock);
 }
 
 namespace relight_detail {
@@ -224,82 +245,132 @@ inline constexpr float kInversePi = 0.31830989F;
   return {};
 }
 
-// Which lamp is lit in which variant. peak_cd: the strongest intensity that each could have been drawn with, not that it
-// was, so that a variant's bits do not depend on the others; 0 for a lamp that no variant lights: it needs no rays.
+// Which lamp is lit in which variant.
 [[nodiscard]] inline Status draw_activations(const ActivationParams& params, std::uint64_t key, int variants,
                                              const SceneView& scene, Span<const Emitter> emitters,
                                              Span<const std::uint32_t> emitter_of_mark, Workspace& workspace,
-                                             Span<Activation>& activations, Span<float>& peak_cd) {
+                                             Span<Activation>& activations) {
   const std::size_t count = emitters.size();
   NPSIM_RETURN_IF_ERROR(workspace.allocate(count * static_cast<std::size_t>(variants), activations));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(count, peak_cd));
   const WorkspaceScope scope(workspace);
   Span<Vec3f> day_rgb;
   Span<float> weight;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(count, day_rgb));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(count, weight));
   daytime_colours(scene, emitter_of_mark, day_rgb, weight);
-  for (float& peak : peak_cd) peak = 0;
   for (int v = 0; v < variants; ++v) {
     const Span<Activation> drawn = activations.sub(static_cast<std::size_t>(v) * count, count);
     NPSIM_RETURN_IF_ERROR(activate_lights(params, key, static_cast<std::uint32_t>(v), emitters, day_rgb, drawn));
-    for (std::size_t e = 0; e < count; ++e) {
-      if (drawn[e].lit) peak_cd[e] = strongest_intensity_cd(params, emitters[e]);
-    }
   }
   return {};
 }
 
 [[nodiscard]] inline Status list_receivers(ImageView<const std::uint32_t> visible, std::size_t count,
-                                           Workspace& workspace, Span<std::uint32_t>& receivers) {
+                                           Workspace& workspace, Span<std::uint32_t>& receivers,
+                                           Span<std::uint32_t>& first_of_row) {
   NPSIM_RETURN_IF_ERROR(workspace.allocate(count, receivers));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(visible.height()) + 1, first_of_row));
   std::size_t r = 0;
   for (int y = 0; y < visible.height(); ++y) {
+    first_of_row[static_cast<std::size_t>(y)] = static_cast<std::uint32_t>(r);
     for (int x = 0; x < visible.width(); ++x) {
       if (visible(x, y) != kNoVertex) receivers[r++] = visible(x, y);
     }
   }
+  first_of_row[static_cast<std::size_t>(visible.height())] = static_cast<std::uint32_t>(r);
   return {};
 }
 
-// Every ray: of the bounces, and of the shadows. The structure that they are traced through is built here and gone
-// afterwards. Rays: LayerRays or MeshRays (scene_rays.hpp).
+// Every ray, and the images of all lights. The structure that rays are traced through is built here and gone
+// afterwards. `out` holds all but groups' images and what was reached. Rays: LayerRays or MeshRays (scene_rays.hpp).
 template <class Rays, class Executor, class Observer>
 [[nodiscard]] Status trace_light(const RelightParams& params, std::uint64_t key, const SceneView& scene,
-                                 const SceneMesh& mesh, const Relighting& light, Span<const float> peak_cd,
-                                 Span<std::uint32_t> hits, Span<Vec3f> sky_irradiance, Span<Vec2f> unseen,
-                                 Span<std::uint8_t> visibility, Workspace& workspace, Executor& executor,
-                                 Observer& observer) {
-  const WorkspaceScope scope(workspace);
+                                 const SceneMesh& mesh, const RelightSize& size, Span<std::uint32_t> block,
+                                 Workspace& workspace, Executor& executor, Observer& observer, Relighting& out) {
+  const Shape shape = scene.shape();
   observer.begin(Stage::build_trace);
   Rays rays;
   NPSIM_RETURN_IF_ERROR(Rays::make(scene, mesh, workspace, executor, rays));
   Span<std::uint16_t> face_mark;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(rays.face_count(), face_mark));
-  NPSIM_RETURN_IF_ERROR(rays.mark(scene, light.emitters, face_mark, workspace));
+  NPSIM_RETURN_IF_ERROR(rays.mark(scene, out.emitters, face_mark, workspace));
   observer.end(Stage::build_trace);
 
   observer.begin(Stage::render);
+  LitScene lit;
+  lit.points = out.points;
+  lit.visible_point = out.visible_point;
+  lit.point_pixel = mesh.vertex_pixel;
+  lit.emitters = out.emitters;
+  lit.groups = out.groups;
+  lit.up = out.sky.up;
+  lit.f0 = params.f0;
+  Span<std::uint32_t> receivers, first_receiver;
+  NPSIM_RETURN_IF_ERROR(list_receivers(mesh.visible_vertex, size.receivers, workspace, receivers, first_receiver));
+  lit.receivers = receivers;
+  lit.first_receiver = first_receiver;
   const auto point_of = [&rays](const Hit& hit) { return rays.point_of(hit); };
-  NPSIM_RETURN_IF_ERROR(trace_gather_rays(params.gather, key, rays.scene, point_of, light.points, light.receivers,
-                                          light.sky, params.unseen, hits, sky_irradiance, unseen, executor, observer));
-  if (!light.mirrors.pixel.empty()) {
-    NPSIM_RETURN_IF_ERROR(trace_mirror_rays(params.mirror, key, params.f0, rays.scene, point_of, light.points,
-                                            light.sky, light.mirrors, executor, observer));
+  if (is_wet(params.material.film)) {
+    NPSIM_RETURN_IF_ERROR(list_mirrors(params.mirror, lit.points, lit.visible_point, size.wet, workspace, lit.mirrors));
+    NPSIM_RETURN_IF_ERROR(trace_mirror_rays(params.mirror, key, params.f0, rays.scene, point_of, lit.points, out.sky,
+                                            lit.mirrors, executor, observer));
   }
-  // Light is asked for at the points that pixels show and those that their bounces reach.
+  Span<Vec3f> sky_irradiance;
+  Span<Vec2f> unseen;
   Span<std::uint8_t> wanted;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(light.points.size(), wanted));
-  for (std::uint8_t& w : wanted) w = 0;
-  for (const std::uint32_t point : light.receivers) wanted[point] = 1;
-  for (const std::uint32_t point : hits) {
-    if (point != kNoPoint) wanted[point] = 1;
+  Span<Vec3f> expected;
+  ImageView<Vec3f> night;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers, sky_irradiance));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers, unseen));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(lit.points.size(), wanted));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(lit.groups.image_count(), expected));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, night));
+  lit.sky_irradiance = sky_irradiance;
+  lit.unseen = unseen;
+  lit.wanted = wanted;
+  light_weights(
+      lit.groups,
+      [&](std::size_t e) {
+        return Vec3f{1, 1, 1} * mean_intensity_cd(lit.emitters[e]);
+      },
+      expected);
+
+  GatherParams gather = params.gather;
+  for (;;) {
+    const WorkspaceScope attempt(workspace);
+    Span<std::uint32_t> hits;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers * static_cast<std::size_t>(gather.rays), hits));
+    NPSIM_RETURN_IF_ERROR(trace_gather_rays(gather, key, rays.scene, point_of, lit.points, lit.receivers, out.sky,
+                                            params.unseen, hits, sky_irradiance, unseen, executor, observer));
+    lit.hits = hits;
+    // Light is asked for at the points that pixels show and those that their bounces reach.
+    for (std::uint8_t& w : wanted) w = 0;
+    for (const std::uint32_t point : lit.receivers) wanted[point] = 1;
+    for (const Span<const std::uint32_t> reached : {lit.hits, Span<const std::uint32_t>(lit.mirrors.hits)}) {
+      for (const std::uint32_t point : reached) {
+        if (point != kNoPoint) wanted[point] = 1;
+      }
+    }
+    const auto visibility = [&](std::size_t e, Span<const float> certain_lx, Span<std::uint8_t> of_points) {
+      return compute_visibility(params.visibility, key, rays.scene, lit.points, wanted, certain_lx, lit.emitters[e],
+                                static_cast<std::uint32_t>(e), lit.groups.peak_cd[e], face_mark, of_points, executor,
+                                observer);
+    };
+    LightTransport transport(lit, gather.rays, params.bounces, params.denoise);
+    NPSIM_RETURN_IF_ERROR(transport.allocate(workspace));
+    LightImageBuilder images;
+    NPSIM_RETURN_IF_ERROR(images.start(shape, params.least_cd_m2, block, workspace));
+    NPSIM_RETURN_IF_ERROR(transport.make(expected, visibility, images, workspace, executor, observer));
+    out.images = {shape, block, images.values(), lit.groups.image_count(), images.left_out_cd_m2()};
+    out.rays = gather.rays;
+    NPSIM_RETURN_IF_ERROR(sum_light_images(out.images, expected, night, executor));
+    NPSIM_RETURN_IF_ERROR(transport.error(night, out.error, executor));
+    // Noise falls with the square root of the rays.
+    const double more = params.max_error > 0.0F ? out.error / static_cast<double>(params.max_error) : 0.0;
+    if (!(more > 1.0) || gather.rays >= params.max_rays) break;
+    const double rays_needed = std::ceil(static_cast<double>(gather.rays) * more * more * 1.1);
+    gather.rays = rays_needed < params.max_rays ? static_cast<int>(rays_needed) : params.max_rays;
   }
-  for (const std::uint32_t point : light.mirrors.hits) {
-    if (point != kNoPoint) wanted[point] = 1;
-  }
-  NPSIM_RETURN_IF_ERROR(compute_visibility(params.visibility, key, rays.scene, light.points, wanted, light.emitters,
-                                           peak_cd, face_mark, visibility, executor, observer));
   observer.end(Stage::render);
   return {};
 }
@@ -327,9 +398,10 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   const std::size_t taken = workspace.used() - before;
   NPSIM_RETURN_IF_ERROR(workspace.ensure(relight_workspace_bytes(params, traced, scene.shape(), size) - taken));
   Span<Activation> activations;
-  Span<float> peak_cd;
   NPSIM_RETURN_IF_ERROR(relight_detail::draw_activations(params.activation, key, variants, scene, emitters,
-                                                         emitter_of_mark, workspace, activations, peak_cd));
+                                                         emitter_of_mark, workspace, activations));
+  NPSIM_RETURN_IF_ERROR(
+      relight_detail::group_lights(params.activation, emitters, variants, activations, workspace, out.groups));
   Span<relight_detail::SourceBrightness> brightness_of_mark;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), brightness_of_mark));
   {
@@ -363,114 +435,32 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   out.emitter_of_mark = emitter_of_mark;
   out.brightness_of_mark = brightness_of_mark;
   out.variants = variants;
-  Span<std::uint32_t> receivers;
-  Span<std::uint32_t> hits;
-  Span<Vec3f> sky_irradiance;
-  Span<std::uint8_t> visibility;
-  NPSIM_RETURN_IF_ERROR(relight_detail::list_receivers(mesh.visible_vertex, size.receivers, workspace, receivers));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers * static_cast<std::size_t>(params.gather.rays), hits));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers, sky_irradiance));
-  Span<Vec2f> unseen;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers, unseen));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(emitters.size() * size.points, visibility));
-  out.receivers = receivers;
-  out.hits = hits;
-  out.sky_irradiance = sky_irradiance;
-  out.unseen = unseen;
-  out.visibility = visibility;
-  if (is_wet(params.material.film)) {
-    NPSIM_RETURN_IF_ERROR(
-        relight_detail::list_mirrors(params.mirror, out.points, out.visible_point, size.wet, workspace, out.mirrors));
+  Span<std::uint32_t> block;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(out.groups.image_count() * light_tiles(scene.shape()).pixels(), block));
+  {
+    const WorkspaceScope scope(workspace);
+    const auto trace = [&](auto kind) {
+      return relight_detail::trace_light<decltype(kind)>(params, key, scene, mesh, size, block, workspace, executor,
+                                                         observer, out);
+    };
+    NPSIM_RETURN_IF_ERROR(traced == TracedFaces::mesh ? trace(MeshRays{}) : trace(LayerRays{}));
   }
-  const auto trace = [&](auto kind) {
-    return relight_detail::trace_light<decltype(kind)>(params, key, scene, mesh, out, peak_cd, hits, sky_irradiance,
-                                                       unseen, visibility, workspace, executor, observer);
-  };
-  return traced == TracedFaces::mesh ? trace(MeshRays{}) : trace(LayerRays{});
-}
-
-// Position and normal of what each pixel shows, (0, 0, 0) for nothing: what the denoiser goes by in every variant.
-struct DenoiseGuides {
-  ImageView<Vec3f> position;
-  ImageView<Vec3f> normal;
-};
-
-inline void fill_guides(const Relighting& light, const DenoiseGuides& guides) noexcept {
-  for (int y = 0; y < light.visible_point.height(); ++y) {
-    for (int x = 0; x < light.visible_point.width(); ++x) {
-      const std::uint32_t point = light.visible_point(x, y);
-      guides.position(x, y) = point == kNoPoint ? Vec3f{} : light.points.position[point];
-      guides.normal(x, y) = point == kNoPoint ? Vec3f{} : light.points.normal[point];
-    }
-  }
+  // The images were made above what making them took; they move down to where that began.
+  Span<std::uint16_t> values;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(out.images.values.size(), values));
+  std::memmove(values.data(), out.images.values.data(), out.images.bytes());
+  out.images.values = values;
+  return {};
 }
 
 namespace relight_detail {
 
-// Light that comes straight from the lamps: illuminance at every point, and luminance of what each pixel shows.
-template <class Executor>
-[[nodiscard]] Status direct_image(const RelightParams& params, const Relighting& light, Span<const Activation> lit,
-                                  Span<Vec3f> illuminance, ImageView<Vec3f> out, Workspace& workspace,
-                                  Executor& executor) {
-  const WorkspaceScope scope(workspace);
-  Span<Vec3f> luminance;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(light.points.size(), luminance));
-  NPSIM_RETURN_IF_ERROR(
-      direct_light(light.points, light.emitters, lit, light.visibility, params.f0, illuminance, luminance, executor));
-  for (int y = 0; y < out.height(); ++y) {
-    for (int x = 0; x < out.width(); ++x) {
-      const std::uint32_t point = light.visible_point(x, y);
-      out(x, y) = point == kNoPoint ? Vec3f{} : luminance[point];
-    }
-  }
-  return {};
-}
-
-// Irradiance that comes by way of other surfaces, from the sky and from the street that is not seen. illuminance:
-// direct in, with that of all bounces but the last one out. Gathering direct light and what k bounces brought to the
-// points that pixels show gives k + 1.
-template <class Executor>
-[[nodiscard]] Status indirect_image(const RelightParams& params, const Relighting& light, Span<const Activation> lit,
-                                    Span<Vec3f> illuminance, ImageView<Vec3f> irradiance, Workspace& workspace,
-                                    Executor& executor) {
-  const WorkspaceScope scope(workspace);
-  Span<Vec3f> indirect;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(light.receivers.size(), indirect));
-  const auto for_receivers = [&](auto&& f) {
-    std::size_t r = 0;
-    for (int y = 0; y < irradiance.height(); ++y) {
-      for (int x = 0; x < irradiance.width(); ++x) {
-        if (light.visible_point(x, y) != kNoPoint) f(r++, irradiance(x, y));
-      }
-    }
-  };
-  // Until the end the image keeps the direct light of its pixels' points.
-  for (Vec3f& v : irradiance.pixels()) v = Vec3f{};
-  for_receivers([&](std::size_t r, Vec3f& direct) { direct = illuminance[light.receivers[r]]; });
-  const UnseenStreetLight street =
-      unseen_street_light(light.points, light.receivers, light.sky.up, light.emitters, lit, light.visibility);
-  for (int bounce = 1;; ++bounce) {
-    NPSIM_RETURN_IF_ERROR(
-        gather_irradiance(light.points, illuminance, light.hits, params.gather.rays, indirect, executor));
-    for (std::size_t r = 0; r < indirect.size(); ++r) {
-      indirect[r] += light.sky_irradiance[r] + street.luminance(light.unseen[r]) * kPi;
-    }
-    if (bounce >= params.bounces) break;
-    for_receivers([&](std::size_t r, const Vec3f& direct) { illuminance[light.receivers[r]] = direct + indirect[r]; });
-  }
-  for_receivers([&](std::size_t r, Vec3f& v) { v = indirect[r]; });
-  return {};
-}
-
-// Adds what a pixel shows besides direct light: irradiance reflected, the sky, and the lamp that it is part of.
-inline void add_rest(const SceneView& scene, const Relighting& light, Span<const Activation> lit,
-                     ImageView<const Vec3f> irradiance, int y, ImageView<Vec3f> out) noexcept {
+// Adds what is seen that no lamp lights: the sky, and the lamps themselves.
+inline void add_sources(const SceneView& scene, const Relighting& light, Span<const Activation> lit, int y,
+                        ImageView<Vec3f> out) noexcept {
   for (int x = 0; x < out.width(); ++x) {
-    const std::uint32_t point = light.visible_point(x, y);
     Vec3f seen = out(x, y);
-    if (point != kNoPoint) {
-      seen = seen + light.points.albedo[point] * irradiance(x, y) * kInversePi;
-    } else if (scene.labels.empty() || scene.labels(x, y) == label::sky) {
+    if (light.visible_point(x, y) == kNoPoint && (scene.labels.empty() || scene.labels(x, y) == label::sky)) {
       // No surface: the sky above the horizon. The camera's own car mirrors what all this makes.
       const Vec3f direction = normalized(unproject_pixel(scene.camera, x, y, 1.0F));
       seen = sky_luminance(light.sky, raised_to_horizon(light.sky, direction));
@@ -488,58 +478,31 @@ inline void add_rest(const SceneView& scene, const Relighting& light, Span<const
 
 }  // namespace relight_detail
 
-// One variant's linear image: luminance(rgb) is in cd/m2. guides: from fill_guides().
+// One variant's linear image: luminance(rgb) is in cd/m2.
 template <class Executor, class Observer>
-Status relight(const RelightParams& params, const SceneView& scene, const Relighting& light,
-               const DenoiseGuides& guides, int variant, ImageView<Vec3f> out, Workspace& workspace, Executor& executor,
-               Observer& observer) {
+Status relight(const RelightParams& params, const SceneView& scene, const Relighting& light, int variant,
+               ImageView<Vec3f> out, Workspace& workspace, Executor& executor, Observer& observer) {
   const Shape shape = scene.shape();
   if (variant < 0 || variant >= light.variants) {
     return Status(StatusCode::invalid_argument, "the variant was not prepared");
   }
-  if (out.shape() != shape || guides.position.shape() != shape || guides.normal.shape() != shape) {
-    return Status(StatusCode::shape_mismatch, "the night image and its guides must have the scene's size");
-  }
+  if (out.shape() != shape) return Status(StatusCode::shape_mismatch, "the night image must have the scene's size");
   const WorkspaceScope scope(workspace);
   const Span<const Activation> lit = light.of_variant(variant);
-  ImageView<Vec3f> irradiance;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, irradiance));
-  ImageView<Vec3f> mirrored;
-  if (!light.mirrors.pixel.empty()) {
-    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, mirrored));
-  }
-
-  observer.begin(Stage::render);
-  {
-    const WorkspaceScope render(workspace);
-    Span<Vec3f> illuminance;
-    NPSIM_RETURN_IF_ERROR(workspace.allocate(light.points.size(), illuminance));
-    NPSIM_RETURN_IF_ERROR(relight_detail::direct_image(params, light, lit, illuminance, out, workspace, executor));
-    NPSIM_RETURN_IF_ERROR(
-        relight_detail::indirect_image(params, light, lit, illuminance, irradiance, workspace, executor));
-    if (!mirrored.empty()) {
-      NPSIM_RETURN_IF_ERROR(mirrored_luminance(light.points, illuminance, light.mirrors, mirrored, executor));
-    }
-  }
-  observer.end(Stage::render);
-
-  observer.begin(Stage::denoise);
-  NPSIM_RETURN_IF_ERROR(
-      denoise_irradiance(params.denoise, guides.position, guides.normal, irradiance, workspace, executor));
-  if (!mirrored.empty()) {
-    NPSIM_RETURN_IF_ERROR(denoise_irradiance(relight_detail::mirror_filter(params.denoise), guides.position,
-                                             guides.normal, mirrored, workspace, executor));
-  }
-  observer.end(Stage::denoise);
-
+  observer.begin(Stage::add_lights);
+  Span<Vec3f> weights;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(light.images.count, weights));
+  relight_detail::light_weights(
+      light.groups, [lit](std::size_t e) { return lit[e].intensity_cd; }, weights);
+  NPSIM_RETURN_IF_ERROR(sum_light_images(light.images, weights, out, executor));
   executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
     for (auto y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      relight_detail::add_rest(scene, light, lit, irradiance, y, out);
+      relight_detail::add_sources(scene, light, lit, y, out);
     }
   });
-  if (!mirrored.empty()) relight_detail::show_film(params.f0, light.points, light.mirrors, irradiance, mirrored, out);
   relight_detail::continue_over_frame(scene.labels, out);
   NPSIM_RETURN_IF_ERROR(show_own_car(scene, params.f0, out, workspace));
+  observer.end(Stage::add_lights);
   return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while relighting") : Status();
 }
 

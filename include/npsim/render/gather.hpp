@@ -25,6 +25,7 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/light/sky.hpp"
 #include "npsim/material/bsdf.hpp"
+#include "npsim/render/light_images.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/render/unseen_street.hpp"
 #include "npsim/trace/scene.hpp"
@@ -119,26 +120,17 @@ Status trace_gather_rays(const GatherParams& params, std::uint64_t seed, const S
   return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while tracing bounces") : Status();
 }
 
-// irradiance[r] = mean over the rays of albedo * point_irradiance at the point reached (0 where none was).
-template <class Executor>
-Status gather_irradiance(const SurfacePoints& points, Span<const Vec3f> point_irradiance,
-                         Span<const std::uint32_t> hits, int rays, Span<Vec3f> irradiance, Executor& executor) {
-  if (rays < 1 || point_irradiance.size() != points.size() ||
-      hits.size() != irradiance.size() * static_cast<std::size_t>(rays)) {
-    return Status(StatusCode::shape_mismatch, "gather needs one irradiance per point and `rays` hits per receiver");
+// Sums of the exitance, lm/m2, of kLightLanes lights and channels side by side at the points that a receiver's rays
+// reach; `even` and `odd` rays apart, since two halves that should agree tell how far off their mean is.
+inline void gather_exitance(Span<const float> exitance, const std::uint32_t* hits, int rays, float (&even)[kLightLanes],
+                            float (&odd)[kLightLanes]) noexcept {
+  for (std::size_t lane = 0; lane < kLightLanes; ++lane) even[lane] = odd[lane] = 0.0F;
+  for (int s = 0; s < rays; ++s) {
+    if (hits[s] == kNoPoint) continue;
+    const float* const from = exitance.data() + std::size_t{hits[s]} * kLightLanes;
+    float(&to)[kLightLanes] = s % 2 == 0 ? even : odd;
+    for (std::size_t lane = 0; lane < kLightLanes; ++lane) to[lane] += from[lane];
   }
-  const auto n = static_cast<std::size_t>(rays);
-  executor.for_chunks(irradiance.size(), 4096, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t r = begin; r < end; ++r) {
-      Vec3f sum;
-      for (std::size_t s = 0; s < n; ++s) {
-        const std::uint32_t reached = hits[r * n + s];
-        if (reached != kNoPoint) sum += points.albedo[reached] * point_irradiance[reached];
-      }
-      irradiance[r] = sum / static_cast<float>(rays);
-    }
-  });
-  return {};
 }
 
 }  // namespace NPSIM_ABI

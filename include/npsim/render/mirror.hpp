@@ -21,7 +21,6 @@
 
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
-#include "npsim/core/image_view.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
@@ -29,6 +28,7 @@
 #include "npsim/light/sky.hpp"
 #include "npsim/material/bsdf.hpp"
 #include "npsim/material/wet_film.hpp"
+#include "npsim/render/light_images.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/trace/scene.hpp"
 
@@ -136,30 +136,20 @@ Status trace_mirror_rays(const MirrorParams& params, std::uint64_t seed, float f
   return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while tracing mirrored light") : Status();
 }
 
-// Writes the mirrored luminance (cd/m2) into the wet pixels of `out`, whose rows lie without gaps; 0 into the others.
-template <class Executor>
-Status mirrored_luminance(const SurfacePoints& points, Span<const Vec3f> point_irradiance, const Mirrors& mirrors,
-                          ImageView<Vec3f> out, Executor& executor) {
-  const auto rays = static_cast<std::size_t>(mirrors.rays);
-  if (point_irradiance.size() != points.size() || mirrors.hits.size() != mirrors.pixel.size() * rays) {
-    return Status(StatusCode::shape_mismatch, "mirror: one irradiance per point and `rays` hits per pixel");
-  }
+// Luminance (cd/m2) that wet pixel r mirrors of surfaces, of kLightLanes lights and channels side by side; what the sky
+// adds is mirrors.sky[r].
+inline void mirrored_luminance(const Mirrors& mirrors, std::size_t r, Span<const float> exitance,
+                               float (&out)[kLightLanes]) noexcept {
   constexpr float kInversePi = 0.31830989F;
-  for (Vec3f& v : out.pixels()) v = Vec3f{};
-  const auto width = static_cast<std::uint32_t>(out.width());
-  executor.for_chunks(mirrors.pixel.size(), 4096, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t r = begin; r < end; ++r) {
-      Vec3f sum;
-      for (std::size_t s = 0; s < rays; ++s) {
-        const std::uint32_t reached = mirrors.hits[r * rays + s];
-        if (reached != kNoPoint) sum += points.albedo[reached] * point_irradiance[reached];
-      }
-      const std::uint32_t pixel = mirrors.pixel[r];
-      out(static_cast<int>(pixel % width), static_cast<int>(pixel / width)) =
-          mirrors.sky[r] + sum * (mirrors.weight[r] * kInversePi);
-    }
-  });
-  return {};
+  const auto rays = static_cast<std::size_t>(mirrors.rays);
+  for (float& lane : out) lane = 0.0F;
+  for (std::size_t s = 0; s < rays; ++s) {
+    const std::uint32_t reached = mirrors.hits[r * rays + s];
+    if (reached == kNoPoint) continue;
+    const float* const from = exitance.data() + std::size_t{reached} * kLightLanes;
+    for (std::size_t lane = 0; lane < kLightLanes; ++lane) out[lane] += from[lane];
+  }
+  for (float& lane : out) lane *= mirrors.weight[r] * kInversePi;
 }
 
 }  // namespace NPSIM_ABI

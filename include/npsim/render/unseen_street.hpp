@@ -11,7 +11,7 @@
 // picture and nothing else; so this light is linear in the lamps, and nights remain sums of their lamps. No mean exceeds
 // what surfaces send out, so no light is created. Error: the difference between the street that is seen and that which
 // is not; of the mean itself, taken over every 17th pixel, about 1 %.
-// Cost: one evaluation per lit lamp and 17th pixel. Memory: none.
+// Cost: one sum over every 17th pixel. Memory: none.
 #ifndef NPSIM_RENDER_UNSEEN_STREET_HPP
 #define NPSIM_RENDER_UNSEEN_STREET_HPP
 
@@ -22,10 +22,8 @@
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/light/activation.hpp"
-#include "npsim/light/emitter.hpp"
+#include "npsim/render/light_images.hpp"
 #include "npsim/render/surface_points.hpp"
-#include "npsim/render/visibility.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -55,39 +53,28 @@ struct UnseenStreetLight {
   [[nodiscard]] Vec3f luminance(const Vec2f& weights) const noexcept { return below * weights.x + above * weights.y; }
 };
 
-// receivers: the points that pixels show; up: unit; visibility: that of compute_visibility().
-[[nodiscard]] inline UnseenStreetLight unseen_street_light(const SurfacePoints& points,
-                                                           Span<const std::uint32_t> receivers, const Vec3f& up,
-                                                           Span<const Emitter> emitters,
-                                                           Span<const Activation> activations,
-                                                           Span<const std::uint8_t> visibility) noexcept {
+// Of kLightsAtOnce lights: `exitance` of direct light, kLightLanes a point. receivers: the points that pixels show; up:
+// unit.
+inline void unseen_street_light(const SurfacePoints& points, Span<const std::uint32_t> receivers, const Vec3f& up,
+                                Span<const float> exitance, UnseenStreetLight (&out)[kLightsAtOnce]) noexcept {
   constexpr std::size_t kEvery = 17;  // no divisor of an image's width, so that the pixels are no columns
   constexpr float kInversePi = 0.31830989F;
-  UnseenStreetLight mean;
   float below = 0.0F;
   float above = 0.0F;
+  for (UnseenStreetLight& light : out) light = {};
   for (std::size_t r = 0; r < receivers.size(); r += kEvery) {
     const std::uint32_t p = receivers[r];
-    Vec3f illuminance;
-    for (std::size_t e = 0; e < emitters.size(); ++e) {
-      const std::uint8_t seen = activations[e].lit ? visibility[e * points.size() + p] : std::uint8_t{0};
-      if (seen == 0 || is_own_headlamp(emitters[e])) continue;
-      Vec3f to_light;
-      const float per_cd = illuminance_per_cd(emitters[e], points.position[p], points.normal[p], to_light);
-      illuminance += activations[e].intensity_cd * (per_cd * static_cast<float>(seen) * (1.0F / 255.0F));
-    }
-    const Vec3f luminance = points.albedo[p] * illuminance * kInversePi;
-    if (dot(up, points.position[p]) < 0.0F) {
-      mean.below += luminance;
-      below += 1.0F;
-    } else {
-      mean.above += luminance;
-      above += 1.0F;
+    const bool low = dot(up, points.position[p]) < 0.0F;
+    (low ? below : above) += 1.0F;
+    const float* const from = exitance.data() + std::size_t{p} * kLightLanes;
+    for (std::size_t i = 0; i < kLightsAtOnce; ++i) {
+      (low ? out[i].below : out[i].above) += Vec3f{from[3 * i], from[3 * i + 1], from[3 * i + 2]};
     }
   }
-  if (below > 0.0F) mean.below = mean.below / below;
-  if (above > 0.0F) mean.above = mean.above / above;
-  return mean;
+  for (UnseenStreetLight& light : out) {
+    if (below > 0.0F) light.below = light.below * (kInversePi / below);
+    if (above > 0.0F) light.above = light.above * (kInversePi / above);
+  }
 }
 
 }  // namespace NPSIM_ABI

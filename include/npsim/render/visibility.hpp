@@ -7,17 +7,18 @@
 // An occluder that hides part of a patch but none of the four rays is missed. It does not depend on which lamps are
 // lit, nor on their strength or colour, so every night of one day shares it.
 // Effort follows what is at stake, the unshadowed illuminance E at the emitter's peak intensity over all variants, times
-// kShine where a surface mirrors or retroreflects:
-//   E < cutoff_lx         V = 0, as for points behind the emitter or turned away from it
-//   E < 50 cutoff_lx      every 16th point is traced; those between take the value of the last one, their neighbour
-//                         in a row of the image, unless depth or normal say that it is another surface
-//   E < 500 cutoff_lx     every 4th point, the same
-//   else                  every point
+// kShine where a surface mirrors or retroreflects, against c, the greater of cutoff_lx and cutoff_share times the light
+// that is certain: what the point gets from lamps that every night lights.
+//   E < c         V = 0, as for points behind the emitter or turned away from it
+//   E < 10 c      every 16th point is traced; those between take the value of the last one, their neighbour in a row of
+//                 the image, unless depth or normal say that it is another surface
+//   E < 50 c      every 4th point, the same
+//   else          every point
 // So a shadow edge of a weak source may lie up to 15 pixels off in a row. The error of the direct illuminance at a
-// point is at most  n_emitters * cutoff_lx + E / 510  away from shadow edges, plus there  500 cutoff_lx  per emitter at
-// worst, plus the penumbra's sampling noise. Faces that carry an emitter's own mark do not block it: a lamp is not
+// point is at most  n_emitters * c + E / 510  away from shadow edges, plus there  50 c  per emitter at worst, plus the
+// penumbra's sampling noise. Faces that carry an emitter's own mark do not block it: a lamp is not
 // hidden by its own glass. Cost: one shadow ray per pair and sample, traced in batches of neighbouring points and one
-// lamp. Memory: one byte per pair, emitter-major; 18 KiB of stack.
+// lamp. Memory: 18 KiB of stack.
 #ifndef NPSIM_RENDER_VISIBILITY_HPP
 #define NPSIM_RENDER_VISIBILITY_HPP
 
@@ -39,13 +40,15 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 struct VisibilityParams {
-  int samples_per_side = 4;   // k of the penumbra, 1..16
-  float small_angle = 0.02F;  // patch side / distance below which one ray is enough
-  float cutoff_lx = 5e-4F;    // full moon: 0.25 lx; city sky: 0.07 lx
+  int samples_per_side = 4;    // k of the penumbra, 1..16
+  float small_angle = 0.02F;   // patch side / distance below which one ray is enough
+  float cutoff_lx = 5e-3F;     // full moon: 0.25 lx; city sky: 0.07 lx
+  float cutoff_share = 2e-3F;  // of the illuminance that is certain
 };
 
 [[nodiscard]] inline Status validate(const VisibilityParams& p) noexcept {
-  const bool good = p.samples_per_side >= 1 && p.samples_per_side <= 16 && p.cutoff_lx >= 0.0F && p.small_angle >= 0.0F;
+  const bool good = p.samples_per_side >= 1 && p.samples_per_side <= 16 && p.cutoff_lx >= 0.0F &&
+                    p.cutoff_share >= 0.0F && p.small_angle >= 0.0F;
   return good ? Status()
               : Status(StatusCode::invalid_argument,
                        "visibility: samples_per_side in 1..16, cutoff and angle not negative");
@@ -117,8 +120,8 @@ struct ChunkPlan {
 };
 
 inline void plan_chunk(const VisibilityParams& params, const SurfacePoints& points, Span<const std::uint8_t> wanted,
-                       const Emitter& emitter, float peak_cd, std::size_t begin, std::size_t end,
-                       ChunkPlan& plan) noexcept {
+                       Span<const float> certain_lx, const Emitter& emitter, float peak_cd, std::size_t begin,
+                       std::size_t end, ChunkPlan& plan) noexcept {
   plan.count = 0;
   for (std::size_t p = begin; p < end; ++p) {
     std::uint16_t& like = plan.like[p - begin];
@@ -127,10 +130,10 @@ inline void plan_chunk(const VisibilityParams& params, const SurfacePoints& poin
     Vec3f to_light;
     const float unshadowed =
         shine(points, p) * peak_cd * illuminance_per_cd(emitter, points.position[p], points.normal[p], to_light);
-    if (!(unshadowed > params.cutoff_lx)) continue;
+    const float cutoff = std::fmax(params.cutoff_lx, params.cutoff_share * certain_lx[p]);
+    if (!(unshadowed > cutoff)) continue;
     if (plan.count > 0) {
-      const std::size_t stride =
-          unshadowed < 50.0F * params.cutoff_lx ? 16 : (unshadowed < 500.0F * params.cutoff_lx ? 4 : 1);
+      const std::size_t stride = unshadowed < 10.0F * cutoff ? 16 : (unshadowed < 50.0F * cutoff ? 4 : 1);
       const std::size_t traced = begin + plan.traced[plan.count - 1];
       const bool same_surface =
           std::fabs(points.position[p].z - points.position[traced].z) < 0.03F * points.position[p].z &&
@@ -178,84 +181,77 @@ inline void add_rays(const Emitter& emitter, const Vec3f& origin, const Vec3f& n
 
 }  // namespace visibility_detail
 
-// `seed`: of the draws, one stream per pair. `scene`: see trace/scene.hpp. `peak_cd[e]`: greatest luminous intensity
-// that emitter e has in any variant; 0 skips it. `face_mark[f]`: mark of the face's lamp, 0 for none. `wanted[p]`: 0
-// where nobody will ask; such points get 0; empty: all are wanted. `visibility` has emitters * points elements.
+// Of one emitter; `number`: which of the scene's it is, for the draws, one stream per pair. `scene`: see
+// trace/scene.hpp. `peak_cd`: the greatest luminous intensity that it has in any variant. `face_mark[f]`: mark of the
+// face's lamp, 0 for none. `wanted[p]`: 0 where nobody will ask; such points get 0; empty: all are wanted.
+// `certain_lx[p]`: illuminance that every night brings. `visibility`: one element per point.
 template <class Scene, class Executor, class Observer>
 Status compute_visibility(const VisibilityParams& params, std::uint64_t seed, const Scene& scene,
-                          const SurfacePoints& points, Span<const std::uint8_t> wanted, Span<const Emitter> emitters,
-                          Span<const float> peak_cd, Span<const std::uint16_t> face_mark, Span<std::uint8_t> visibility,
-                          Executor& executor, Observer& observer) {
+                          const SurfacePoints& points, Span<const std::uint8_t> wanted, Span<const float> certain_lx,
+                          const Emitter& emitter, std::uint32_t number, float peak_cd,
+                          Span<const std::uint16_t> face_mark, Span<std::uint8_t> visibility, Executor& executor,
+                          Observer& observer) {
   using namespace visibility_detail;
   NPSIM_RETURN_IF_ERROR(validate(points));
-  if (peak_cd.size() != emitters.size() || visibility.size() != emitters.size() * points.size() ||
+  if (visibility.size() != points.size() || certain_lx.size() != points.size() ||
       (!wanted.empty() && wanted.size() != points.size())) {
-    return Status(StatusCode::shape_mismatch, "visibility needs one peak per emitter and one byte per pair");
+    return Status(StatusCode::shape_mismatch, "visibility: one byte and one illuminance per point");
   }
   NPSIM_RETURN_IF_ERROR(validate(params));
+  const auto passes = [&](std::uint32_t face) noexcept {
+    return emitter.mark == 0 || face >= face_mark.size() || face_mark[face] != emitter.mark;
+  };
+  const float extent = 2.0F * std::fmax(length(emitter.half_u_m), length(emitter.half_v_m));
   executor.for_chunks(points.size(), kPointsPerChunk, [&](std::size_t begin, std::size_t end) {
+    if (observer.cancelled()) return;
     ChunkPlan plan;
     Batch batch;
     Waiting waiting[kRaysPerBatch];
-    for (std::size_t e = 0; e < emitters.size() && !observer.cancelled(); ++e) {
-      const Emitter& emitter = emitters[e];
-      std::uint8_t* row = visibility.data() + e * points.size() + begin;
-      plan.count = 0;
-      if (peak_cd[e] > 0.0F) {
-        plan_chunk(params, points, wanted, emitter, peak_cd[e], begin, end, plan);
-      } else {
-        for (std::size_t i = 0; i < end - begin; ++i) plan.like[i] = kDark;
-      }
-      const auto passes = [&](std::uint32_t face) noexcept {
-        return emitter.mark == 0 || face >= face_mark.size() || face_mark[face] != emitter.mark;
-      };
-      const float extent = 2.0F * std::fmax(length(emitter.half_u_m), length(emitter.half_v_m));
-      // First one ray or four of every point, then more of those that lie in a penumbra.
-      std::size_t remaining = plan.count;
-      for (const bool more : {false, true}) {
-        std::size_t penumbra = 0;
-        std::size_t waiting_count = 0;
-        const auto trace = [&] {
-          occluded(scene, Span<const Ray>(batch.rays, batch.count), passes,
-                   Span<std::uint8_t>(batch.blocked, batch.count), Span<const std::uint8_t>(batch.above, batch.count));
-          std::size_t ray = 0;
-          for (std::size_t w = 0; w < waiting_count; ++w) {
-            const int strata = waiting[w].side * waiting[w].side;
-            int seen = 0;
-            int above = 0;
-            for (int s = 0; s < strata; ++s, ++ray) {
-              above += batch.above[ray];
-              seen += batch.above[ray] != 0 && batch.blocked[ray] == 0 ? 1 : 0;
-            }
-            const int counted = above > 0 ? above : 1;
-            row[waiting[w].point] = static_cast<std::uint8_t>((255 * seen + counted / 2) / counted);
-            if (!more && seen != 0 && seen != above) plan.traced[penumbra++] = waiting[w].point;
+    std::uint8_t* row = visibility.data() + begin;
+    plan_chunk(params, points, wanted, certain_lx, emitter, peak_cd, begin, end, plan);
+    // First one ray or four of every point, then more of those that lie in a penumbra.
+    std::size_t remaining = plan.count;
+    for (const bool more : {false, true}) {
+      std::size_t penumbra = 0;
+      std::size_t waiting_count = 0;
+      const auto trace = [&] {
+        occluded(scene, Span<const Ray>(batch.rays, batch.count), passes,
+                 Span<std::uint8_t>(batch.blocked, batch.count), Span<const std::uint8_t>(batch.above, batch.count));
+        std::size_t ray = 0;
+        for (std::size_t w = 0; w < waiting_count; ++w) {
+          const int strata = waiting[w].side * waiting[w].side;
+          int seen = 0;
+          int above = 0;
+          for (int s = 0; s < strata; ++s, ++ray) {
+            above += batch.above[ray];
+            seen += batch.above[ray] != 0 && batch.blocked[ray] == 0 ? 1 : 0;
           }
-          batch.count = 0;
-          waiting_count = 0;
-        };
-        for (std::size_t t = 0; t < remaining; ++t) {
-          const std::uint16_t i = plan.traced[t];
-          const Vec3f origin = ray_start(points, begin + i);
-          const bool small = extent < params.small_angle * length(emitter.centre_m - origin);
-          const int k = more ? params.samples_per_side : (small ? 1 : 2);
-          if (batch.count + static_cast<std::size_t>(k * k) > kRaysPerBatch) trace();
-          RandomStream random(seed, RandomPurpose::direct, 0, static_cast<std::uint32_t>(e),
-                              static_cast<std::uint32_t>(begin + i), 0);
-          if (more) {
-            for (int drawn = 0; drawn < 8; ++drawn) static_cast<void>(random.uniform());  // by the first four rays
-          }
-          add_rays(emitter, origin, points.normal[begin + i], k, random, batch);
-          waiting[waiting_count++] = {i, static_cast<std::uint16_t>(k)};
+          const int counted = above > 0 ? above : 1;
+          row[waiting[w].point] = static_cast<std::uint8_t>((255 * seen + counted / 2) / counted);
+          if (!more && seen != 0 && seen != above) plan.traced[penumbra++] = waiting[w].point;
         }
-        trace();
-        remaining = penumbra;
+        batch.count = 0;
+        waiting_count = 0;
+      };
+      for (std::size_t t = 0; t < remaining; ++t) {
+        const std::uint16_t i = plan.traced[t];
+        const Vec3f origin = ray_start(points, begin + i);
+        const bool small = extent < params.small_angle * length(emitter.centre_m - origin);
+        const int k = more ? params.samples_per_side : (small ? 1 : 2);
+        if (batch.count + static_cast<std::size_t>(k * k) > kRaysPerBatch) trace();
+        RandomStream random(seed, RandomPurpose::direct, 0, number, static_cast<std::uint32_t>(begin + i), 0);
+        if (more) {
+          for (int drawn = 0; drawn < 8; ++drawn) static_cast<void>(random.uniform());  // by the first four rays
+        }
+        add_rays(emitter, origin, points.normal[begin + i], k, random, batch);
+        waiting[waiting_count++] = {i, static_cast<std::uint16_t>(k)};
       }
-      for (std::size_t i = 0; i < end - begin; ++i) {
-        row[i] = plan.like[i] == kDark ? std::uint8_t{0} : row[plan.like[i]];
-      }
+      trace();
+      remaining = penumbra;
     }
-    observer.progress(end, points.size());
+    for (std::size_t i = 0; i < end - begin; ++i) {
+      row[i] = plan.like[i] == kDark ? std::uint8_t{0} : row[plan.like[i]];
+    }
   });
   return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while tracing shadow rays") : Status();
 }

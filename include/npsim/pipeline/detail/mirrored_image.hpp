@@ -60,20 +60,10 @@ namespace relight_detail {
   return params;
 }
 
-// Replaces the diffuse light that came by way of other surfaces, irradiance times albedo over pi, by what the film lets
-// out of it, and adds what it mirrors.
-inline void show_film(float f0, const SurfacePoints& points, const Mirrors& mirrors, ImageView<const Vec3f> irradiance,
-                      ImageView<const Vec3f> mirrored, ImageView<Vec3f> out) noexcept {
-  constexpr float kInversePi = 0.31830989F;
-  const auto width = static_cast<std::uint32_t>(out.width());
-  for (std::size_t i = 0; i < mirrors.pixel.size(); ++i) {
-    const auto x = static_cast<int>(mirrors.pixel[i] % width);
-    const auto y = static_cast<int>(mirrors.pixel[i] / width);
-    const std::uint32_t p = mirrors.point[i];
-    const SpecularAlbedo reflected(points.alpha[p], film_f0(f0, points.film[p]));
-    const float kept = reflected(dot(points.normal[p], normalized(-points.position[p])));
-    out(x, y) += mirrored(x, y) - points.albedo[p] * irradiance(x, y) * (kInversePi * kept);
-  }
+// Of diffuse light that comes by way of other surfaces, what the film over a point lets out towards the camera.
+[[nodiscard]] inline float share_below_film(float f0, const SurfacePoints& points, std::uint32_t p) noexcept {
+  const SpecularAlbedo reflected(points.alpha[p], film_f0(f0, points.film[p]));
+  return 1.0F - reflected(dot(points.normal[p], normalized(-points.position[p])));
 }
 
 }  // namespace relight_detail

@@ -1,0 +1,343 @@
+// SPDX-License-Identifier: Apache-2.0
+// From rays to the images of all lights: direct light, `bounces` gathers, what wet ground mirrors, the denoiser.
+//
+// kLightsAtOnce groups are made together: they share the reading of hits, and the weights of the denoiser. For each:
+//   exitance of every point, lm/m2: albedo times the direct illuminance of the group's lamps at their strongest
+//   indirect irradiance of every pixel, lx: the mean exitance that its rays meet, the sky, the street that is not seen
+//   exitance of what pixels show += albedo times that; gather again, `bounces` times in all
+// and the image is albedo / pi times the denoised irradiance. Direct light of each lamp has an image of its own, without
+// noise to remove.
+// The last gather is made with even and with odd rays apart. Half of what they differ by, weighted as in the night that
+// is expected (every lamp at its mean intensity) and denoised like everything else, has the noise of the images: its
+// size is error (LightTransport). It knows neither the denoiser's bias nor that of guesses about the scene.
+// Memory: light_transport_workspace_bytes().
+#ifndef NPSIM_PIPELINE_DETAIL_LIGHT_TRANSPORT_HPP
+#define NPSIM_PIPELINE_DETAIL_LIGHT_TRANSPORT_HPP
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+
+#include "npsim/core/algorithm.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/observe.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/material/wet_film.hpp"
+#include "npsim/pipeline/detail/light_groups.hpp"
+#include "npsim/pipeline/detail/mirrored_image.hpp"
+#include "npsim/render/denoise.hpp"
+#include "npsim/render/direct.hpp"
+#include "npsim/render/gather.hpp"
+#include "npsim/render/light_images.hpp"
+#include "npsim/render/mirror.hpp"
+#include "npsim/render/surface_points.hpp"
+#include "npsim/render/unseen_street.hpp"
+#include "npsim/render/visibility.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+namespace relight_detail {
+
+inline constexpr std::size_t kPlanes = 3 * kLightsAtOnce;
+static_assert(kPlanes <= kMostDenoisedPlanes && kPlanes < kLightLanes);
+
+// What all groups have in common.
+struct LitScene {
+  SurfacePoints points;
+  ImageView<const std::uint32_t> visible_point;
+  Span<const std::uint32_t> point_pixel;  // y * width + x of each point
+  Span<const Emitter> emitters;
+  LightGroups groups;
+  Span<const std::uint32_t> receivers;       // the points that pixels show, in the order of the pixels
+  Span<const std::uint32_t> first_receiver;  // of each row, and their number
+  Span<const std::uint32_t> hits;
+  Span<const Vec3f> sky_irradiance;
+  Span<const Vec2f> unseen;
+  Span<const std::uint8_t> wanted;  // points that light is asked for
+  Mirrors mirrors;
+  Vec3f up;
+  float f0 = 0;
+};
+
+[[nodiscard]] constexpr std::size_t light_transport_workspace_bytes(Shape shape, std::size_t points,
+                                                                    bool wet) noexcept {
+  const std::size_t pixels = shape.pixels();
+  return LightImageBuilder::staging_bytes(shape) + allocation_bytes<float>(DenoiseGuides::floats(shape)) +
+         (wet ? 3 : 2) * allocation_bytes<float>(kPlanes * pixels) + (wet ? allocation_bytes<float>(pixels) : 0) +
+         allocation_bytes<float>(3 * pixels) + allocation_bytes<float>(kLightLanes * points) +
+         allocation_bytes<float>(points) + allocation_bytes<std::uint8_t>(points);
+}
+
+class LightTransport {
+ public:
+  LightTransport(const LitScene& scene, int rays, int bounces, const DenoiseParams& denoise) noexcept
+      : scene_(scene), shape_(scene.visible_point.shape()), rays_(rays), bounces_(bounces), denoise_(denoise) {}
+
+  // Before make(). What it takes stays until the images are made.
+  Status allocate(Workspace& workspace) noexcept {
+    const std::size_t pixels = shape_.pixels();
+    guides_.shape = shape_;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(DenoiseGuides::floats(shape_), guides_.planes));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(kPlanes * pixels, now_));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(kPlanes * pixels, before_));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(3 * pixels, noise_));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(kLightLanes * scene_.points.size(), exitance_));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(scene_.points.size(), visible_));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(scene_.points.size(), certain_lx_));
+    for (float& e : certain_lx_) e = 0.0F;
+    for (float& n : noise_) n = 0.0F;
+    for (int y = 0; y < shape_.height; ++y) {
+      for (int x = 0; x < shape_.width; ++x) {
+        const std::uint32_t p = scene_.visible_point(x, y);
+        guides_.set(x, y, p == kNoPoint ? Vec3f{} : scene_.points.position[p],
+                    p == kNoPoint ? Vec3f{} : scene_.points.normal[p]);
+      }
+    }
+    if (scene_.mirrors.pixel.empty()) return {};
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(kPlanes * pixels, mirrored_));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(pixels, body_));
+    for (float& share : body_) share = 1.0F;
+    for (std::size_t i = 0; i < scene_.mirrors.pixel.size(); ++i) {
+      body_[scene_.mirrors.pixel[i]] = share_below_film(scene_.f0, scene_.points, scene_.mirrors.point[i]);
+    }
+    return {};
+  }
+
+  // `expected`: the weight of each group in the night that is expected.
+  template <class Visibility, class Executor, class Observer>
+  Status make(Span<const Vec3f> expected, const Visibility& visibility, LightImageBuilder& images, Workspace& workspace,
+              Executor& executor, Observer& observer) {
+    for (std::size_t first = 0; first < scene_.groups.count && !observer.cancelled(); first += kLightsAtOnce) {
+      first_ = first;
+      in_batch_ = std::min(kLightsAtOnce, scene_.groups.count - first);
+      NPSIM_RETURN_IF_ERROR(direct(visibility, images, workspace, executor, observer));
+      indirect(expected, executor);
+      NPSIM_RETURN_IF_ERROR(denoise_planes(denoise_, guides_, 3 * in_batch_, now_, before_, executor));
+      if (!mirrored_.empty()) {
+        NPSIM_RETURN_IF_ERROR(
+            denoise_planes(mirror_filter(denoise_), guides_, 3 * in_batch_, mirrored_, before_, executor));
+      }
+      for (std::size_t i = 0; i < in_batch_; ++i) {
+        stage_indirect(i, images, executor);
+        NPSIM_RETURN_IF_ERROR(images.keep(first + i, i, workspace));
+      }
+    }
+    return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while tracing light") : Status();
+  }
+
+  // Root mean square over what pixels show, without the largest .1 %, of the noise of the expected night's luminance,
+  // relative to it where a camera sees more than its own noise. night: that night. After make(), once.
+  template <class Executor>
+  Status error(ImageView<const Vec3f> night, double& out, Executor& executor) {
+    constexpr float kFloor = 0.005F;  // cd/m2, that of luminance_errors()
+    NPSIM_RETURN_IF_ERROR(denoise_planes(denoise_, guides_, 3, noise_, now_, executor));
+    float* const squares = before_.data();
+    std::size_t n = 0;
+    for_pixels(0, shape_.height, [&](int x, int y, std::size_t pixel, std::uint32_t p, std::size_t) {
+      const float seen = luminance(night(x, y));
+      if (!(seen > kFloor)) return;
+      const float off = kInversePi * luminance(scene_.points.albedo[p] * channels(noise_, 0, pixel));
+      squares[n++] = off * off / (seen * seen + kFloor * kFloor);
+    });
+    const std::size_t kept = n - n / 1000;
+    if (kept < n) select_nth(squares, squares + kept, squares + n);
+    double sum = 0;
+    for (std::size_t i = 0; i < kept; ++i) sum += static_cast<double>(squares[i]);
+    out = kept > 0 ? std::sqrt(sum / static_cast<double>(kept)) : 0.0;
+    return {};
+  }
+
+ private:
+  static constexpr float kPi = 3.14159265F;
+  static constexpr float kInversePi = 0.31830989F;
+
+  // f(x, y, pixel, point, receiver) for what the pixels of some rows show.
+  template <class F>
+  void for_pixels(int begin, int end, const F& f) const {
+    for (int y = begin; y < end; ++y) {
+      std::size_t r = scene_.first_receiver[static_cast<std::size_t>(y)];
+      for (int x = 0; x < shape_.width; ++x) {
+        const std::uint32_t p = scene_.visible_point(x, y);
+        if (p == kNoPoint) continue;
+        f(x, y, static_cast<std::size_t>(y) * static_cast<std::size_t>(shape_.width) + static_cast<std::size_t>(x), p,
+          r++);
+      }
+    }
+  }
+  template <class Executor, class F>
+  void for_pixels(Executor& executor, const F& f) const {
+    executor.for_chunks(static_cast<std::size_t>(shape_.height), 4, [&](std::size_t begin, std::size_t end) {
+      for_pixels(static_cast<int>(begin), static_cast<int>(end), f);
+    });
+  }
+  [[nodiscard]] Vec3f channels(Span<const float> planes, std::size_t light, std::size_t pixel) const noexcept {
+    const float* const p = planes.data() + 3 * light * shape_.pixels() + pixel;
+    return {p[0], p[shape_.pixels()], p[2 * shape_.pixels()]};
+  }
+
+  // Direct light of the batch's lamps: their images, and the exitance of all points.
+  template <class Visibility, class Executor, class Observer>
+  Status direct(const Visibility& visibility, LightImageBuilder& images, Workspace& workspace, Executor& executor,
+                Observer& observer) {
+    for (float& m : exitance_) m = 0.0F;
+    const SurfacePoints& points = scene_.points;
+    const auto width = static_cast<std::uint32_t>(shape_.width);
+    for (std::size_t e = 0; e < scene_.emitters.size(); ++e) {
+      const std::size_t group = scene_.groups.group[e];
+      const float peak = scene_.groups.peak_cd[e];
+      if (group == kNoGroup || group < first_ || group >= first_ + in_batch_ || !(peak > 0.0F)) continue;
+      NPSIM_RETURN_IF_ERROR(visibility(e, certain_lx_, visible_));
+      const Emitter& emitter = scene_.emitters[e];
+      const float certain = certain_intensity_cd(emitter) / peak;
+      const std::size_t lane = 3 * (group - first_);
+      const auto light = [&](std::uint32_t p) {
+        const DirectLight at =
+            direct_light(points, p, emitter, peak * static_cast<float>(visible_[p]) * (1.0F / 255.0F), scene_.f0);
+        const Vec3f handed_on = points.albedo[p] * at.illuminance;
+        float* const to = exitance_.data() + std::size_t{p} * kLightLanes + lane;
+        to[0] += handed_on.x;
+        to[1] += handed_on.y;
+        to[2] += handed_on.z;
+        certain_lx_[p] += certain * at.illuminance;
+        return at.luminance;
+      };
+      for_light_tiles(shape_, executor, [&](std::size_t tile, int left, int top, int right, int bottom) {
+        images.stage(0, tile, left, top, right, bottom, [&](int x, int y) {
+          const std::uint32_t p = scene_.visible_point(x, y);
+          return p == kNoPoint || visible_[p] == 0 ? Vec3f{} : light(p);
+        });
+      });
+      NPSIM_RETURN_IF_ERROR(images.keep(scene_.groups.image_of_emitter(e), 0, workspace));
+      // Points that no pixel shows.
+      executor.for_chunks(points.size(), 4096, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t p = begin; p < end; ++p) {
+          const std::uint32_t pixel = scene_.point_pixel[p];
+          const bool shown =
+              scene_.visible_point(static_cast<int>(pixel % width), static_cast<int>(pixel / width)) == p;
+          if (visible_[p] != 0 && !shown) static_cast<void>(light(static_cast<std::uint32_t>(p)));
+        }
+      });
+      observer.progress(e + 1, scene_.emitters.size());
+    }
+    return {};
+  }
+
+  // Leaves the irradiance in now_, and what wet ground mirrors in mirrored_.
+  template <class Executor>
+  void indirect(Span<const Vec3f> expected, Executor& executor) {
+    UnseenStreetLight street[kLightsAtOnce];
+    unseen_street_light(scene_.points, scene_.receivers, scene_.up, exitance_, street);
+    for (std::size_t e = 0; e < scene_.emitters.size(); ++e) {
+      // The own headlamps light the picture and nothing else.
+      const std::size_t group = scene_.groups.group[e];
+      if (is_own_headlamp(scene_.emitters[e]) && group >= first_ && group < first_ + in_batch_) {
+        street[group - first_] = UnseenStreetLight{};
+      }
+    }
+    for (int bounce = 1;; ++bounce) {
+      const bool last = bounce == bounces_;
+      executor.for_chunks(static_cast<std::size_t>(shape_.height), 4, [&](std::size_t begin, std::size_t end) {
+        gather_rows(static_cast<int>(begin), static_cast<int>(end), street, last, expected);
+      });
+      if (last) break;
+      for_pixels(executor, [&](int, int, std::size_t pixel, std::uint32_t p, std::size_t) {
+        for (std::size_t i = 0; i < in_batch_; ++i) {
+          const Vec3f more =
+              bounce == 1 ? channels(now_, i, pixel) : channels(now_, i, pixel) - channels(before_, i, pixel);
+          const Vec3f handed_on = scene_.points.albedo[p] * more;
+          float* const to = exitance_.data() + std::size_t{p} * kLightLanes + 3 * i;
+          to[0] += handed_on.x;
+          to[1] += handed_on.y;
+          to[2] += handed_on.z;
+        }
+      });
+      std::swap(now_, before_);
+    }
+    if (mirrored_.empty()) return;
+    for (float& m : mirrored_) m = 0.0F;
+    executor.for_chunks(scene_.mirrors.pixel.size(), 1024, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t r = begin; r < end; ++r) {
+        float lanes[kLightLanes];
+        mirrored_luminance(scene_.mirrors, r, exitance_, lanes);
+        if (first_ == 0) add(scene_.mirrors.sky[r], lanes);
+        for (std::size_t c = 0; c < 3 * in_batch_; ++c) {
+          mirrored_[c * shape_.pixels() + scene_.mirrors.pixel[r]] = lanes[c];
+        }
+      }
+    });
+  }
+
+  static void add(const Vec3f& rgb, float* lanes) noexcept {
+    lanes[0] += rgb.x;
+    lanes[1] += rgb.y;
+    lanes[2] += rgb.z;
+  }
+
+  void gather_rows(int begin, int end, const UnseenStreetLight (&street)[kLightsAtOnce], bool last,
+                   Span<const Vec3f> expected) noexcept {
+    const std::size_t plane = shape_.pixels();
+    const float share = 1.0F / static_cast<float>(rays_);
+    // The filter reads what lies between the points that it weighs, and must find numbers there.
+    const std::size_t row = static_cast<std::size_t>(shape_.width);
+    for (std::size_t c = 0; c < kPlanes; ++c) {
+      std::fill(now_.data() + c * plane + static_cast<std::size_t>(begin) * row,
+                now_.data() + c * plane + static_cast<std::size_t>(end) * row, 0.0F);
+    }
+    for_pixels(begin, end, [&](int, int, std::size_t pixel, std::uint32_t, std::size_t r) {
+      float even[kLightLanes], odd[kLightLanes], sum[kLightLanes];
+      gather_exitance(exitance_, scene_.hits.data() + r * static_cast<std::size_t>(rays_), rays_, even, odd);
+      for (std::size_t c = 0; c < kLightLanes; ++c) sum[c] = (even[c] + odd[c]) * share;
+      for (std::size_t i = 0; i < in_batch_; ++i) add(street[i].luminance(scene_.unseen[r]) * kPi, sum + 3 * i);
+      if (first_ == 0) add(scene_.sky_irradiance[r], sum);
+      for (std::size_t c = 0; c < 3 * in_batch_; ++c) now_[c * plane + pixel] = sum[c];
+      if (!last) return;
+      for (std::size_t i = 0; i < in_batch_; ++i) {
+        const Vec3f weight = expected[first_ + i] * share;
+        noise_[pixel] += weight.x * (even[3 * i] - odd[3 * i]);
+        noise_[plane + pixel] += weight.y * (even[3 * i + 1] - odd[3 * i + 1]);
+        noise_[2 * plane + pixel] += weight.z * (even[3 * i + 2] - odd[3 * i + 2]);
+      }
+    });
+  }
+
+  template <class Executor>
+  void stage_indirect(std::size_t light, LightImageBuilder& images, Executor& executor) const {
+    for_light_tiles(shape_, executor, [&](std::size_t tile, int left, int top, int right, int bottom) {
+      images.stage(light, tile, left, top, right, bottom, [&](int x, int y) {
+        const std::uint32_t p = scene_.visible_point(x, y);
+        if (p == kNoPoint) return Vec3f{};
+        const std::size_t pixel =
+            static_cast<std::size_t>(y) * static_cast<std::size_t>(shape_.width) + static_cast<std::size_t>(x);
+        const Vec3f seen = scene_.points.albedo[p] * channels(now_, light, pixel) * kInversePi;
+        return mirrored_.empty() ? seen : seen * body_[pixel] + channels(mirrored_, light, pixel);
+      });
+    });
+  }
+
+  const LitScene& scene_;
+  Shape shape_;
+  int rays_;
+  int bounces_;
+  DenoiseParams denoise_;
+  std::size_t first_ = 0;     // group of the batch
+  std::size_t in_batch_ = 0;  // of its groups
+  DenoiseGuides guides_;
+  Span<float> now_, before_, mirrored_;  // kPlanes each: three channels of every light
+  Span<float> noise_;                    // three
+  Span<float> exitance_;                 // kLightLanes a point
+  Span<float> body_;                     // share of diffuse light that a film lets out, per pixel
+  Span<float> certain_lx_;               // per point, that every night brings
+  Span<std::uint8_t> visible_;           // of the lamp at work, per point, in 255ths
+};
+
+}  // namespace relight_detail
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_PIPELINE_DETAIL_LIGHT_TRANSPORT_HPP

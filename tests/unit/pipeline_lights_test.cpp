@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+// Nights as sums of lights: groups, weights, the error that is asked for.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "night_of_street.hpp"
+#include "npsim/core/executor.hpp"
+#include "npsim/exec/thread_pool.hpp"
+#include "npsim/pipeline/night.hpp"
+#include "street/scene_view.hpp"
+#include "street/street.hpp"
+#include "unit/fixture.hpp"
+
+namespace {
+
+using namespace npsim;
+
+Emitter lamp(LightClass cls, std::uint16_t mark, std::uint16_t group, EmissionProfile profile) {
+  Emitter e;
+  e.cls = cls;
+  e.mark = mark;
+  e.group = group;
+  e.profile = profile;
+  e.area_m2 = 1.0F;
+  return e;
+}
+
+const street::Street& small_street() {
+  static const street::Street shared = [] {
+    street::StreetParams params;
+    params.seed = 1;
+    params.shape = {160, 90};
+    ThreadPool pool(2);
+    street::Street made;
+    REQUIRE(street::make_street(params, pool, made).ok());
+    return made;
+  }();
+  return shared;
+}
+
+// Lights each emitter alone, and all at once.
+struct Sink {
+  double error = 0;
+  int rays = 0;
+  double worst = 0;  // relative, of the sum of single lamps against all of them
+  io::Image<Vec3f> night_image;
+
+  Status reconstructed(const RefinedDepth&, const SceneMesh&, const Relighting& light) {
+    error = light.error;
+    rays = light.rays;
+    SerialExecutor serial;
+    const Shape shape = light.visible_point.shape();
+    std::vector<Vec3f> weights(light.images.count), one(light.images.count);
+    io::Image<Vec3f> all(shape), single(shape), sum(shape);
+    const Span<const Activation> lit = light.of_variant(0);
+    relight_detail::light_weights(light.groups, [lit](std::size_t e) { return lit[e].intensity_cd; },
+                                  {weights.data(), weights.size()});
+    REQUIRE(sum_light_images(light.images, {weights.data(), weights.size()}, all.view(), serial).ok());
+    for (std::size_t i = 0; i < weights.size(); ++i) {
+      if (weights[i] == Vec3f{}) continue;
+      one.assign(one.size(), Vec3f{});
+      one[i] = weights[i];
+      REQUIRE(sum_light_images(light.images, {one.data(), one.size()}, single.view(), serial).ok());
+      for (std::size_t p = 0; p < shape.pixels(); ++p) sum.view().data()[p] += single.view().data()[p];
+    }
+    for (std::size_t p = 0; p < shape.pixels(); ++p) {
+      const double whole = static_cast<double>(luminance(all.view().data()[p]));
+      const double parts = static_cast<double>(luminance(sum.view().data()[p]));
+      if (whole > 0) worst = std::max(worst, std::fabs(parts / whole - 1));
+    }
+    return {};
+  }
+  Status night(const Night& night) {
+    night_image = io::Image<Vec3f>(night.luminance.shape());
+    copy_pixels(night.luminance, night_image.view());
+    return {};
+  }
+};
+
+}  // namespace
+
+TEST_CASE("light groups: windows of a floor share one, as do own headlamps; what no variant lights has none") {
+  std::vector<Emitter> emitters{lamp(LightClass::window_building, 1, 9, EmissionProfile::lambert),
+                                lamp(LightClass::street_light_ht, 2, 0, EmissionProfile::street_luminaire),
+                                lamp(LightClass::window_building, 3, 9, EmissionProfile::lambert),
+                                lamp(LightClass::window_building, 4, 8, EmissionProfile::lambert),
+                                lamp(LightClass::moving_front, 0, 0, EmissionProfile::low_beam),
+                                lamp(LightClass::moving_front, 0, 0, EmissionProfile::low_beam),
+                                lamp(LightClass::clock, 5, 9, EmissionProfile::lambert)};
+  std::vector<Activation> drawn(2 * emitters.size());
+  drawn[0].lit = true;                    // variant 0: the first window
+  drawn[emitters.size() + 1].lit = true;  // variant 1: the street lamp
+  for (const std::size_t own : {4, 5, 11, 12}) drawn[own].lit = true;
+  npsim_test::Scratch scratch(light_groups_bytes(emitters.size()) + kWorkspaceAlignment);
+  LightGroups groups;
+  REQUIRE(relight_detail::group_lights({}, {emitters.data(), emitters.size()}, 2, {drawn.data(), drawn.size()},
+                                       scratch.workspace(), groups)
+              .ok());
+  CHECK(groups.count == 4);                   // with the sky
+  CHECK(groups.group[0] == groups.group[2]);  // whole, though the second is never lit
+  CHECK(groups.group[3] == kNoGroup);
+  CHECK(groups.group[6] == kNoGroup);
+  CHECK(groups.group[4] == groups.group[5]);
+  CHECK(groups.group[1] < groups.group[0]);  // light that is certain comes first
+
+  std::vector<Vec3f> weights(groups.image_count());
+  relight_detail::light_weights(groups,
+                                [&](std::size_t e) {
+                                  return e == 0 ? Vec3f{1, 2, 3} * groups.peak_cd[0] : Vec3f{};
+                                },
+                                {weights.data(), weights.size()});
+  CHECK(weights[0] == Vec3f{1, 1, 1});
+  CHECK(weights[groups.image_of_emitter(0)] == Vec3f{1, 2, 3});
+  CHECK(weights[groups.image_of_emitter(2)] == Vec3f{});
+  CHECK(weights[groups.group[0]].y == doctest::Approx(1));  // one of two equal windows
+}
+
+TEST_CASE("lights: the sum of the lamps' nights is the night of all of them within 1e-5") {
+  const Sink sink = npsim::testing::night_of<Sink>(small_street(), default_night_params());
+  CHECK(sink.worst < 1e-5);
+  CHECK(sink.rays == GatherParams{}.rays);
+}
+
+TEST_CASE("lights: the error that is said is that of the noise within a factor of two, and one asked for is reached") {
+  NightParams params = default_night_params();
+  params.relight.denoise.iterations = 0;  // nothing but noise
+  params.relight.gather.rays = 1024;
+  params.relight.max_rays = 1024;
+  const Sink converged = npsim::testing::night_of<Sink>(small_street(), params);
+  params.relight.gather.rays = 4;
+  const Sink noisy = npsim::testing::night_of<Sink>(small_street(), params);
+  std::vector<double> squares;
+  for (std::size_t p = 0; p < converged.night_image.shape().pixels(); ++p) {
+    const double truth = static_cast<double>(luminance(converged.night_image.view().data()[p]));
+    const double off = static_cast<double>(luminance(noisy.night_image.view().data()[p])) - truth;
+    if (truth > 0.005) squares.push_back(off * off / (truth * truth + 0.005 * 0.005));
+  }
+  std::sort(squares.begin(), squares.end());
+  squares.resize(squares.size() - squares.size() / 1000);
+  double sum = 0;
+  for (const double s : squares) sum += s;
+  const double measured = std::sqrt(sum / static_cast<double>(squares.size()));
+  CHECK(noisy.error > 0.5 * measured);
+  CHECK(noisy.error < 2.0 * measured);
+  CHECK(converged.error < 0.2 * noisy.error);
+
+  params.relight.max_error = static_cast<float>(0.4 * noisy.error);
+  const Sink asked = npsim::testing::night_of<Sink>(small_street(), params);
+  CHECK(asked.rays > 16);
+  CHECK(asked.error <= 1.1 * static_cast<double>(params.relight.max_error));
+}
