@@ -93,7 +93,7 @@ TEST_CASE("light groups: windows of a floor share one, as do own headlamps; what
   std::vector<Activation> drawn(2 * emitters.size());
   drawn[0].lit = true;                    // variant 0: the first window
   drawn[emitters.size() + 1].lit = true;  // variant 1: the street lamp
-  for (const std::size_t own : {4, 5, 11, 12}) drawn[own].lit = true;
+  for (const std::size_t own : {4U, 5U, 11U, 12U}) drawn[own].lit = true;
   npsim_test::Scratch scratch(light_groups_bytes(emitters.size()) + kWorkspaceAlignment);
   LightGroups groups;
   REQUIRE(relight_detail::group_lights({}, {emitters.data(), emitters.size()}, 2, {drawn.data(), drawn.size()},

@@ -300,7 +300,7 @@ TEST_CASE("gather: inside a closed white-lit box every ray lands and the furnace
   // Albedo 1/2 under 10, 20 and 30 lx, in the lanes of the second light.
   std::vector<float> exitance(world.vertices.size() * kLightLanes, 0.0F);
   for (std::size_t p = 0; p < world.vertices.size(); ++p) {
-    for (std::size_t c = 0; c < 3; ++c) exitance[p * kLightLanes + 3 + c] = 5.0F * static_cast<float>(c + 1);
+    for (std::size_t i = 0; i < 3; ++i) exitance[p * kLightLanes + 3 + i] = 5.0F * static_cast<float>(i + 1);
   }
   float even[kLightLanes], odd[kLightLanes];
   gather_exitance({exitance.data(), exitance.size()}, hits.data(), 64, even, odd);
@@ -376,7 +376,7 @@ TEST_CASE("unseen street: as bright as the picture's surfaces, above and below t
   CHECK(light[1].below.y == doctest::Approx(0.5F / pi));
   CHECK(light[1].above.y == doctest::Approx(0.25F / pi));
   CHECK(light[1].below.x == 0.0F);
-  CHECK(light[4].above == Vec3f{});
+  CHECK(light[3].above == Vec3f{});
 }
 
 TEST_CASE("unseen street: weights fall with height, end at the roofs, and never exceed the share") {

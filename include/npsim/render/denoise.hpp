@@ -41,7 +41,7 @@ struct DenoiseParams {
               : Status(StatusCode::invalid_argument, "denoise: iterations and power in 0..8, plane_sigma positive");
 }
 
-inline constexpr std::size_t kMostDenoisedPlanes = 15;
+inline constexpr std::size_t kMostDenoisedPlanes = 12;
 
 // What the weights go by, per pixel, in planes: the point that it shows (z <= 0: none) and its unit normal.
 struct DenoiseGuides {
@@ -139,7 +139,7 @@ Status denoise_planes(const DenoiseParams& params, const DenoiseGuides& guides, 
   const Shape shape = guides.shape;
   if (guides.planes.size() != DenoiseGuides::floats(shape) || count > kMostDenoisedPlanes ||
       planes.size() < count * shape.pixels() || other.size() < count * shape.pixels()) {
-    return Status(StatusCode::shape_mismatch, "denoise: guides and planes must have one size, at most 15 planes");
+    return Status(StatusCode::shape_mismatch, "denoise: guides and planes must have one size, at most 12 planes");
   }
   NPSIM_RETURN_IF_ERROR(validate(params));
   for (int i = 0; i < params.iterations; ++i) {

@@ -45,7 +45,7 @@ inline namespace NPSIM_ABI {
 namespace relight_detail {
 
 inline constexpr std::size_t kPlanes = 3 * kLightsAtOnce;
-static_assert(kPlanes <= kMostDenoisedPlanes && kPlanes < kLightLanes);
+static_assert(kPlanes <= kMostDenoisedPlanes && kPlanes == kLightLanes);
 
 // What all groups have in common.
 struct LitScene {
