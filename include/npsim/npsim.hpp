@@ -87,6 +87,7 @@
 #include "npsim/light/emitter.hpp"
 #include "npsim/light/headlamps.hpp"
 #include "npsim/light/light_set.hpp"
+#include "npsim/light/luminaire_table.hpp"
 #include "npsim/light/photometry.hpp"
 #include "npsim/light/placement.hpp"
 #include "npsim/light/sky.hpp"

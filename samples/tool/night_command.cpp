@@ -301,15 +301,16 @@ int run_night(const NightOptions& options) {
     params.mesh.simplify_faces = options.mesh_error > 0.0F;
     params.mesh.simplify.max_relative_depth_error = options.mesh_error;
   }
-  std::vector<LightSetEntry> light_set;
+  InputFiles inputs(scene);
+  io::LightSet light_set;
   if (!options.light_set.empty()) {
-    io::Expected<std::vector<LightSetEntry>> read = io::read_light_set(options.light_set);
+    io::Expected<io::LightSet> read = io::read_light_set(options.light_set);
     if (!read) return fail(read.error());
     light_set = std::move(read.value());
-    params.relight.activation.light_set = Span<const LightSetEntry>(light_set.data(), light_set.size());
+    params.relight.activation.light_set = light_set.view();
+    inputs.add(options.light_set, "--lights");
+    for (const std::string& file : light_set.luminaire_files) inputs.add(file, "a luminaire of --lights");
   }
-  InputFiles inputs(scene);
-  if (!options.light_set.empty()) inputs.add(options.light_set, "--lights");
   if (const io::Outcome apart = inputs.expect_none_of(night_outputs(options)); !apart) return fail(apart.error());
   if (const io::Outcome made = make_folder(options.output); !made) return fail(made.error());
 

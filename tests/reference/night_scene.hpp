@@ -36,6 +36,7 @@ namespace npsim::reference {
   double value = 0;
   switch (profile) {
     case EmissionProfile::lambert: value = c; break;
+    case EmissionProfile::measured: break;  // true lamps are never measured ones
     case EmissionProfile::signal: value = c > 0 ? c * c * c * c : 0.0; break;
     case EmissionProfile::street_luminaire:
     case EmissionProfile::hung_luminaire: {

@@ -67,6 +67,7 @@ struct ActivationParams {
       return Status(StatusCode::invalid_argument,
                     "light set: strength not negative, (x, y) inside the colour triangle");
     }
+    if (e.luminaire != nullptr) NPSIM_RETURN_IF_ERROR(validate(*e.luminaire));
   }
   return {};
 }
@@ -85,9 +86,6 @@ enum class ActivationKey : std::uint32_t { group, alone, source, technology, veh
 [[nodiscard]] constexpr bool is_vehicle_lamp(LightClass c) noexcept {
   return c == LightClass::parked_front || c == LightClass::parked_rear || c == LightClass::moving_front ||
          c == LightClass::moving_rear;
-}
-[[nodiscard]] constexpr bool is_street_light(LightClass c) noexcept {
-  return c == LightClass::street_light_ht || c == LightClass::street_light_lt;
 }
 [[nodiscard]] constexpr bool is_traffic_light(const Emitter& e) noexcept {
   return e.cls == LightClass::inferred_object && e.profile == EmissionProfile::signal;
@@ -202,7 +200,7 @@ struct SignalChoice {
   a.xy = xy;
   if (lit) {
     const Vec3f rgb = light_rgb(xy);
-    const float peak = peak_intensity_cd(e.profile, strength, e.area_m2);
+    const float peak = peak_intensity_cd(e, strength);
     a.intensity_cd = rgb * peak;
     a.luminance_cd_m2 = rgb * seen_luminance_cd_m2(e, peak);
   }
@@ -213,7 +211,7 @@ struct SignalChoice {
 [[nodiscard]] inline float strongest_intensity_cd(const ActivationParams& p, const Emitter& e) noexcept {
   const LightClassModel model = light_class_model(e.cls, e.profile);
   if (model.xy_count == 0) return 0.0F;
-  const bool street = light_detail::is_street_light(e.cls);
+  const bool street = is_street_lamp(e.cls);
   float strength = model.strength_high;
   if (e.cls == LightClass::moving_rear && strength < kStopLampCd[1]) strength = kStopLampCd[1];
   if (street) strength *= light_detail::height_factor(e.mounting_height_m);
@@ -221,7 +219,7 @@ struct SignalChoice {
     if (entry.cls == e.cls && entry.strength > strength) strength = entry.strength;
   }
   if (street) strength *= 1.0F + p.street_strength_jitter;
-  return peak_intensity_cd(e.profile, strength, e.area_m2);
+  return peak_intensity_cd(e, strength);
 }
 
 // One night. `day_rgb` is empty or holds, per emitter, the linear mean colour of its brightest pixels by day.
@@ -243,7 +241,7 @@ struct SignalChoice {
     }
     const bool ego = is_own_headlamp(e);
     const bool vehicle = light_detail::is_vehicle_lamp(e.cls);
-    const bool street = light_detail::is_street_light(e.cls);
+    const bool street = is_street_lamp(e.cls);
     const ActivationKey key = ego            ? ActivationKey::ego
                               : street       ? ActivationKey::technology
                               : e.group != 0 ? ActivationKey::group

@@ -12,6 +12,7 @@
 //                     glow of the glass: a lantern can be seen from everywhere, and 2.3 % of its light goes up.
 //   low_beam, low_beam_left   headlamp of UN R112 class B for right-hand and left-hand traffic, see detail/low_beam.hpp
 //   high_beam         the same headlamp with both beams on
+//   measured          the table of a luminaire file, about `axis` with C = 0 along `up` (light/luminaire_table.hpp)
 // The closed forms are ours, chosen so that the flux integrals in photometry.hpp are exact where they can be; they use
 // only + * / sqrt, so that every machine gets the same bits.
 // Cost: a few dot products.
@@ -26,6 +27,7 @@
 #include "npsim/labels/light_classes.hpp"
 #include "npsim/light/detail/low_beam.hpp"
 #include "npsim/light/detail/road_luminaire.hpp"
+#include "npsim/light/luminaire_table.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -38,7 +40,8 @@ enum class EmissionProfile : std::uint8_t {
   hung_luminaire,
   lantern,
   low_beam_left,
-  high_beam
+  high_beam,
+  measured
 };
 
 [[nodiscard]] constexpr bool is_headlamp_profile(EmissionProfile p) noexcept {
@@ -48,7 +51,11 @@ enum class EmissionProfile : std::uint8_t {
 // Those whose strength is a luminous flux, and which hang level, shining down.
 [[nodiscard]] constexpr bool is_street_profile(EmissionProfile p) noexcept {
   return p == EmissionProfile::street_luminaire || p == EmissionProfile::hung_luminaire ||
-         p == EmissionProfile::lantern;
+         p == EmissionProfile::lantern || p == EmissionProfile::measured;
+}
+
+[[nodiscard]] constexpr bool is_street_lamp(LightClass c) noexcept {
+  return c == LightClass::street_light_ht || c == LightClass::street_light_lt;
 }
 
 struct Emitter {
@@ -69,7 +76,8 @@ struct Emitter {
   std::uint16_t unseen = 0;  // 1, 2, ... of the street lamps that the photograph does not show, else 0
   std::uint16_t group = 0;   // position + 1 of its group's LightMark; 0 = stands alone
   LightClass group_cls = LightClass::none;
-  float mounting_height_m = 0;  // of a street lamp above the ground; 0 = unknown
+  float mounting_height_m = 0;                // of a street lamp above the ground; 0 = unknown
+  const LuminaireTable* luminaire = nullptr;  // of profile measured; the caller's
 };
 
 // Of the vehicle that carries the camera.
@@ -111,6 +119,10 @@ inline constexpr float kLanternGlow = 0.01F;  // share of the peak that leaves i
       }
       break;
     }
+    case EmissionProfile::measured:
+      if (e.luminaire == nullptr) break;
+      value = luminaire_relative(*e.luminaire, c, dot(e.up, direction), dot(cross(e.up, e.axis), direction));
+      break;
   }
   return value > 0.0F ? (value < 1.0F ? value : 1.0F) : 0.0F;
 }

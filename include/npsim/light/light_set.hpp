@@ -15,9 +15,11 @@
 
 #include "npsim/color/chromaticity.hpp"
 #include "npsim/core/config.hpp"
+#include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/labels/light_classes.hpp"
 #include "npsim/light/emitter.hpp"
+#include "npsim/light/luminaire_table.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -28,7 +30,21 @@ struct LightSetEntry {
   LightClass cls = LightClass::none;
   float strength = 0;  // in the unit of the class's profile
   Vec2f xy;
+  const LuminaireTable* luminaire = nullptr;  // of a class of street lamps: how all of them shine; else as placed
 };
+
+// Street lamps of classes that the set has a luminaire for shine as that one: the first of their class, since a lamp's
+// optics stay when its strength and colour are drawn anew.
+inline void assign_luminaires(Span<const LightSetEntry> set, Span<Emitter> emitters) noexcept {
+  for (Emitter& e : emitters) {
+    for (const LightSetEntry& entry : set) {
+      if (entry.cls != e.cls || entry.luminaire == nullptr || !is_street_profile(e.profile)) continue;
+      e.profile = EmissionProfile::measured;
+      e.luminaire = entry.luminaire;
+      break;
+    }
+  }
+}
 
 inline constexpr int kMaxChromaticities = 8;
 

@@ -104,10 +104,6 @@ inline constexpr std::size_t kMaxLightMarks = 65535;  // an index plane can name
 
 namespace light_detail {
 
-[[nodiscard]] constexpr bool is_street_lamp(LightClass c) noexcept {
-  return c == LightClass::street_light_ht || c == LightClass::street_light_lt;
-}
-
 [[nodiscard]] inline EmissionProfile profile_of(const LightMark& mark, LightClass group) noexcept {
   switch (mark.cls) {
     case LightClass::street_light_ht:

@@ -214,6 +214,7 @@ inline constexpr float kInversePi = 0.31830989F;
     }
     NPSIM_RETURN_IF_ERROR(continue_rows(params.rows, known, emitters.sub(0, most), count));
   }
+  assign_luminaires(params.activation.light_set, emitters.sub(0, count));
   for (std::uint32_t& e : emitter_of_mark) e = kNoPoint;
   for (std::size_t e = 0; e < count; ++e) {
     if (emitters[e].mark != 0) emitter_of_mark[emitters[e].mark - 1U] = static_cast<std::uint32_t>(e);
