@@ -9,6 +9,7 @@
 #include "npsim/core/annotation.hpp"
 #include "npsim/core/bits.hpp"
 #include "npsim/core/camera.hpp"
+#include "npsim/core/circle.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"

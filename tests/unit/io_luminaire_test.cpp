@@ -214,17 +214,6 @@ TEST_CASE("luminaire: C = 90 shines over the road of a street lamp, and strength
   }
 }
 
-TEST_CASE("luminaire: the angle of a vector is right to 2e-7 all round") {
-  for (int i = -3600; i <= 3600; ++i) {
-    const double a = i * kPi / 3600;
-    const float y = static_cast<float>(3 * std::sin(a));
-    const float x = static_cast<float>(3 * std::cos(a));
-    const double got = static_cast<double>(luminaire_detail::angle_of(y, x));
-    CHECK(std::fabs(std::remainder(got - std::atan2(static_cast<double>(y), static_cast<double>(x)), 2 * kPi)) < 4e-7);
-  }
-  CHECK(luminaire_detail::angle_of(0, 0) == 0.0F);
-}
-
 TEST_CASE("luminaire: an IES file's faults are named by line and field") {
   const std::vector<double> gammas = {0, 45, 90};
   const std::string good = ies_text(gammas, {0}, lambertian);

@@ -6,7 +6,7 @@
 // Between the measured angles intensity is bilinear in both; outside the measured gammas it is zero. The flux is the
 // integral of just that, exact but for rounding: linear in gamma times sine has a closed form. A Lambertian lamp that
 // is measured every 5 degrees has 0.06 % less flux than a cosine, the chords' error.
-// Angles come from a polynomial (Abramowitz and Stegun 4.4.49, 2e-8), so the bits do not depend on the C library.
+// The bits do not depend on the C library.
 // Cost: two angles and two bisections of at most ten steps. Memory: the caller's; io/luminaire.hpp reads and owns it.
 #ifndef NPSIM_LIGHT_LUMINAIRE_TABLE_HPP
 #define NPSIM_LIGHT_LUMINAIRE_TABLE_HPP
@@ -14,6 +14,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "npsim/core/circle.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
@@ -32,29 +33,6 @@ struct LuminaireTable {
 inline constexpr std::size_t kMaxLuminaireAngles = 724;  // of either kind: planes every half degree, turned and closed
 
 namespace luminaire_detail {
-
-// Of the vector (x, y) from the x axis, -pi to pi; 0 for the zero vector.
-[[nodiscard]] inline float angle_of(float y, float x) noexcept {
-  constexpr float kHalfPi = 1.57079633F;
-  const float ax = std::fabs(x);
-  const float ay = std::fabs(y);
-  const bool steep = ay > ax;
-  const float wide = steep ? ay : ax;
-  if (!(wide > 0.0F)) return 0.0F;
-  const float t = (steep ? ax : ay) / wide;
-  const float q = t * t;
-  const float series =
-      1.0F +
-      q * (-0.3333314528F +
-           q * (0.1999355085F +
-                q * (-0.1420889944F +
-                     q * (0.1065626393F +
-                          q * (-0.0752896400F + q * (0.0429096138F + q * (-0.0161657367F + q * 0.0028662257F)))))));
-  float angle = t * series;
-  if (steep) angle = kHalfPi - angle;
-  if (x < 0.0F) angle = 2.0F * kHalfPi - angle;
-  return y < 0.0F ? -angle : angle;
-}
 
 // The interval [i, i + 1] of ascending angles that holds `a`, and how far in it `a` lies.
 struct Cell {
@@ -93,7 +71,6 @@ struct Cell {
 
 // Share of the peak in a unit direction, by its cosines to the lamp's axis, along the road, and over the road.
 [[nodiscard]] inline float luminaire_relative(const LuminaireTable& t, float axial, float along, float over) noexcept {
-  using luminaire_detail::angle_of;
   using luminaire_detail::cell_of;
   constexpr float kSlack = 1e-6F;  // rounding of the angle at the first and the last gamma
   const float gamma = angle_of(std::sqrt(along * along + over * over), axial);
