@@ -296,7 +296,7 @@ int run_night(const NightOptions& options) {
   params.relight.ego.high_beam = options.headlamps == "high";
   params.relight.ego.left_hand_traffic = options.traffic == "left";
   params.relight.placement.left_hand_traffic = options.traffic == "left";
-  if (options.headlamps == "off") params.relight.ego_headlamps = false;
+  if (!options.headlamps.empty()) params.relight.ego_headlamps = options.headlamps != "off";
   if (options.mesh_error >= 0.0F) {
     params.mesh.simplify_faces = options.mesh_error > 0.0F;
     params.mesh.simplify.max_relative_depth_error = options.mesh_error;

@@ -69,6 +69,8 @@ inline constexpr Vec2f rear_red{0.68F, 0.31F};
 }  // namespace chromaticity
 
 inline constexpr float kStopLampCd[2] = {60.0F, 185.0F};
+inline constexpr float kIndicatorCd[2] = {50.0F,
+                                          200.0F};  // UN R6, category 2a: 50 to 500 cd; most are made at its foot
 
 [[nodiscard]] constexpr LightClassModel light_class_model(LightClass cls, EmissionProfile profile) noexcept {
   using namespace chromaticity;
