@@ -37,7 +37,7 @@ struct CardMeasure {
 
 [[nodiscard]] io::Expected<std::array<int, 4>> parse_card(const std::string& text, Shape image);
 
-// `linear`: 1 is full scale. Cards of fewer than 64 pixels, with clipped ones, or too dark to have a colour are refused.
+// `linear`: 1 is full scale. Refused are cards of fewer than 64 pixels, with clipped ones, or without a colour.
 [[nodiscard]] io::Expected<CardMeasure> measure_card(const std::string& file, ImageView<const Vec3f> linear,
                                                      const std::array<int, 4>& card);
 

@@ -62,7 +62,8 @@ TEST_CASE("light set: each fault is named by its entry and key") {
 
 TEST_CASE("light set: a luminaire beside the file, with its own flux where no strength is given") {
   const auto set = read(R"([{"class": "street_light_HT", "luminaire": "lamp.ies", "xy": [0.4, 0.4]},
-                            {"class": "street_light_LT", "luminaire": "lamp.ies", "strength": 700, "xy": [0.5, 0.4]}])");
+                            {"class": "street_light_LT", "luminaire": "lamp.ies", "strength": 700,
+                             "xy": [0.5, 0.4]}])");
   REQUIRE(set.ok());
   const auto& entries = set.value().entries;
   REQUIRE(entries.size() == 2);

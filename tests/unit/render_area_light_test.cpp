@@ -138,6 +138,25 @@ TEST_CASE("area light: a disc before a receiver that is parallel to it, or uprig
   }
 }
 
+TEST_CASE("area light: as near to its rim as one may come, a disc is one of a radius at most 1.3 % off") {
+  const Emitter e = emitter_of(EmitterShape::disc, {1, 0, 0}, {0, 1, 0});
+  const auto parallel = [](double r, double h, double a) {
+    const double s = h * h + a * a + r * r;
+    return 0.5 * (1 - (h * h + a * a - r * r) / std::sqrt(s * s - 4 * r * r * a * a));
+  };
+  for (const double h : {1e-3, 1e-2, 0.1, 0.3}) {
+    for (double a = 0.7; a < 1.3; a += 0.013) {
+      for (double turn = 0; turn < kPi / 8; turn += kPi / 32) {
+        const Vec3f position{static_cast<float>(a * std::cos(turn)), static_cast<float>(a * std::sin(turn)),
+                             static_cast<float>(h)};
+        const double value = got(e, position, {0, 0, -1});
+        CHECK(value >= parallel(0.987, h, a) - 1e-4);
+        CHECK(value <= parallel(1.0131, h, a) + 1e-4);
+      }
+    }
+  }
+}
+
 TEST_CASE("area light: discs in any direction, cut by the horizon, within .1 %; of signals within .8 (r/d)^2") {
   RandomStream random(3, RandomPurpose::test, 0, 0, 0, 0);
   int cut = 0;

@@ -2,8 +2,8 @@
 // Measured luminaires from files: IES LM-63 (.ies) and EULUMDAT (.ldt), told apart by the name's ending.
 //
 // The result owns the table that light/luminaire_table.hpp evaluates; see detail/ies.hpp and detail/eulumdat.hpp for
-// what of each format is read. Faults name file, line and field. Memory: at most 724 planes of 361 angles, 1 MB, whatever
-// a file claims; files of more than 4 MB are refused.
+// what of each format is read. Faults name file, line and field. Memory: a table of 1 MB and text of 4 MB at most,
+// whatever a file claims.
 #ifndef NPSIM_IO_LUMINAIRE_HPP
 #define NPSIM_IO_LUMINAIRE_HPP
 

@@ -177,8 +177,8 @@ struct SignalChoice {
   return choice;
 }
 
-// Adds the indicator to a rear lamp: both lie behind one lens, so their light adds up to one colour. The side that turns
-// is drawn; of a vehicle's rear lamps those left of their mean are the left ones.
+// Adds the indicator to a rear lamp: both lie behind one lens, so their light adds up to one colour. The side is
+// drawn; of a vehicle's rear lamps those left of their mean are the left ones.
 inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::uint32_t variant,
                           Span<const Emitter> emitters, const Emitter& e, float& strength, Vec2f& xy) noexcept {
   RandomStream random = activation_stream(seed, variant, ActivationKey::indicator, e.group != 0 ? e.group : e.mark,
