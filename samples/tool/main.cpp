@@ -122,6 +122,8 @@ int main(int argc, char** argv) {
           "How much of the mean light of the street in the picture the street around it has; default: 1, of the "
           "thesis 0")
       ->check(within(0.0, 1.0));
+  night_app->add_option("--moon", night.moon,
+                        "azimuth,elevation of a full moon in degrees, the first to the camera's right; default: none");
   night_app
       ->add_option("--headlamps", night.headlamps,
                    "Of the car that carries the camera: low, high (both beams) or off; default: low, of the thesis off")

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
@@ -194,6 +195,8 @@ class NightWriter {
         entry["source"] = "own headlamp";
         entry["side"] = emitter.centre_m.x < 0 ? "left" : "right";
         entry["class"] = info(emitter.cls).name;
+      } else if (is_moon(emitter)) {
+        entry["source"] = "moon";
       } else if (emitter.mark == 0) {
         entry["source"] = "continued";  // a row of street lamps goes on where the photograph does not show it
         entry["number"] = emitter.unseen;
@@ -256,6 +259,23 @@ class NightWriter {
   io::Error error_;
 };
 
+// "azimuth,elevation" in degrees to a direction right, up, ahead.
+[[nodiscard]] io::Expected<Vec3f> parse_moon(const std::string& text) {
+  double azimuth = 0;
+  double elevation = 0;
+  int used = 0;
+  const int read = std::sscanf(text.c_str(), "%lf,%lf%n", &azimuth, &elevation, &used);
+  if (read != 2 || text.size() != static_cast<std::size_t>(used) || !(std::fabs(azimuth) <= 360) ||
+      !(elevation > 0 && elevation <= 90)) {
+    return io::Error{"", "--moon", "is '" + text + "', expected azimuth,elevation: degrees to the right, 0 to 90 up"};
+  }
+  constexpr double kRadian = 3.14159265358979324 / 180.0;
+  const double level = std::cos(elevation * kRadian);
+  return Vec3f{static_cast<float>(std::sin(azimuth * kRadian) * level),
+               static_cast<float>(std::sin(elevation * kRadian)),
+               static_cast<float>(std::cos(azimuth * kRadian) * level)};
+}
+
 // Nights that an earlier run with more variants left behind: they do not belong to the report beside them.
 void remove_older_nights(const std::string& folder, int variants, const InputFiles& inputs) {
   for (int v = variants;; ++v) {
@@ -297,6 +317,11 @@ int run_night(const NightOptions& options) {
   params.relight.ego.left_hand_traffic = options.traffic == "left";
   params.relight.placement.left_hand_traffic = options.traffic == "left";
   if (!options.headlamps.empty()) params.relight.ego_headlamps = options.headlamps != "off";
+  if (!options.moon.empty()) {
+    const io::Expected<Vec3f> moon = parse_moon(options.moon);
+    if (!moon) return fail(moon.error());
+    params.relight.rows.moon = moon.value();
+  }
   if (options.mesh_error >= 0.0F) {
     params.mesh.simplify_faces = options.mesh_error > 0.0F;
     params.mesh.simplify.max_relative_depth_error = options.mesh_error;

@@ -56,15 +56,16 @@ struct ActivationParams {
   float street_xy_jitter = 0.003F;      // about one step of a 3-step MacAdam ellipse
   float bicycle_parked_p[2] = {0.1F, 0.2F};
   bool by_text_alone = false;
+  float moon_lx = 0.25F;                 // of a full moon high above, on what faces it; clouds and phases: less
   float signal_draw[2] = {0.5F, 0.05F};  // shares of red and amber where nothing tells the state; green is the rest
 };
 
 [[nodiscard]] inline Status validate(const ActivationParams& p) noexcept {
   const auto share = [](float v) { return v >= 0.0F && v <= 1.0F; };
-  const bool good = share(p.stop_probability) && share(p.indicator_probability) && share(p.street_strength_jitter) &&
-                    p.street_xy_jitter >= 0.0F && p.street_xy_jitter <= 0.05F && share(p.bicycle_parked_p[0]) &&
-                    share(p.bicycle_parked_p[1]) && share(p.signal_draw[0]) && share(p.signal_draw[1]) &&
-                    share(p.signal_draw[0] + p.signal_draw[1]);
+  const bool good = p.moon_lx >= 0.0F && p.moon_lx <= 10.0F && share(p.stop_probability) &&
+                    share(p.indicator_probability) && share(p.street_strength_jitter) && p.street_xy_jitter >= 0.0F &&
+                    p.street_xy_jitter <= 0.05F && share(p.bicycle_parked_p[0]) && share(p.bicycle_parked_p[1]) &&
+                    share(p.signal_draw[0]) && share(p.signal_draw[1]) && share(p.signal_draw[0] + p.signal_draw[1]);
   if (!good) return Status(StatusCode::invalid_argument, "activation: a probability or jitter lies outside its range");
   for (const LightSetEntry& e : p.light_set) {
     if (!std::isfinite(e.strength) || e.strength < 0.0F || !(e.xy.x >= 0.0F) || !(e.xy.y > 0.0F) ||
@@ -233,8 +234,14 @@ inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::ui
   return a;
 }
 
+// Luminance of the moon that gives moon_lx.
+[[nodiscard]] constexpr float moon_luminance_cd_m2(const ActivationParams& p) noexcept {
+  return p.moon_lx / (3.14159265F * kMoonRadius * kMoonRadius);
+}
+
 // The greatest peak intensity, in cd, that activate_lights() can draw for an emitter in any variant.
 [[nodiscard]] inline float strongest_intensity_cd(const ActivationParams& p, const Emitter& e) noexcept {
+  if (is_moon(e)) return peak_intensity_cd(e, moon_luminance_cd_m2(p));
   const LightClassModel model = light_class_model(e.cls, e.profile);
   if (model.xy_count == 0) return 0.0F;
   const bool street = is_street_lamp(e.cls);
@@ -260,6 +267,10 @@ inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::ui
   }
   for (std::size_t i = 0; i < emitters.size(); ++i) {
     const Emitter& e = emitters[i];
+    if (is_moon(e)) {
+      out[i] = make_activation(e, true, 1.0F, moon_luminance_cd_m2(p), chromaticity::moon);
+      continue;
+    }
     const LightClassModel model = light_class_model(e.cls, e.profile);
     if (model.xy_count == 0) {
       out[i] = Activation{};

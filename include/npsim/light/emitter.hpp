@@ -95,6 +95,13 @@ struct Emitter {
 // Of the vehicle that carries the camera.
 [[nodiscard]] constexpr bool is_own_headlamp(const Emitter& e) noexcept { return e.mark == 0 && e.unseen == 0; }
 
+// The moon is an unseen lamp: a sphere of constant luminance and a radius of 0.26 degrees, so far off that a street is a
+// point to it, and so near that float keeps its shadows sharp.
+inline constexpr std::uint16_t kMoonNumber = 0xFFFF;
+inline constexpr float kMoonDistance_m = 2e4F;
+inline constexpr float kMoonRadius = 0.00453F;  // over the distance
+[[nodiscard]] constexpr bool is_moon(const Emitter& e) noexcept { return e.unseen == kMoonNumber; }
+
 inline constexpr float kLanternGlow = 0.01F;  // share of the peak that leaves in every direction, upwards included
 
 // `direction` is a unit vector that leaves the emitter.

@@ -66,6 +66,7 @@ inline constexpr Vec2f led_b1 = of(illuminant::kLedB1), led_b2 = of(illuminant::
 inline constexpr Vec2f hp1 = of(illuminant::kHighPressureSodium1), hp2 = of(illuminant::kHighPressureSodium2);
 inline constexpr Vec2f signal_red{0.633F, 0.321F}, signal_amber{0.536F, 0.413F}, signal_green{0.289F, 0.429F};
 inline constexpr Vec2f rear_red{0.68F, 0.31F};
+inline constexpr Vec2f moon{0.379F, 0.376F};  // sunlight off grey rock: 4100 K [default]
 }  // namespace chromaticity
 
 inline constexpr float kStopLampCd[2] = {60.0F, 185.0F};
