@@ -21,13 +21,16 @@
 namespace npsim::tool {
 namespace {
 
+[[nodiscard]] Vec3<int> codes(const Rgb8& p) { return {p.r, p.g, p.b}; }
+[[nodiscard]] Vec3<int> codes(const io::Rgb16& p) { return {p[0], p[1], p[2]}; }
+
 template <class Pixel>
 [[nodiscard]] io::Image<Vec3f> scaled_to_one(const io::Image<Pixel>& picture, float full, bool linear) {
   const auto value = [&](float code) { return linear ? code / full : srgb_decode(code / full); };
   io::Image<Vec3f> out(picture.shape());
   for (std::size_t i = 0; i < picture.shape().pixels(); ++i) {
-    const Pixel& p = picture.data()[i];
-    out.data()[i] = {value(p.r), value(p.g), value(p.b)};
+    const Vec3f p = vec_cast<float>(codes(picture.data()[i]));
+    out.data()[i] = {value(p.x), value(p.y), value(p.z)};
   }
   return out;
 }
@@ -37,7 +40,7 @@ template <class Pixel>
   const std::string ending = std::filesystem::path(path).extension().string();
   if (ending == ".pfm") return io::read_pfm_rgb(path);
   if (ending == ".png") {
-    const io::Expected<io::Image<Rgb16>> picture = io::read_rgb16(path);
+    const io::Expected<io::Image<io::Rgb16>> picture = io::read_rgb16(path);
     if (!picture) return picture.error();
     return scaled_to_one(picture.value(), 65535.0F, linear);
   }

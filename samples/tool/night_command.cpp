@@ -236,6 +236,10 @@ class NightWriter {
             {"unseen_street_lamps", params_.relight.rows.behind_m > 0.0F},
             {"assumed_road_width_m", params_.relight.rows.assumed_width_m},
             {"unseen_street_share", params_.relight.unseen.share},
+            {"moon", options_.moon},
+            {"wetness", params_.relight.material.film.wetness},
+            {"headlamps", !params_.relight.ego_headlamps ? "off" : (params_.relight.ego.high_beam ? "high" : "low")},
+            {"traffic", options_.traffic},
             {"exposure",
              {{"iso", night.exposure.iso}, {"f_number", night.exposure.f_number}, {"time_s", night.exposure.time_s}}},
             {"sources", std::move(sources)}};

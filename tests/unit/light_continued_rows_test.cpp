@@ -174,7 +174,8 @@ TEST_CASE("the moon: one lamp more, .25 lx on what faces it all over the street,
   Activation a;
   REQUIRE(activate_lights({}, 3, 0, {lamps.data(), 1}, {}, {&a, 1}).ok());
   CHECK(a.lit);
-  CHECK(luminance(a.intensity_cd) == doctest::Approx(strongest_intensity_cd({}, lamps[0])).epsilon(1e-4));
+  CHECK(luminance(a.intensity_cd) ==
+        doctest::Approx(static_cast<double>(strongest_intensity_cd({}, lamps[0]))).epsilon(1e-4));
   for (const Vec3f at : {Vec3f{0, 1.5F, 5}, Vec3f{-20, 1.5F, 100}}) {
     Vec3f to_light;
     const Vec3f facing = normalized(Vec3f{1, -1, 0});

@@ -203,7 +203,9 @@ inline Expected<LightSet> read_light_set_csv(const std::string& path, const Read
     }
     std::array<double, 3> v{};
     if (!numbers(v.data(), 3)) return Error{path, where, "expected a class and three numbers: class,s,r/g,b/g"};
-    const auto [s, rg, bg] = v;
+    const double s = v[0];
+    const double rg = v[1];
+    const double bg = v[2];
     LightSetEntry entry;
     entry.cls = source_class(cells[0]);
     if (entry.cls == LightClass::none) return unknown_class(path, where + ", class", cells[0]);

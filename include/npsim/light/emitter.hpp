@@ -153,8 +153,8 @@ inline constexpr float kLanternGlow = 0.01F;  // share of the peak that leaves i
   return value > 0.0F ? (value < 1.0F ? value : 1.0F) : 0.0F;
 }
 
-// A point of what the shape shows of itself to `from`, in its middle: of patch and disc their own, of a sphere the disc
-// within its outline, of a tube the strip across the view. u, v in [0, 1] cover it uniformly; (.5, .5) is the centre.
+// A point of what the shape shows of itself to `from`: of patch and disc their own, of a sphere the disc
+// within its outline, of a tube the strip across the view. u, v in [0, 1] cover it uniformly, (.5, .5) is its middle.
 [[nodiscard]] inline Vec3f sample_point(const Emitter& e, const Vec3f& from, float u, float v) noexcept {
   const float a = 2.0F * u - 1.0F;
   const float b = 2.0F * v - 1.0F;
