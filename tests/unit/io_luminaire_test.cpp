@@ -119,14 +119,14 @@ TEST_CASE("luminaire: the flux is the integral of what is interpolated, planes a
   const auto l = read("a.ies", ies_text(gammas, {0, 13, 100, 101, 222, 360}, lopsided), 33.3);
   REQUIRE(l.ok());
   double sum = 0;
-  const int n = 1200;
+  const int n = 400;
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j < n; ++j) {
       const double g = (i + 0.5) * kPi / n;
       sum += candela_at(l.value(), (j + 0.5) * 360 / n, g * 180 / kPi) * std::sin(g) * (kPi / n) * (2 * kPi / n);
     }
   }
-  CHECK(static_cast<double>(l.value().table.flux_lm) == doctest::Approx(sum).epsilon(1e-4));
+  CHECK(static_cast<double>(l.value().table.flux_lm) == doctest::Approx(sum).epsilon(3e-4));
 }
 
 TEST_CASE(
