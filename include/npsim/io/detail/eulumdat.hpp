@@ -2,8 +2,8 @@
 // EULUMDAT, the text format of Europe (Stockmar, Licht 1990): one value a line, in a fixed order.
 //
 // Intensities are in cd per 1000 lm of the lamps; the flux is that of the first set of lamps. C = 90 is the road's
-// side, as in CIE 121. The symmetry indicator says which planes are stored: all, one for all, those from 0 to 180, from 270
-// to 90, or from 0 to 90.
+// side, as in CIE 121. The symmetry indicator says which planes are stored: all, one for all, those from 0 to 180, from
+// 270 to 90, or from 0 to 90.
 #ifndef NPSIM_IO_DETAIL_EULUMDAT_HPP
 #define NPSIM_IO_DETAIL_EULUMDAT_HPP
 

@@ -4,8 +4,8 @@
 //   polygon  E = L / 2 * sum over the edges of  angle(a, b) * dot(n, a x b) / |a x b|   (Lambert, Photometria, 1760)
 //            with a, b the directions to the ends of an edge, of the part above the horizon.
 //            Exact but for rounding: 1e-5 relative where the nearest corner is within ten of the sides.
-//   disc     as the regular polygon of 16 sides and the same area: its second moment is right to 1.4e-4. Within .1 %
-//            from three tenths of its radius off its rim on; nearer, E is that of a disc whose radius is up to 1.3 % off.
+//   disc     as the regular polygon of 16 sides and the same area, whose second moment is right to 1.4e-4. Within .1 %
+//            from three tenths of the radius off its rim on; nearer, that of a disc whose radius is up to 1.3 % off.
 //   sphere   whole above the horizon E = pi L (r/d)^2 cos, exactly a point's; cut by it, the integral over the part of
 //            the cone above (Snyder, Area Light Sources for Real-Time Graphics, 1996).
 //   tube     thin and straight: the integral of sine^2 / h cosine along its part above the horizon, closed. The radius
