@@ -13,6 +13,7 @@
 
 #include "console.hpp"
 #include "evaluate_command.hpp"
+#include "greycard_command.hpp"
 #include "inspect_command.hpp"
 #include "judge_command.hpp"
 #include "night_command.hpp"
@@ -97,8 +98,8 @@ int main(int argc, char** argv) {
   night_app->add_option("--size", night.size, "Work at WIDTHxHEIGHT, for instance 960x540; default: the image's size");
   night_app->add_option(
       "--lights", night.light_set,
-      "JSON list of measured light sources [{class, strength, xy | rg_bg}] that replaces the built-in "
-      "strengths and colours of the classes it names");
+      "Measured light sources that replace the built-in strengths and colours of the classes they name: a JSON list "
+      "[{class, strength, xy | rg_bg, luminaire}], or a CSV of class,s,r/g,b/g");
   CLI::Option* const rays =
       night_app->add_option("--rays", night.rays, "Effort: rays by which each pixel looks for indirect light")
           ->check(CLI::Range(1, 4096))
@@ -132,10 +133,12 @@ int main(int argc, char** argv) {
           "How much of the mean light of the street in the picture the street around it has; default: 1, of the "
           "thesis 0")
       ->check(within(0.0, 1.0));
+  night_app->add_option("--moon", night.moon,
+                        "azimuth,elevation of a full moon in degrees, the first to the camera's right; default: none");
   night_app
-      ->add_option("--headlamps", night.headlamps, "Of the car that carries the camera: low, high (both beams) or off")
-      ->check(CLI::IsMember({"low", "high", "off"}))
-      ->capture_default_str();
+      ->add_option("--headlamps", night.headlamps,
+                   "Of the car that carries the camera: low, high (both beams) or off; default: low, of the thesis off")
+      ->check(CLI::IsMember({"low", "high", "off"}));
   night_app
       ->add_option("--traffic", night.traffic, "Side of the road on which the own car drives, and its low beam rises")
       ->check(CLI::IsMember({"right", "left"}))
@@ -289,6 +292,22 @@ int main(int argc, char** argv) {
                       "Leave OUTPUT.partial, from which the same command with more samples goes on");
   truth_app->add_flag("--quiet", truth.quiet, "No progress");
 
+  GreycardOptions greycard;
+  CLI::App* greycard_app = app.add_subcommand(
+      "greycard", "Measure {s, r/g, b/g} of the light on a grey card, for the light set of night --lights");
+  greycard_app->add_option("image", greycard.image, "Photograph with the card: PNG, JPEG, or linear PFM")->required();
+  greycard_app->add_option("--card", greycard.card, "x0,y0,x1,y1: the card's pixels, the last ones outside")
+      ->required();
+  greycard_app->add_flag("--linear", greycard.linear, "The picture's values are linear, not sRGB");
+  greycard_app->add_option("--iso", greycard.iso, "Of the exposure")->check(within(1.0, 1e7));
+  greycard_app->add_option("--f-number", greycard.f_number, "Of the exposure")->check(within(0.5, 128.0));
+  greycard_app->add_option("--time", greycard.time_s, "Of the exposure, seconds")->check(within(1e-6, 3600.0));
+  greycard_app->add_option("--reflectance", greycard.reflectance, "Of the card")
+      ->check(within(0.01, 1.0))
+      ->capture_default_str();
+  greycard_app->add_option("--distance", greycard.distance_m, "Metres to the one lamp that the card faces")
+      ->check(within(0.01, 1000.0));
+
   JudgeOptions judge;
   CLI::App* judge_app = app.add_subcommand(
       "judge", "Judge every stage by the true night of generated streets; what the folder has already is kept");
@@ -338,6 +357,7 @@ int main(int argc, char** argv) {
     if (*view_app) return run_view(view);
     if (*evaluate_app) return run_evaluate(evaluate);
     if (*judge_app) return run_judge(judge);
+    if (*greycard_app) return run_greycard(greycard);
     if (*truth_app) return run_truth(truth);
     return run_inspect(inspect);
   } catch (const std::bad_alloc&) {

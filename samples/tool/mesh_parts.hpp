@@ -143,8 +143,10 @@ void fill_parts(const LayeredMesh& mesh, std::size_t first_face, std::size_t las
   for (const Emitter& e : emitters) {
     MeshPart part;
     const bool marked = e.mark != 0 && e.mark <= marks.size();
-    const std::string cls = marked ? without_spaces(info(e.cls).name) : "own_headlamp";
-    part.name = cls + "_" + std::to_string(marked ? std::size_t{marks[e.mark - 1U].id} : ++own);
+    const std::string cls =
+        is_own_headlamp(e) ? "own_headlamp" : (marked ? "" : "unseen_") + without_spaces(info(e.cls).name);
+    const std::size_t number = marked ? marks[e.mark - 1U].id : (is_own_headlamp(e) ? ++own : e.unseen);
+    part.name = cls + "_" + std::to_string(number);
     static constexpr const char* kStates[] = {"", "_red", "_amber", "_green"};
     part.material = "emitter_" + cls + kStates[static_cast<std::size_t>(e.state)];
     part.colour = {};

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
@@ -214,6 +215,8 @@ class NightWriter {
         entry["source"] = "own headlamp";
         entry["side"] = emitter.centre_m.x < 0 ? "left" : "right";
         entry["class"] = info(emitter.cls).name;
+      } else if (is_moon(emitter)) {
+        entry["source"] = "moon";
       } else if (emitter.mark == 0) {
         entry["source"] = "continued";  // a row of street lamps goes on where the photograph does not show it
         entry["number"] = emitter.unseen;
@@ -254,6 +257,10 @@ class NightWriter {
             {"assumed_road_width_m", params_.relight.rows.assumed_width_m},
             {"unseen_street_share", params_.relight.unseen.share},
             {"light", light_},
+            {"moon", options_.moon},
+            {"wetness", params_.relight.material.film.wetness},
+            {"headlamps", !params_.relight.ego_headlamps ? "off" : (params_.relight.ego.high_beam ? "high" : "low")},
+            {"traffic", options_.traffic},
             {"exposure",
              {{"iso", night.exposure.iso}, {"f_number", night.exposure.f_number}, {"time_s", night.exposure.time_s}}},
             {"sources", std::move(sources)}};
@@ -277,6 +284,23 @@ class NightWriter {
   OrderedJson light_;
   io::Error error_;
 };
+
+// "azimuth,elevation" in degrees to a direction right, up, ahead.
+[[nodiscard]] io::Expected<Vec3f> parse_moon(const std::string& text) {
+  double azimuth = 0;
+  double elevation = 0;
+  int used = 0;
+  const int read = std::sscanf(text.c_str(), "%lf,%lf%n", &azimuth, &elevation, &used);
+  if (read != 2 || text.size() != static_cast<std::size_t>(used) || !(std::fabs(azimuth) <= 360) ||
+      !(elevation > 0 && elevation <= 90)) {
+    return io::Error{"", "--moon", "is '" + text + "', expected azimuth,elevation: degrees to the right, 0 to 90 up"};
+  }
+  constexpr double kRadian = 3.14159265358979324 / 180.0;
+  const double level = std::cos(elevation * kRadian);
+  return Vec3f{static_cast<float>(std::sin(azimuth * kRadian) * level),
+               static_cast<float>(std::sin(elevation * kRadian)),
+               static_cast<float>(std::cos(azimuth * kRadian) * level)};
+}
 
 // Nights that an earlier run with more variants left behind: they do not belong to the report beside them.
 void remove_older_nights(const std::string& folder, int variants, const InputFiles& inputs) {
@@ -321,20 +345,26 @@ int run_night(const NightOptions& options) {
   params.relight.ego.high_beam = options.headlamps == "high";
   params.relight.ego.left_hand_traffic = options.traffic == "left";
   params.relight.placement.left_hand_traffic = options.traffic == "left";
-  if (options.headlamps == "off") params.relight.ego_headlamps = false;
+  if (!options.headlamps.empty()) params.relight.ego_headlamps = options.headlamps != "off";
+  if (!options.moon.empty()) {
+    const io::Expected<Vec3f> moon = parse_moon(options.moon);
+    if (!moon) return fail(moon.error());
+    params.relight.rows.moon = moon.value();
+  }
   if (options.mesh_error >= 0.0F) {
     params.mesh.simplify_faces = options.mesh_error > 0.0F;
     params.mesh.simplify.max_relative_depth_error = options.mesh_error;
   }
-  std::vector<LightSetEntry> light_set;
+  InputFiles inputs(scene);
+  io::LightSet light_set;
   if (!options.light_set.empty()) {
-    io::Expected<std::vector<LightSetEntry>> read = io::read_light_set(options.light_set);
+    io::Expected<io::LightSet> read = io::read_light_set(options.light_set);
     if (!read) return fail(read.error());
     light_set = std::move(read.value());
-    params.relight.activation.light_set = Span<const LightSetEntry>(light_set.data(), light_set.size());
+    params.relight.activation.light_set = light_set.view();
+    inputs.add(options.light_set, "--lights");
+    for (const std::string& file : light_set.luminaire_files) inputs.add(file, "a luminaire of --lights");
   }
-  InputFiles inputs(scene);
-  if (!options.light_set.empty()) inputs.add(options.light_set, "--lights");
   if (const io::Outcome apart = inputs.expect_none_of(night_outputs(options)); !apart) return fail(apart.error());
   if (const io::Outcome made = make_folder(options.output); !made) return fail(made.error());
 

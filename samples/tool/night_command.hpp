@@ -24,7 +24,8 @@ struct NightOptions {
   std::string unseen_lamps;     // continued, dark; empty: as the preset has it
   float assume_lamps_m = 0.0F;  // width of a road without marked street lamps that gets a row of them; 0: none does
   float unseen_street = -1.0F;  // share of its light; negative: as the preset has it
-  std::string headlamps = "low";
+  std::string moon;             // "azimuth,elevation" in degrees, the first to the right of the camera; empty: none
+  std::string headlamps;        // empty: as the preset has it
   std::string traffic = "right";
   float mesh_error = -1.0F;  // relative, of depth; 0: not simplified; negative: as the preset has it
   bool quiet = false;

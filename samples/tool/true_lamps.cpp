@@ -110,6 +110,7 @@ const char* profile_name(EmissionProfile profile) {
     case EmissionProfile::low_beam_left: return "low_beam_left";
     case EmissionProfile::high_beam: return "high_beam";
     case EmissionProfile::signal: return "signal";
+    case EmissionProfile::measured: return "measured";
     case EmissionProfile::lambert: break;
   }
   return "lambert";

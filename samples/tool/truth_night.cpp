@@ -138,6 +138,9 @@ void add_unseen_lamps(const TrueLamps& lamps, std::vector<DrawnLamp>& drawn) {
       const Expected<std::string> source = entry.value().text("source");
       if (!source) return source.error();
       if (source.value() == "continued") continue;  // the true ones take their place
+      if (source.value() == "moon") {
+        return Error{path, entry.value().field("source"), "is a moon, which true nights lack, expected no --moon"};
+      }
       if (own == lamps.emitters.size() || lamps.emitters[own].unseen != 0) {
         return Error{path, entry.value().field("source"), "expected at most two headlamps of the car itself"};
       }

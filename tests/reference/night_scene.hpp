@@ -36,6 +36,7 @@ namespace npsim::reference {
   double value = 0;
   switch (profile) {
     case EmissionProfile::lambert: value = c; break;
+    case EmissionProfile::measured: break;  // true lamps are never measured ones
     case EmissionProfile::signal: value = c > 0 ? c * c * c * c : 0.0; break;
     case EmissionProfile::street_luminaire:
     case EmissionProfile::hung_luminaire: {
@@ -180,7 +181,7 @@ struct Lamp {
   }
 };
 
-// A lamp of the renderer with a night's peak intensity: its patch is the shape.
+// A lamp of the renderer with a night's peak intensity: its patch is the shape, for a disc one of its area.
 [[nodiscard]] inline Lamp lamp_of(const Emitter& e, const Vec3f& intensity_cd) {
   Lamp lamp;
   lamp.profile = e.profile;
@@ -188,8 +189,9 @@ struct Lamp {
   lamp.up = normalized(vec_cast<double>(e.up));
   const double peak = luminance_of(vec_cast<double>(intensity_cd));
   if (peak > 0) lamp.colour = vec_cast<double>(intensity_cd) / peak;
-  const Vec3d u = vec_cast<double>(e.half_u_m);
-  Vec3d v = vec_cast<double>(e.half_v_m);
+  const double side = e.shape == EmitterShape::disc ? std::sqrt(kPi) / 2 : 1.0;
+  const Vec3d u = vec_cast<double>(e.half_u_m) * side;
+  Vec3d v = vec_cast<double>(e.half_v_m) * side;
   if (dot(cross(u, v), lamp.axis) < 0) v = -v;
   lamp.set_parallelogram(vec_cast<double>(e.centre_m), u, v);
   if (lamp.shape == LampShape::point) lamp.centre = vec_cast<double>(e.centre_m);

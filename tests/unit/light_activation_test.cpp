@@ -164,9 +164,11 @@ TEST_CASE("front and rear lamps of one car are switched together; two cars are n
 TEST_CASE("rear lamps of moving cars brake as often as asked, both at once, within the limits of UN R7") {
   const std::vector<Emitter> lamps = {make(LightClass::moving_rear, 1, 9, EmissionProfile::signal),
                                       make(LightClass::moving_rear, 2, 9, EmissionProfile::signal)};
+  ActivationParams straight;
+  straight.indicator_probability = 0;
   int braking = 0;
   for (int v = 0; v < kVariants; ++v) {
-    const std::vector<Activation> a = draw(lamps, static_cast<std::uint32_t>(v));
+    const std::vector<Activation> a = draw(lamps, static_cast<std::uint32_t>(v), 1, {}, straight);
     CHECK_UNARY(a[0].strength == a[1].strength);
     const bool stop = a[0].strength > 50;
     braking += stop ? 1 : 0;
@@ -175,6 +177,65 @@ TEST_CASE("rear lamps of moving cars brake as often as asked, both at once, with
     CHECK_UNARY(a[0].intensity_cd.y == 0.0F);  // red
   }
   CHECK(std::fabs(braking / (1.0 * kVariants) - 0.35) < 4 * std::sqrt(0.35 * 0.65 / kVariants));
+}
+
+TEST_CASE(
+    "an indicator turns one side of a car amber, as often as asked, and leaves bicycles and the other draws alone") {
+  std::vector<Emitter> lamps = {make(LightClass::moving_rear, 1, 9, EmissionProfile::signal),
+                                make(LightClass::moving_rear, 2, 9, EmissionProfile::signal),
+                                make(LightClass::moving_rear, 3, 9, EmissionProfile::signal),
+                                make(LightClass::moving_rear, 4, 8, EmissionProfile::signal)};
+  lamps[0].centre_m.x = -1;
+  lamps[1].centre_m.x = 1;
+  lamps[2].centre_m.x = 1.1F;
+  lamps[3].group_cls = LightClass::bicycle_group;
+  ActivationParams often;
+  often.indicator_probability = 0.5F;
+  ActivationParams never;
+  never.indicator_probability = 0;
+  int left = 0;
+  int right = 0;
+  for (int v = 0; v < kVariants; ++v) {
+    const std::vector<Activation> a = draw(lamps, static_cast<std::uint32_t>(v), 1, {}, often);
+    const std::vector<Activation> straight = draw(lamps, static_cast<std::uint32_t>(v), 1, {}, never);
+    const auto turns = [&](std::size_t i) { return !same(a[i], straight[i]); };
+    CHECK_UNARY(!(turns(0) && turns(1)));
+    CHECK_UNARY(turns(1) == turns(2));
+    CHECK_UNARY(!turns(3));
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (!turns(i)) continue;
+      const float added = a[i].strength - straight[i].strength;
+      CHECK_UNARY((added > 49.9F && added < 200.1F));
+      CHECK_UNARY(a[i].xy.x < straight[i].xy.x);  // from red towards amber
+      CHECK_UNARY(a[i].strength <= 385.1F);
+    }
+    if (!a[0].lit) continue;
+    left += turns(0) ? 1 : 0;
+    right += turns(1) ? 1 : 0;
+  }
+  CHECK(std::fabs(left / (0.975 * kVariants) - 0.25) < 0.015);
+  CHECK(std::fabs(right / (0.975 * kVariants) - 0.25) < 0.015);
+}
+
+TEST_CASE("by the text alone each lamp is drawn by itself with the p of its group, whatever the class") {
+  ActivationParams text;
+  text.by_text_alone = true;
+  const std::vector<Emitter> car = {make(LightClass::parked_front, 1, 9, EmissionProfile::signal),
+                                    make(LightClass::parked_rear, 2, 9, EmissionProfile::signal),
+                                    make(LightClass::parked_rear, 3, 9, EmissionProfile::signal)};
+  const std::vector<Emitter> lamps = {make(LightClass::street_light_lt, 1, 0, EmissionProfile::street_luminaire),
+                                      make(LightClass::street_light_lt, 2, 0, EmissionProfile::street_luminaire)};
+  int differ = 0;
+  int technologies = 0;
+  for (std::uint32_t v = 0; v < 2000; ++v) {
+    const std::vector<Activation> a = draw(car, v, 1, {}, text);
+    CHECK_UNARY((a[0].probability == a[1].probability && a[1].probability == a[2].probability));
+    differ += a[1].lit != a[2].lit ? 1 : 0;
+    const std::vector<Activation> b = draw(lamps, v, 1, {}, text);
+    technologies += std::fabs(b[0].xy.x - b[1].xy.x) > 0.03F ? 1 : 0;
+  }
+  CHECK(differ > 300);
+  CHECK(technologies > 500);
 }
 
 TEST_CASE("street lamps of an image share their technology, with a small jitter") {

@@ -10,6 +10,7 @@
 #include "npsim/light/activation.hpp"
 #include "npsim/light/continued_rows.hpp"
 #include "npsim/light/photometry.hpp"
+#include "npsim/render/visibility.hpp"
 
 namespace {
 
@@ -159,6 +160,32 @@ TEST_CASE("unseen lamps are of the technology of their class, each with its own 
   Activation alone;
   REQUIRE(activate_lights({}, 3, 0, {&all[2], 1}, {}, {&alone, 1}).ok());
   CHECK(alone.strength == drawn[2].strength);
+}
+
+TEST_CASE("the moon: one lamp more, .25 lx on what faces it all over the street, from where it was asked for") {
+  Street s;
+  CHECK(most_unseen_lamps(s.params, 0) == 0);
+  s.params.moon = {1, 1, 0};  // to the right, 45 degrees up
+  CHECK(most_unseen_lamps(s.params, 0) == 1);
+  const std::vector<Emitter> lamps = s.unseen();
+  REQUIRE(lamps.size() == 1);
+  CHECK(is_moon(lamps[0]));
+  CHECK(!is_own_headlamp(lamps[0]));
+  Activation a;
+  REQUIRE(activate_lights({}, 3, 0, {lamps.data(), 1}, {}, {&a, 1}).ok());
+  CHECK(a.lit);
+  CHECK(luminance(a.intensity_cd) ==
+        doctest::Approx(static_cast<double>(strongest_intensity_cd({}, lamps[0]))).epsilon(1e-4));
+  for (const Vec3f at : {Vec3f{0, 1.5F, 5}, Vec3f{-20, 1.5F, 100}}) {
+    Vec3f to_light;
+    const Vec3f facing = normalized(Vec3f{1, -1, 0});
+    CHECK(luminance(a.intensity_cd) * illuminance_per_cd(lamps[0], at, facing, to_light) ==
+          doctest::Approx(0.25).epsilon(0.01));
+    CHECK(dot(to_light, facing) > 0.999F);
+    CHECK(luminance(a.intensity_cd) * illuminance_per_cd(lamps[0], at, {0, -1, 0}, to_light) ==
+          doctest::Approx(0.25 * std::sqrt(0.5)).epsilon(0.01));
+    CHECK(illuminance_per_cd(lamps[0], at, {-1, 0, 0}, to_light) == 0.0F);
+  }
 }
 
 TEST_CASE("a row of lamps of 10 klm at 8 m every 30 m gives 0.5 to 3 cd/m2 on the road") {

@@ -244,7 +244,7 @@ TEST_CASE("sample_point covers the parallelogram and nothing else") {
   e.centre_m = {1, 2, 3};
   e.half_u_m = {0.5F, 0, 0};
   e.half_v_m = {0, 0.25F, 0};
-  CHECK(sample_point(e, 0.5F, 0.5F) == e.centre_m);
-  CHECK(sample_point(e, 0, 0) == Vec3f{0.5F, 1.75F, 3});
-  CHECK(sample_point(e, 1, 1) == Vec3f{1.5F, 2.25F, 3});
+  CHECK(sample_point(e, {}, 0.5F, 0.5F) == e.centre_m);
+  CHECK(sample_point(e, {}, 0, 0) == Vec3f{0.5F, 1.75F, 3});
+  CHECK(sample_point(e, {}, 1, 1) == Vec3f{1.5F, 2.25F, 3});
 }

@@ -116,7 +116,7 @@ TEST_CASE("illuminance of a square lamp is within 5 % of its patch integral from
     for (int i = 0; i < n; ++i) {
       for (int j = 0; j < n; ++j) {
         const Vec3d q = vec_cast<double>(
-            sample_point(lamp, (static_cast<float>(i) + 0.5F) / n, (static_cast<float>(j) + 0.5F) / n));
+            sample_point(lamp, position, (static_cast<float>(i) + 0.5F) / n, (static_cast<float>(j) + 0.5F) / n));
         const Vec3d d = q - vec_cast<double>(position);
         const double r2 = dot(d, d);
         const double cos_both = (-d.y / std::sqrt(r2)) * (-d.y / std::sqrt(r2));

@@ -233,6 +233,7 @@ TEST_CASE("tool truth: true lamps hang where the street has them and shine where
         break;
       case npsim::EmissionProfile::signal: CHECK(std::fabs(dot(e.axis, ground.up)) < 0.02F); break;
       case npsim::EmissionProfile::lambert: CHECK(std::fabs(patch - e.area_m2) < 0.01F * patch); break;
+      case npsim::EmissionProfile::measured: FAIL("a generated street measures no luminaire"); break;
     }
   }
   CHECK(behind >= 3);

@@ -7,11 +7,12 @@
 // group.
 // Beyond the text, because one sees it at once when it is missing:
 //   - the lamps of one vehicle are switched together: one p and one draw for front and rear; rear lamps are stop lamps
-//     with stop_probability;
+//     with stop_probability, and show the indicator of one side with indicator_probability;
 //   - street lamps of a class share technology and strength all over the image, with a small jitter per lamp, and low
 //     ones carry less light;
 //   - of a traffic light that shows several discs one is on: the annotated one, else one that glows by day, else any.
 //     Unknown states follow the daytime colour, then the place in the panel, then a draw.
+// `by_text_alone` leaves the first two out: every lamp is drawn by itself with the p of its group.
 // Randomness: streams (seed, activation, variant, key) with key = kind | class | group or mark in disjoint bits, so the
 // order of emitters and the presence of others never change a draw, and each variant is a new night.
 // The seed must differ between photographs; otherwise their windows light up together.
@@ -49,15 +50,20 @@ struct Activation {
 struct ActivationParams {
   Span<const LightSetEntry> light_set;  // replaces the default strengths and colours of the classes that it names
   float stop_probability = 0.35F;       // of rear lamps of a moving vehicle that are lit [default]
+  float indicator_probability =
+      0.06F;  // that one is seen on such a vehicle: every eighth turns, half of the time it is on
   float street_strength_jitter = 0.1F;  // relative, of single lamps: age and dirt [default]
   float street_xy_jitter = 0.003F;      // about one step of a 3-step MacAdam ellipse
   float bicycle_parked_p[2] = {0.1F, 0.2F};
+  bool by_text_alone = false;
+  float moon_lx = 0.25F;                 // of a full moon high above, on what faces it; clouds and phases: less
   float signal_draw[2] = {0.5F, 0.05F};  // shares of red and amber where nothing tells the state; green is the rest
 };
 
 [[nodiscard]] inline Status validate(const ActivationParams& p) noexcept {
   const auto share = [](float v) { return v >= 0.0F && v <= 1.0F; };
-  const bool good = share(p.stop_probability) && share(p.street_strength_jitter) && p.street_xy_jitter >= 0.0F &&
+  const bool good = p.moon_lx >= 0.0F && p.moon_lx <= 10.0F && share(p.stop_probability) &&
+                    share(p.indicator_probability) && share(p.street_strength_jitter) && p.street_xy_jitter >= 0.0F &&
                     p.street_xy_jitter <= 0.05F && share(p.bicycle_parked_p[0]) && share(p.bicycle_parked_p[1]) &&
                     share(p.signal_draw[0]) && share(p.signal_draw[1]) && share(p.signal_draw[0] + p.signal_draw[1]);
   if (!good) return Status(StatusCode::invalid_argument, "activation: a probability or jitter lies outside its range");
@@ -67,13 +73,14 @@ struct ActivationParams {
       return Status(StatusCode::invalid_argument,
                     "light set: strength not negative, (x, y) inside the colour triangle");
     }
+    if (e.luminaire != nullptr) NPSIM_RETURN_IF_ERROR(validate(*e.luminaire));
   }
   return {};
 }
 
 namespace light_detail {
 
-enum class ActivationKey : std::uint32_t { group, alone, source, technology, vehicle, signal, ego, unseen };
+enum class ActivationKey : std::uint32_t { group, alone, source, technology, vehicle, signal, ego, unseen, indicator };
 
 [[nodiscard]] constexpr RandomStream activation_stream(std::uint64_t seed, std::uint32_t variant, ActivationKey key,
                                                        std::uint32_t id, LightClass cls) noexcept {
@@ -85,9 +92,6 @@ enum class ActivationKey : std::uint32_t { group, alone, source, technology, veh
 [[nodiscard]] constexpr bool is_vehicle_lamp(LightClass c) noexcept {
   return c == LightClass::parked_front || c == LightClass::parked_rear || c == LightClass::moving_front ||
          c == LightClass::moving_rear;
-}
-[[nodiscard]] constexpr bool is_street_light(LightClass c) noexcept {
-  return c == LightClass::street_light_ht || c == LightClass::street_light_lt;
 }
 [[nodiscard]] constexpr bool is_traffic_light(const Emitter& e) noexcept {
   return e.cls == LightClass::inferred_object && e.profile == EmissionProfile::signal;
@@ -174,6 +178,27 @@ struct SignalChoice {
   return choice;
 }
 
+// Adds the indicator to a rear lamp: both lie behind one lens, so their light adds up to one colour. The side is
+// drawn; of a vehicle's rear lamps those left of their mean are the left ones.
+inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::uint32_t variant,
+                          Span<const Emitter> emitters, const Emitter& e, float& strength, Vec2f& xy) noexcept {
+  RandomStream random = activation_stream(seed, variant, ActivationKey::indicator, e.group != 0 ? e.group : e.mark,
+                                          e.group != 0 ? LightClass::none : e.cls);
+  if (!(random.uniform() < p.indicator_probability)) return;
+  const bool turns_left = random.uniform() < 0.5F;
+  const float added = draw_strength(kIndicatorCd[0], kIndicatorCd[1], random.uniform());
+  float sum = 0.0F;
+  float count = 0.0F;
+  for (const Emitter& other : emitters) {
+    if (other.cls != e.cls || (e.group != 0 ? other.group != e.group : other.mark != e.mark)) continue;
+    sum += other.centre_m.x;
+    count += 1.0F;
+  }
+  if ((e.centre_m.x * count < sum) != turns_left) return;
+  xy = light_xy(light_rgb(xy) * strength + light_rgb(chromaticity::signal_amber) * added);
+  strength += added;
+}
+
 // Replaces strength and colour by one of the user's entries of this class, if there are any.
 [[nodiscard]] inline bool draw_from_set(Span<const LightSetEntry> set, LightClass cls, float u, float& strength,
                                         Vec2f& xy) noexcept {
@@ -202,45 +227,57 @@ struct SignalChoice {
   a.xy = xy;
   if (lit) {
     const Vec3f rgb = light_rgb(xy);
-    const float peak = peak_intensity_cd(e.profile, strength, e.area_m2);
+    const float peak = peak_intensity_cd(e, strength);
     a.intensity_cd = rgb * peak;
     a.luminance_cd_m2 = rgb * seen_luminance_cd_m2(e, peak);
   }
   return a;
 }
 
+// Luminance of the moon that gives moon_lx.
+[[nodiscard]] constexpr float moon_luminance_cd_m2(const ActivationParams& p) noexcept {
+  return p.moon_lx / (3.14159265F * kMoonRadius * kMoonRadius);
+}
+
 // The greatest peak intensity, in cd, that activate_lights() can draw for an emitter in any variant.
 [[nodiscard]] inline float strongest_intensity_cd(const ActivationParams& p, const Emitter& e) noexcept {
+  if (is_moon(e)) return peak_intensity_cd(e, moon_luminance_cd_m2(p));
   const LightClassModel model = light_class_model(e.cls, e.profile);
   if (model.xy_count == 0) return 0.0F;
-  const bool street = light_detail::is_street_light(e.cls);
+  const bool street = is_street_lamp(e.cls);
   float strength = model.strength_high;
-  if (e.cls == LightClass::moving_rear && strength < kStopLampCd[1]) strength = kStopLampCd[1];
+  if (e.cls == LightClass::moving_rear) strength = max_of(strength, kStopLampCd[1]) + kIndicatorCd[1];
   if (street) strength *= light_detail::height_factor(e.mounting_height_m);
   for (const LightSetEntry& entry : p.light_set) {
     if (entry.cls == e.cls && entry.strength > strength) strength = entry.strength;
   }
   if (street) strength *= 1.0F + p.street_strength_jitter;
-  return peak_intensity_cd(e.profile, strength, e.area_m2);
+  return peak_intensity_cd(e, strength);
 }
 
 // What a lamp shines in every night at least, in cd; 0 for one that may be off.
-[[nodiscard]] inline float certain_intensity_cd(const Emitter& e) noexcept {
+[[nodiscard]] inline float certain_intensity_cd(const ActivationParams& p, const Emitter& e) noexcept {
+  if (is_moon(e)) return peak_intensity_cd(e, moon_luminance_cd_m2(p));
   const LightClassModel model = light_class_model(e.cls, e.profile);
-  if (is_own_headlamp(e)) return peak_intensity_cd(e.profile, model.strength_low, e.area_m2);
-  const bool always = model.xy_count > 0 && model.p_low >= 1.0F && light_detail::is_street_light(e.cls);
-  return always ? peak_intensity_cd(e.profile, model.strength_low * light_detail::height_factor(e.mounting_height_m),
-                                    e.area_m2)
-                : 0.0F;
+  const bool always = model.xy_count > 0 && (is_own_headlamp(e) || (is_street_lamp(e.cls) && model.p_low >= 1.0F));
+  if (!always) return 0.0F;
+  float strength = model.strength_low;
+  if (is_street_lamp(e.cls)) strength *= light_detail::height_factor(e.mounting_height_m);
+  for (const LightSetEntry& entry : p.light_set) {
+    if (entry.cls == e.cls && entry.strength < strength) strength = entry.strength;
+  }
+  return peak_intensity_cd(e, strength);
 }
 
 // The mean peak intensity, in cd, over many nights: where a class has a range, of its middle; without light sets.
-[[nodiscard]] inline float mean_intensity_cd(const Emitter& e) noexcept {
+[[nodiscard]] inline float mean_intensity_cd(const ActivationParams& p, const Emitter& e) noexcept {
+  if (is_moon(e)) return peak_intensity_cd(e, moon_luminance_cd_m2(p));
   const LightClassModel model = light_class_model(e.cls, e.profile);
   if (model.xy_count == 0) return 0.0F;
   float strength = light_detail::draw_strength(model.strength_low, model.strength_high, 0.5F);
-  if (light_detail::is_street_light(e.cls)) strength *= light_detail::height_factor(e.mounting_height_m);
-  return 0.5F * (model.p_low + model.p_high) * peak_intensity_cd(e.profile, strength, e.area_m2);
+  if (is_street_lamp(e.cls)) strength *= light_detail::height_factor(e.mounting_height_m);
+  const float lit = is_own_headlamp(e) ? 1.0F : 0.5F * (model.p_low + model.p_high);
+  return lit * peak_intensity_cd(e, strength);
 }
 
 // One night. `day_rgb` is empty or holds, per emitter, the linear mean colour of its brightest pixels by day.
@@ -255,6 +292,10 @@ struct SignalChoice {
   }
   for (std::size_t i = 0; i < emitters.size(); ++i) {
     const Emitter& e = emitters[i];
+    if (is_moon(e)) {
+      out[i] = make_activation(e, true, 1.0F, moon_luminance_cd_m2(p), chromaticity::moon);
+      continue;
+    }
     const LightClassModel model = light_class_model(e.cls, e.profile);
     if (model.xy_count == 0) {
       out[i] = Activation{};
@@ -262,12 +303,13 @@ struct SignalChoice {
     }
     const bool ego = is_own_headlamp(e);
     const bool vehicle = light_detail::is_vehicle_lamp(e.cls);
-    const bool street = light_detail::is_street_light(e.cls);
+    const bool street = is_street_lamp(e.cls);
+    const bool technology = street && !p.by_text_alone;
     const ActivationKey key = ego            ? ActivationKey::ego
-                              : street       ? ActivationKey::technology
+                              : technology   ? ActivationKey::technology
                               : e.group != 0 ? ActivationKey::group
                                              : ActivationKey::alone;
-    const std::uint32_t id = ego || street ? 0U : (e.group != 0 ? e.group : e.mark);
+    const std::uint32_t id = ego || technology ? 0U : (e.group != 0 ? e.group : e.mark);
     RandomStream shared = light_detail::activation_stream(seed, variant, key, id, e.cls);
     RandomStream source = e.unseen != 0
                               ? light_detail::activation_stream(seed, variant, ActivationKey::unseen, e.unseen, e.cls)
@@ -277,11 +319,11 @@ struct SignalChoice {
     const float u_xy = shared.uniform();
     const float u_stop = shared.uniform();
     float u_lit = source.uniform();
-    if (vehicle && !ego && e.group != 0) {
+    if (e.group != 0 && (p.by_text_alone || (vehicle && !ego))) {
       RandomStream lamps =
           light_detail::activation_stream(seed, variant, ActivationKey::vehicle, e.group, LightClass::none);
       u_p = lamps.uniform();
-      u_lit = lamps.uniform();
+      if (!p.by_text_alone) u_lit = lamps.uniform();
     }
 
     float p_low = model.p_low;
@@ -305,6 +347,10 @@ struct SignalChoice {
       xy = light_xy(day_rgb[i]);
     }
     const bool from_set = light_detail::draw_from_set(p.light_set, e.cls, u_xy, strength, xy);
+    const bool turns = e.cls == LightClass::moving_rear && e.group_cls != LightClass::bicycle_group;
+    if (turns && !from_set && !p.by_text_alone) {
+      light_detail::add_indicator(p, seed, variant, emitters, e, strength, xy);
+    }
     if (street && !from_set) strength *= light_detail::height_factor(e.mounting_height_m);
     if (street) {
       strength *= 1.0F + p.street_strength_jitter * source.uniform(-1.0F, 1.0F);

@@ -10,6 +10,7 @@
 // lamp that nobody sees would light just what hides it.
 // Where no street lamp is marked, assumed_width_m > 0 supposes a road of that width with a row of masts on its right
 // kerb: one-sided rows are about as high as the road is wide (5 to 10 m).
+// The moon is one more lamp of that kind, where its direction is given.
 // Such an emitter has mark 0 and the number `unseen`; strength and colour are those of its class in the same night.
 // Error: the row itself is a guess; gaps come from placed lamps, so from depth. Cost: one pass over the lamps per row.
 #ifndef NPSIM_LIGHT_CONTINUED_ROWS_HPP
@@ -39,19 +40,22 @@ struct ContinuedRowParams {
   float min_gap_m = 10.0F;       // between lamps of a row; nearer ones share a station [default]
   float max_gap_m = 60.0F;       // what is farther apart misses one in between [default]
   float assumed_width_m = 0.0F;  // of a road without a marked street lamp, which gets a row; 0: none is assumed
+  Vec3f moon;                    // towards it, level with the ground and up it: right, up, ahead; (0, 0, 0): no moon
 };
 
 inline constexpr std::size_t kMaxUnseenLamps = 24;
 
 [[nodiscard]] inline Status validate(const ContinuedRowParams& p) noexcept {
   const bool good = p.behind_m >= 0.0F && p.behind_m <= 500.0F && p.min_gap_m >= 1.0F && p.max_gap_m > p.min_gap_m &&
-                    std::isfinite(p.max_gap_m) && p.assumed_width_m >= 0.0F && p.assumed_width_m <= 50.0F;
+                    std::isfinite(p.max_gap_m) && p.assumed_width_m >= 0.0F && p.assumed_width_m <= 50.0F &&
+                    is_finite(p.moon);
   return good ? Status() : Status(StatusCode::invalid_argument, "continued rows: a parameter lies outside its range");
 }
 
 // Lamps that continue_rows() adds at most.
 [[nodiscard]] constexpr std::size_t most_unseen_lamps(const ContinuedRowParams& p, std::size_t marks) noexcept {
-  return p.behind_m > 0.0F && (marks > 0 || p.assumed_width_m > 0.0F) ? kMaxUnseenLamps : 0;
+  const std::size_t moon = p.moon == Vec3f{} ? 0 : 1;
+  return moon + (p.behind_m > 0.0F && (marks > 0 || p.assumed_width_m > 0.0F) ? kMaxUnseenLamps : 0);
 }
 
 namespace light_detail {
@@ -152,12 +156,29 @@ inline void continue_row(const ContinuedRowParams& p, const PlacementScene& scen
   return e;
 }
 
+[[nodiscard]] inline Emitter moon_over(const Vec3f& direction, const GroundPlane& ground) noexcept {
+  const Vec3f forward = forward_on_ground(ground);
+  const Vec3f right = cross(forward, ground.up);
+  const Vec3f towards = normalized(right * direction.x + ground.up * direction.y + forward * direction.z);
+  const float radius_m = kMoonRadius * kMoonDistance_m;
+  Emitter e;
+  e.centre_m = towards * kMoonDistance_m;
+  e.half_u_m = right * radius_m;
+  e.axis = -towards;
+  e.up = ground.up;
+  e.area_m2 = 3.14159265F * radius_m * radius_m;
+  e.shape = EmitterShape::sphere;
+  e.unseen = kMoonNumber;
+  return e;
+}
+
 }  // namespace light_detail
 
 // lamps[0, count): those that place_lights() placed; new ones are added behind them, as far as there is room.
 [[nodiscard]] inline Status continue_rows(const ContinuedRowParams& p, const PlacementScene& scene, Span<Emitter> lamps,
                                           std::size_t& count) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(p));
+  if (!(p.moon == Vec3f{}) && count < lamps.size()) lamps[count++] = light_detail::moon_over(p.moon, scene.ground);
   if (p.behind_m <= 0.0F) return {};
   const Vec3f forward = forward_on_ground(scene.ground);
   const std::size_t placed = count;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// An emitter: a small luminous parallelogram with a far-field intensity distribution (a luminaire's "profile").
+// An emitter: a small luminous shape with a far-field intensity distribution (a luminaire's "profile").
 //
 //   I(direction) = I_peak * relative_intensity(emitter, direction),   relative_intensity in [0, 1], 1 at the peak.
 // Profiles, with c = cosine to the axis:
-//   lambert           c                                             window, sign: luminance independent of direction
+//   lambert           c; of a sphere 1, of a tube the sine to it    window, sign: luminance independent of direction
 //   signal            c^4                                           signal and rear lamps: half value at 33 degrees
 //   street_luminaire  road luminaire on a mast beside the road, and
 //   hung_luminaire    one hung over its middle: see detail/road_luminaire.hpp; almost nothing leaves above 80 degrees
@@ -12,6 +12,7 @@
 //                     glow of the glass: a lantern can be seen from everywhere, and 2.3 % of its light goes up.
 //   low_beam, low_beam_left   headlamp of UN R112 class B for right-hand and left-hand traffic, see detail/low_beam.hpp
 //   high_beam         the same headlamp with both beams on
+//   measured          the table of a luminaire file, about `axis` with C = 0 along `up` (light/luminaire_table.hpp)
 // The closed forms are ours, chosen so that the flux integrals in photometry.hpp are exact where they can be; they use
 // only + * / sqrt, so that every machine gets the same bits.
 // Cost: a few dot products.
@@ -19,13 +20,16 @@
 #ifndef NPSIM_LIGHT_EMITTER_HPP
 #define NPSIM_LIGHT_EMITTER_HPP
 
+#include <cmath>
 #include <cstdint>
 
+#include "npsim/core/circle.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/labels/light_classes.hpp"
 #include "npsim/light/detail/low_beam.hpp"
 #include "npsim/light/detail/road_luminaire.hpp"
+#include "npsim/light/luminaire_table.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -38,7 +42,8 @@ enum class EmissionProfile : std::uint8_t {
   hung_luminaire,
   lantern,
   low_beam_left,
-  high_beam
+  high_beam,
+  measured
 };
 
 [[nodiscard]] constexpr bool is_headlamp_profile(EmissionProfile p) noexcept {
@@ -48,19 +53,33 @@ enum class EmissionProfile : std::uint8_t {
 // Those whose strength is a luminous flux, and which hang level, shining down.
 [[nodiscard]] constexpr bool is_street_profile(EmissionProfile p) noexcept {
   return p == EmissionProfile::street_luminaire || p == EmissionProfile::hung_luminaire ||
-         p == EmissionProfile::lantern;
+         p == EmissionProfile::lantern || p == EmissionProfile::measured;
 }
+
+[[nodiscard]] constexpr bool is_street_lamp(LightClass c) noexcept {
+  return c == LightClass::street_light_ht || c == LightClass::street_light_lt;
+}
+
+enum class EmitterShape : std::uint8_t {
+  patch,   // centre + a half_u + b half_v with a, b in [-1, 1]
+  disc,    // the same with a^2 + b^2 <= 1
+  sphere,  // of radius |half_u|
+  tube     // along half_u, its half length, of radius |half_v|
+};
 
 struct Emitter {
   Vec3f centre_m;  // camera frame
-  Vec3f half_u_m;  // the patch is centre + a half_u + b half_v with a, b in [-1, 1]
+  Vec3f half_u_m;
   Vec3f half_v_m;
   Vec3f axis;  // unit: main direction. low_beam: towards the elbow of the cut-off, 1 % below the horizontal
   // Unit, normal to axis. low_beam: upwards; lamps of streets: along the road, so that cross(up, axis) of a
   // street_luminaire points over the road and not to the houses; else any.
   Vec3f up;
-  float area_m2 = 0;  // luminous area as the camera sees it (image-parallel), or of the surface for lambert
+  // Luminous area as the camera sees it (image-parallel); for lambert that of the surface, of a sphere and a tube of
+  // their greatest outline.
+  float area_m2 = 0;
   EmissionProfile profile = EmissionProfile::lambert;
+  EmitterShape shape = EmitterShape::patch;
   LightClass cls = LightClass::none;
   SignalState state = SignalState::unknown;
   // Position + 1 of its LightMark; 0 = one that the photograph does not show: a lamp of the vehicle that carries the
@@ -69,11 +88,19 @@ struct Emitter {
   std::uint16_t unseen = 0;  // 1, 2, ... of the street lamps that the photograph does not show, else 0
   std::uint16_t group = 0;   // position + 1 of its group's LightMark; 0 = stands alone
   LightClass group_cls = LightClass::none;
-  float mounting_height_m = 0;  // of a street lamp above the ground; 0 = unknown
+  float mounting_height_m = 0;                // of a street lamp above the ground; 0 = unknown
+  const LuminaireTable* luminaire = nullptr;  // of profile measured; the caller's
 };
 
 // Of the vehicle that carries the camera.
 [[nodiscard]] constexpr bool is_own_headlamp(const Emitter& e) noexcept { return e.mark == 0 && e.unseen == 0; }
+
+// The moon is an unseen lamp: a sphere of constant luminance and a radius of 0.26 degrees, so far off that a street is a
+// point to it, and so near that float keeps its shadows sharp.
+inline constexpr std::uint16_t kMoonNumber = 0xFFFF;
+inline constexpr float kMoonDistance_m = 2e4F;
+inline constexpr float kMoonRadius = 0.00453F;  // over the distance
+[[nodiscard]] constexpr bool is_moon(const Emitter& e) noexcept { return e.unseen == kMoonNumber; }
 
 inline constexpr float kLanternGlow = 0.01F;  // share of the peak that leaves in every direction, upwards included
 
@@ -83,7 +110,14 @@ inline constexpr float kLanternGlow = 0.01F;  // share of the peak that leaves i
   if (!(c >= -2.0F)) return 0.0F;  // NaN
   float value = 0.0F;
   switch (e.profile) {
-    case EmissionProfile::lambert: value = c; break;
+    case EmissionProfile::lambert:
+      if (e.shape == EmitterShape::sphere) return 1.0F;
+      if (e.shape == EmitterShape::tube) {
+        const float cosine = dot(normalized(e.half_u_m), direction);
+        return std::sqrt(cosine * cosine < 1.0F ? 1.0F - cosine * cosine : 0.0F);
+      }
+      value = c;
+      break;
     case EmissionProfile::signal: value = c > 0.0F ? (c * c) * (c * c) : 0.0F; break;
     case EmissionProfile::street_luminaire:
     case EmissionProfile::hung_luminaire:
@@ -111,13 +145,45 @@ inline constexpr float kLanternGlow = 0.01F;  // share of the peak that leaves i
       }
       break;
     }
+    case EmissionProfile::measured:
+      if (e.luminaire == nullptr) break;
+      value = luminaire_relative(*e.luminaire, c, dot(e.up, direction), dot(cross(e.up, e.axis), direction));
+      break;
   }
   return value > 0.0F ? (value < 1.0F ? value : 1.0F) : 0.0F;
 }
 
-// A point of the patch; u, v in [0, 1] cover it uniformly.
-[[nodiscard]] inline Vec3f sample_point(const Emitter& e, float u, float v) noexcept {
-  return e.centre_m + e.half_u_m * (2.0F * u - 1.0F) + e.half_v_m * (2.0F * v - 1.0F);
+// A point of what the shape shows of itself to `from`: of patch and disc their own, of a sphere the disc
+// within its outline, of a tube the strip across the view. u, v in [0, 1] cover it uniformly, (.5, .5) is its middle.
+[[nodiscard]] inline Vec3f sample_point(const Emitter& e, const Vec3f& from, float u, float v) noexcept {
+  const float a = 2.0F * u - 1.0F;
+  const float b = 2.0F * v - 1.0F;
+  switch (e.shape) {
+    case EmitterShape::patch: break;
+    case EmitterShape::disc: {
+      const Vec2f p = concentric_disc(u, v);
+      return e.centre_m + e.half_u_m * p.x + e.half_v_m * p.y;
+    }
+    case EmitterShape::sphere: {
+      const Vec3f towards = from - e.centre_m;
+      const float distance2 = dot(towards, towards);
+      const float radius2 = dot(e.half_u_m, e.half_u_m);
+      if (!(distance2 > radius2)) return e.centre_m;
+      // The circle in which the view touches the sphere.
+      const float nearer = radius2 / distance2;
+      const float radius = std::sqrt(radius2 * (1.0F - nearer));
+      const Vec3f other = std::fabs(towards.x) < std::fabs(towards.y) ? Vec3f{1, 0, 0} : Vec3f{0, 1, 0};
+      const Vec3f s = normalized(cross(towards, other));
+      const Vec3f t = cross(normalized(towards), s);
+      const Vec2f p = concentric_disc(u, v);
+      return e.centre_m + towards * nearer + s * (radius * p.x) + t * (radius * p.y);
+    }
+    case EmitterShape::tube: {
+      const Vec3f across = normalized(cross(e.half_u_m, from - e.centre_m));
+      return e.centre_m + e.half_u_m * a + across * (length(e.half_v_m) * b);
+    }
+  }
+  return e.centre_m + e.half_u_m * a + e.half_v_m * b;
 }
 
 }  // namespace NPSIM_ABI

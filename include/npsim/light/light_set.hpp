@@ -15,9 +15,11 @@
 
 #include "npsim/color/chromaticity.hpp"
 #include "npsim/core/config.hpp"
+#include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/labels/light_classes.hpp"
 #include "npsim/light/emitter.hpp"
+#include "npsim/light/luminaire_table.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -28,7 +30,21 @@ struct LightSetEntry {
   LightClass cls = LightClass::none;
   float strength = 0;  // in the unit of the class's profile
   Vec2f xy;
+  const LuminaireTable* luminaire = nullptr;  // of a class of street lamps: how all of them shine; else as placed
 };
+
+// Street lamps of classes that the set has a luminaire for shine as that one: the first of their class, since a lamp's
+// optics stay when its strength and colour are drawn anew.
+inline void assign_luminaires(Span<const LightSetEntry> set, Span<Emitter> emitters) noexcept {
+  for (Emitter& e : emitters) {
+    for (const LightSetEntry& entry : set) {
+      if (entry.cls != e.cls || entry.luminaire == nullptr || !is_street_profile(e.profile)) continue;
+      e.profile = EmissionProfile::measured;
+      e.luminaire = entry.luminaire;
+      break;
+    }
+  }
+}
 
 inline constexpr int kMaxChromaticities = 8;
 
@@ -50,9 +66,12 @@ inline constexpr Vec2f led_b1 = of(illuminant::kLedB1), led_b2 = of(illuminant::
 inline constexpr Vec2f hp1 = of(illuminant::kHighPressureSodium1), hp2 = of(illuminant::kHighPressureSodium2);
 inline constexpr Vec2f signal_red{0.633F, 0.321F}, signal_amber{0.536F, 0.413F}, signal_green{0.289F, 0.429F};
 inline constexpr Vec2f rear_red{0.68F, 0.31F};
+inline constexpr Vec2f moon{0.379F, 0.376F};  // sunlight off grey rock: 4100 K [default]
 }  // namespace chromaticity
 
 inline constexpr float kStopLampCd[2] = {60.0F, 185.0F};
+inline constexpr float kIndicatorCd[2] = {50.0F,
+                                          200.0F};  // UN R6, category 2a: 50 to 500 cd; most are made at its foot
 
 [[nodiscard]] constexpr LightClassModel light_class_model(LightClass cls, EmissionProfile profile) noexcept {
   using namespace chromaticity;

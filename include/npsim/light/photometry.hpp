@@ -3,7 +3,7 @@
 //
 // Flux of a profile per candela of its peak, integral of relative_intensity over the sphere (exact but for low_beam):
 //   lambert pi;  signal 2 pi / 5;  lantern (1 - g) 5 pi / 6 + 4 pi g;  low_beam 0.02188 and high_beam 0.01945
-//   (quadrature, 0.1 %); street_luminaire 2.8150, hung_luminaire 2.1366 (quadrature, 1e-5)
+//   (quadrature, 0.1 %); street_luminaire 2.8150, hung_luminaire 2.1366 (quadrature, 1e-5); measured: of its table
 // Example: 10 klm of street_luminaire have their peak at 3550 cd and 2450 cd straight down, so 38 lx at 8 m.
 // Luminance that the camera sees: intensity towards it / luminous area seen, so that what a pixel shows and what glare
 // spreads agree with the intensity; for lambert this is the luminance itself. It is bounded by the luminance of the
@@ -29,7 +29,8 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
   switch (profile) {
     case EmissionProfile::street_luminaire:
     case EmissionProfile::hung_luminaire:
-    case EmissionProfile::lantern: return StrengthUnit::lumen;
+    case EmissionProfile::lantern:
+    case EmissionProfile::measured: return StrengthUnit::lumen;
     case EmissionProfile::low_beam:
     case EmissionProfile::low_beam_left:
     case EmissionProfile::high_beam:
@@ -39,7 +40,7 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
   return StrengthUnit::candela_per_m2;
 }
 
-// lm per cd of peak intensity, so sr.
+// lm per cd of peak intensity, so sr; of any profile but measured.
 [[nodiscard]] constexpr float profile_flux_sr(EmissionProfile profile) noexcept {
   constexpr float kPi = 3.14159265F;
   switch (profile) {
@@ -50,7 +51,8 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
     case EmissionProfile::low_beam_left: return 0.02188F;
     case EmissionProfile::high_beam: return 0.01945F;
     case EmissionProfile::signal: return 2.0F * kPi / 5.0F;
-    case EmissionProfile::lambert: break;
+    case EmissionProfile::lambert:
+    case EmissionProfile::measured: break;
   }
   return kPi;
 }
@@ -62,7 +64,8 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
   switch (profile) {
     case EmissionProfile::street_luminaire:
     case EmissionProfile::hung_luminaire:
-    case EmissionProfile::lantern: return 3e5F;
+    case EmissionProfile::lantern:
+    case EmissionProfile::measured: return 3e5F;
     case EmissionProfile::low_beam:
     case EmissionProfile::low_beam_left:
     case EmissionProfile::high_beam: return 1e6F;
@@ -80,6 +83,12 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
     case StrengthUnit::candela_per_m2: break;
   }
   return strength * area_m2;
+}
+
+// The same of an emitter, whose luminaire may be measured.
+[[nodiscard]] inline float peak_intensity_cd(const Emitter& e, float strength) noexcept {
+  if (e.profile != EmissionProfile::measured) return peak_intensity_cd(e.profile, strength, e.area_m2);
+  return e.luminaire != nullptr ? strength / e.luminaire->flux_sr : 0.0F;
 }
 
 // Linear RGB of luminance 1 with chromaticity (x, y). Outside the gamut of sRGB negative channels are dropped, not

@@ -4,6 +4,7 @@
 // Street lamps: detail/street_lamps.hpp weighs the pole's foot and depth, the head, and what the row says. The patch is
 // level, at the lower edge of the head; axis down. Below 5 m it is a lantern, over the road without a pole it hangs on a
 // wire, any other is a road luminaire on a mast whose road lies where its arm leads.
+// Clocks and the lenses of traffic lights are discs, all else is a patch.
 // Lit surfaces (windows, signs, posters, clocks): on the upright plane of the wall around them, with the rectangle that
 // their outline spans there, what is hidden included; axis along its normal (detail/lamp_plane.hpp). Where no plane is
 // found: at the region's depth, along its mean normal.
@@ -103,10 +104,6 @@ inline constexpr std::size_t kMaxLightMarks = 65535;  // an index plane can name
 }
 
 namespace light_detail {
-
-[[nodiscard]] constexpr bool is_street_lamp(LightClass c) noexcept {
-  return c == LightClass::street_light_ht || c == LightClass::street_light_lt;
-}
 
 [[nodiscard]] inline EmissionProfile profile_of(const LightMark& mark, LightClass group) noexcept {
   switch (mark.cls) {
@@ -230,6 +227,15 @@ inline void set_street_profile(const StreetLamp& l, bool poles_known, const Grou
 }
 
 inline constexpr float kDiscShare = 0.785F;  // pi / 4, of the square around a disc
+
+// The faces of clocks and the lenses of traffic lights are round; a disc of the patch's area is wider by 2 / sqrt(pi).
+inline void set_shape(Emitter& e) noexcept {
+  const bool lens = e.cls == LightClass::inferred_object && e.profile == EmissionProfile::signal;
+  if (!lens && e.cls != LightClass::clock) return;
+  e.shape = EmitterShape::disc;
+  e.half_u_m = e.half_u_m * 1.12837917F;
+  e.half_v_m = e.half_v_m * 1.12837917F;
+}
 
 // What placing one mark needs to know of all of them.
 struct Placing {
@@ -385,6 +391,7 @@ inline void outline_surfaces(Placing& all, Span<PlaneSample> samples) noexcept {
     e.profile = light_detail::profile_of(mark, e.group_cls);
     if (p.left_hand_traffic && e.profile == EmissionProfile::low_beam) e.profile = EmissionProfile::low_beam_left;
     if (!light_detail::place_mark(all, m, e)) continue;
+    light_detail::set_shape(e);
     if (!is_finite(e.centre_m) || !is_finite(e.half_u_m) || !is_finite(e.half_v_m)) continue;
     if (count == out.size())
       return Status(StatusCode::capacity_exceeded, "placement: more emitters than room for them");

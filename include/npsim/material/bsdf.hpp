@@ -15,6 +15,7 @@
 
 #include <cmath>
 
+#include "npsim/core/circle.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/material/detail/specular_albedo.hpp"
@@ -66,24 +67,9 @@ inline void tangent_frame(const Vec3f& n, Vec3f& t, Vec3f& b) noexcept {
   b = {c, sign + n.y * n.y * a, -n.y};
 }
 
-// A unit vector about n with density cosine / pi, from u, v in [0, 1): the concentric map of the square to the disc
-// (Shirley and Chiu 1997), lifted to the hemisphere. Its angles stay within pi/4, where short polynomials give sine and
-// cosine to 4e-7 without a library call, so the bits do not depend on the C library.
+// A unit vector about n with density cosine / pi, from u, v in [0, 1): a point of the disc lifted to the hemisphere.
 [[nodiscard]] inline Vec3f sample_cosine(const Vec3f& n, float u, float v) noexcept {
-  const float a = 2.0F * u - 1.0F;
-  const float b = 2.0F * v - 1.0F;
-  float x = 0.0F;
-  float y = 0.0F;
-  if (a != 0.0F || b != 0.0F) {
-    const bool wide = std::fabs(a) > std::fabs(b);
-    const float radius = wide ? a : b;
-    const float angle = 0.78539816F * (wide ? b / a : a / b);
-    const float q = angle * angle;
-    const float sine = angle * (1.0F + q * (-1.0F / 6.0F + q * (1.0F / 120.0F - q * (1.0F / 5040.0F))));
-    const float cosine = 1.0F + q * (-0.5F + q * (1.0F / 24.0F + q * (-1.0F / 720.0F + q * (1.0F / 40320.0F))));
-    x = radius * (wide ? cosine : sine);
-    y = radius * (wide ? sine : cosine);
-  }
+  const auto [x, y] = concentric_disc(u, v);
   const float z2 = 1.0F - x * x - y * y;
   const float z = std::sqrt(z2 > 0.0F ? z2 : 0.0F);
   Vec3f t, bt;

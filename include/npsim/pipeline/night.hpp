@@ -64,6 +64,10 @@ struct NightParams {
   // Light comes from what the picture shows, and from the sky.
   params.relight.unseen.share = 0.0F;
   params.relight.rows.behind_m = 0.0F;
+  params.relight.ego_headlamps = false;
+  params.relight.activation.by_text_alone = true;
+  params.relight.activation.stop_probability = 0.0F;
+  params.relight.denoise.iterations = 0;
   return params;
 }
 

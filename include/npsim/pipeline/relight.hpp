@@ -187,7 +187,7 @@ struct RelightSize {
       allocation_bytes<std::uint32_t>(size.receivers * rays) + allocation_bytes<Vec3f>(size.receivers) +
       allocation_bytes<Vec2f>(size.receivers) + (wet ? mirrors_bytes(params.mirror, size.wet) : 0) +
       allocation_bytes<Vec3f>(shape.pixels()) + allocation_bytes<Vec3f>(2 * emitters + 1) +
-      relight_detail::light_transport_workspace_bytes(shape, size.points, wet);
+      allocation_bytes<float>(emitters) + relight_detail::light_transport_workspace_bytes(shape, size.points, wet);
   return shared +
          max_of(size.marks > 0 ? placement_workspace_bytes(params.placement, shape) : std::size_t{0},
                 allocation_bytes<Vec3f>(emitters) + allocation_bytes<float>(emitters),
@@ -235,6 +235,7 @@ inline constexpr float kInversePi = 0.31830989F;
     }
     NPSIM_RETURN_IF_ERROR(continue_rows(params.rows, known, emitters.sub(0, most), count));
   }
+  assign_luminaires(params.activation.light_set, emitters.sub(0, count));
   for (std::uint32_t& e : emitter_of_mark) e = kNoPoint;
   for (std::size_t e = 0; e < count; ++e) {
     if (emitters[e].mark != 0) emitter_of_mark[emitters[e].mark - 1U] = static_cast<std::uint32_t>(e);
@@ -303,6 +304,12 @@ template <class Rays, class Executor, class Observer>
   lit.point_pixel = mesh.vertex_pixel;
   lit.emitters = out.emitters;
   lit.groups = out.groups;
+  Span<float> certain_cd;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(out.emitters.size(), certain_cd));
+  for (std::size_t e = 0; e < out.emitters.size(); ++e) {
+    certain_cd[e] = certain_intensity_cd(params.activation, out.emitters[e]);
+  }
+  lit.certain_cd = certain_cd;
   lit.up = out.sky.up;
   lit.f0 = params.f0;
   Span<std::uint32_t> receivers, first_receiver;
@@ -331,7 +338,7 @@ template <class Rays, class Executor, class Observer>
   light_weights(
       lit.groups,
       [&](std::size_t e) {
-        return Vec3f{1, 1, 1} * mean_intensity_cd(lit.emitters[e]);
+        return Vec3f{1, 1, 1} * mean_intensity_cd(params.activation, lit.emitters[e]);
       },
       expected);
 

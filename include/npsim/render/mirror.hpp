@@ -20,6 +20,7 @@
 #include <cstdint>
 
 #include "npsim/core/algorithm.hpp"
+#include "npsim/core/circle.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/span.hpp"
@@ -59,7 +60,7 @@ struct Mirrors {
   const float flat = stretched.x * stretched.x + stretched.y * stretched.y;
   const Vec3f t1 = flat > 1e-12F ? Vec3f{-stretched.y, stretched.x, 0.0F} / std::sqrt(flat) : Vec3f{1, 0, 0};
   const Vec3f t2 = cross(stretched, t1);
-  const Vec3f disc = sample_cosine({0, 0, 1}, u, v);  // its x and y are uniform over the unit disc
+  const Vec2f disc = concentric_disc(u, v);
   const float a = disc.x;
   const float edge = 1.0F - a * a;
   const float s = 0.5F * (1.0F + stretched.z);

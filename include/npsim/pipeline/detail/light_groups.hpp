@@ -46,7 +46,8 @@ namespace relight_detail {
 
 [[nodiscard]] constexpr bool light_as_one(const Emitter& a, const Emitter& b) noexcept {
   if (is_own_headlamp(a) || is_own_headlamp(b)) return is_own_headlamp(a) && is_own_headlamp(b);
-  if (a.unseen != 0 || b.unseen != 0) return a.unseen != 0 && b.unseen != 0 && a.cls == b.cls;
+  if (a.unseen != 0 || b.unseen != 0)
+    return a.unseen != 0 && b.unseen != 0 && a.cls == b.cls && is_moon(a) == is_moon(b);
   return a.group != 0 && a.group == b.group && a.cls == b.cls;
 }
 
@@ -65,7 +66,7 @@ namespace relight_detail {
   // Light that is certain first: the others are traced as carefully as they matter beside it.
   for (const bool certain : {true, false}) {
     for (std::size_t e = 0; e < emitters.size(); ++e) {
-      if ((certain_intensity_cd(emitters[e]) > 0.0F) != certain) continue;
+      if ((certain_intensity_cd(params, emitters[e]) > 0.0F) != certain) continue;
       bool first = true;
       for (std::size_t other = 0; other < e && first; ++other) first = !light_as_one(emitters[e], emitters[other]);
       if (!first) continue;

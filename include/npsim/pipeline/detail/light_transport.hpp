@@ -54,6 +54,7 @@ struct LitScene {
   Span<const std::uint32_t> point_pixel;  // y * width + x of each point
   Span<const Emitter> emitters;
   LightGroups groups;
+  Span<const float> certain_cd;              // what each emitter shines in every night at least
   Span<const std::uint32_t> receivers;       // the points that pixels show, in the order of the pixels
   Span<const std::uint32_t> first_receiver;  // of each row, and their number
   Span<const std::uint32_t> hits;
@@ -194,7 +195,7 @@ class LightTransport {
       if (group == kNoGroup || group < first_ || group >= first_ + in_batch_ || !(peak > 0.0F)) continue;
       NPSIM_RETURN_IF_ERROR(visibility(e, certain_lx_, visible_));
       const Emitter& emitter = scene_.emitters[e];
-      const float certain = certain_intensity_cd(emitter) / peak;
+      const float certain = scene_.certain_cd[e] / peak;
       const std::size_t lane = 3 * (group - first_);
       const auto light = [&](std::uint32_t p) {
         const DirectLight at =
