@@ -35,7 +35,7 @@ template <class F>
 [[nodiscard]] DemosaicedPixels<F> demosaic(Demosaic method, Mosaic mosaic, ImageView<const float> plane, int x, int y,
                                            int n) noexcept {
   const auto at = [&](int dx, int dy) {
-    return F::load(plane.row(raw_detail::mirrored(y + dy, plane.height())) + kMosaicMargin + x + dx, n);
+    return load_first<F>(plane.row(raw_detail::mirrored(y + dy, plane.height())) + kMosaicMargin + x + dx, n);
   };
   const F own = at(0, 0);
   const F west = at(-1, 0);

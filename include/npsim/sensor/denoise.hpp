@@ -53,7 +53,7 @@ template <class Executor>
     float* to = out.row(y) + kMosaicMargin;
     for (int x = 0; x < width; x += F::lanes) {
       const int n = width - x < F::lanes ? width - x : F::lanes;
-      const F own = F::load(rows[1] + x, n);
+      const F own = load_first<F>(rows[1] + x, n);
       F scale(1.0F);  // of the exposure that the sample comes from
       for (float longer = 1.0F; longer < range; longer *= sensor.ratio) {
         scale = select(own > F(0.9F * longer), F(longer * sensor.ratio), scale);
@@ -64,7 +64,7 @@ template <class Executor>
       for (const float* row : rows) {
         for (int dx = -2; dx <= 2; dx += 2) {
           if (row == rows[1] && dx == 0) continue;
-          const F other = F::load(row + x + dx, n);
+          const F other = load_first<F>(row + x + dx, n);
           const F d = other - own;
           const F t = max(fma(d * d, -nearer, F(1.0F)), F(0.0F));
           const F w = t * t;
@@ -72,7 +72,7 @@ template <class Executor>
           weights = weights + w;
         }
       }
-      (sum / weights).store(to + x, n);
+      store_first(sum / weights, to + x, n);
     }
     raw_detail::fill_margins(to, width);
   });

@@ -12,8 +12,9 @@
 // of the area, so a few saturated lamps do not darken the street. A camera follows only part of the way from the
 // exposure of a usual night: dark streets stay darker than bright ones.
 //   log2 ISO = log2 ISO_usual + compensation (log2 ISO_target - log2 ISO_usual), then + ev, then the limits.
-// Metering reads a histogram of luminance with 32 bins an octave, which is bisected.
-// Error: ISO within 1e-3 where the target is a mean. Cost: one pass over the image. Memory: 32 KiB for 64 rows.
+// Metering reads a histogram of luminance with 32 bins an octave, which is bisected; of pictures above 100,000 pixels
+// every other pixel of every other row.
+// Error: ISO within 1e-3 where the target is a mean. Cost: a pass over a quarter of the image. Memory: 32 KiB for 64 rows.
 #ifndef NPSIM_SENSOR_EXPOSURE_HPP
 #define NPSIM_SENSOR_EXPOSURE_HPP
 
@@ -123,8 +124,9 @@ template <class Executor>
 
 namespace exposure_detail {
 
-inline constexpr std::size_t kMeterRows = 64;                   // per task
-inline constexpr std::uint32_t kBinShift = 18;                  // 5 bits of the mantissa: 32 bins an octave
+inline constexpr std::size_t kMeterRows = 64;     // per task
+inline constexpr std::size_t kMeterAll = 100000;  // larger pictures are metered by every other pixel of every other row
+inline constexpr std::uint32_t kBinShift = 18;    // 5 bits of the mantissa: 32 bins an octave
 inline constexpr std::uint32_t kFirstBin = (127U - 24U) << 5U;  // 2^-24 cd/m2
 inline constexpr std::size_t kBins = 64U << 5U;                 // up to 2^40
 
@@ -180,6 +182,7 @@ template <class Executor>
   const WorkspaceScope scope(workspace);
   const Shape shape = luminance_cd_m2.shape();
   const auto rows = static_cast<std::size_t>(shape.height);
+  const std::size_t step = shape.pixels() > kMeterAll ? 2 : 1;
   Span<Bin> partial;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(kBins * chunk_count(rows, kMeterRows), partial));
   executor.for_chunks(rows, kMeterRows, [&](std::size_t begin, std::size_t end) {
@@ -190,10 +193,10 @@ template <class Executor>
       const double d = (static_cast<double>(i) + 0.5) / n - 0.5;
       return static_cast<double>(simd::exp(simd::scalar::F32(static_cast<float>(-8.0 * d * d))).value);
     };
-    for (std::size_t y = begin; y < end; ++y) {
+    for (std::size_t y = begin; y < end; y += step) {
       const Vec3f* row = luminance_cd_m2.row(static_cast<int>(y));
       const double row_weight = params.metering == Metering::centre ? falloff(y, shape.height) : 1.0;
-      for (std::size_t x = 0; x < static_cast<std::size_t>(shape.width); ++x) {
+      for (std::size_t x = 0; x < static_cast<std::size_t>(shape.width); x += step) {
         const float light = luminance(sane_sample(row[x]));
         Bin& bin = bins[bin_of(light)];
         const double weight = params.metering == Metering::centre ? row_weight * falloff(x, shape.width) : 1.0;
@@ -227,7 +230,7 @@ template <class Executor>
   };
   float low = -23.0F;
   float high = 23.0F;
-  for (int step = 0; step < 24; ++step) {
+  for (int halving = 0; halving < 24; ++halving) {
     const float middle = 0.5F * (low + high);
     (too_bright(middle) ? high : low) = middle;
   }

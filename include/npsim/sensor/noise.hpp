@@ -148,8 +148,8 @@ template <class Executor>
       const int end = samples - begin < noise_detail::kSegment ? samples - begin : noise_detail::kSegment;
       for (int i = 0; i < end; i += F::lanes) {
         const int n = end - i < F::lanes ? end - i : F::lanes;
-        const F x = min(max(F::load(from + begin + i, n), F(0.0F)), F(kMaxSample));
-        fma(residual * sqrt(fma(beta1, x, beta2)), F::load(normal + i), x).store(to + begin + i, n);
+        const F x = min(max(load_first<F>(from + begin + i, n), F(0.0F)), F(kMaxSample));
+        store_first(fma(residual * sqrt(fma(beta1, x, beta2)), F::load(normal + i), x), to + begin + i, n);
       }
     }
   });

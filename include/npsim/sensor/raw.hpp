@@ -152,17 +152,26 @@ template <class Executor>
                                    static_cast<std::uint32_t>(y) * noise_detail::segments(shape.width) +
                                        static_cast<std::uint32_t>(begin / noise_detail::kSegment),
                                    normal);
-      // Blurred along the columns, with a column more on either side.
-      Vec3f column[noise_detail::kSegment + 2];
-      const auto blurred = [&](int x) {
-        return (sane_sample(rows[0][x]) + sane_sample(rows[2][x])) * outer + sane_sample(rows[1][x]) * inner;
-      };
-      for (int x = begin; x < end; ++x) column[x - begin + 1] = blurred(x);
-      column[0] = begin > 0 ? blurred(begin - 1) : column[1];
-      column[end - begin + 1] = end < shape.width ? blurred(end) : column[end - begin];
+      // Blurred along the columns, with a column more on either side, where there is one.
+      alignas(64) float column[3 * (noise_detail::kSegment + 2) + simd::kMaxLanes];
+      const int from = begin > 0 ? begin - 1 : 0;
+      const int to_column = end < shape.width ? end + 1 : end;
+      float* first = column + 3 * (from - (begin - 1));
+      const int samples = 3 * (to_column - from);
+      for (int i = 0; i < samples; i += F::lanes) {
+        const int n = samples - i < F::lanes ? samples - i : F::lanes;
+        const auto sane = [&](int r) {
+          return min(max(load_first<F>(&rows[r][from].x + i, n), F(0.0F)), F(kMaxSample));
+        };
+        store_first(fma(sane(1), F(inner), (sane(0) + sane(2)) * F(outer)), first + i, n);
+      }
+      for (int c = 0; c < 3; ++c) {
+        if (begin == 0) column[c] = column[3 + c];
+        if (end == shape.width) column[3 * (end - begin + 1) + c] = column[3 * (end - begin) + c];
+      }
       for (int x = begin; x < end; x += F::lanes) {
         const int n = end - x < F::lanes ? end - x : F::lanes;
-        const auto load = [&](int dx) { return simd::load3<F>(&column[x - begin + 1 + dx].x, n); };
+        const auto load = [&](int dx) { return simd::load3<F>(column + 3 * (x - begin + 1 + dx), n); };
         const simd::F32x3<F> left = load(-1);
         const simd::F32x3<F> here = load(0);
         const simd::F32x3<F> right = load(1);
@@ -181,7 +190,7 @@ template <class Executor>
         const F well = min(signal / scale, F(1.0F));
         const F noisy = fma(residual * sqrt(fma(beta1, well, beta2)), F::load(normal + (x - begin)), well);
         const F read = simd::clamp(round_even(fma(noisy, F(levels), F(params.black))), 0.0F, levels + params.black);
-        ((read - F(params.black)) * F(1.0F / levels) * scale).store(to + x, n);
+        store_first((read - F(params.black)) * F(1.0F / levels) * scale, to + x, n);
       }
     }
     raw_detail::fill_margins(to, shape.width);
