@@ -170,9 +170,9 @@ inline Outcome read_sensor(const JsonObject& o, SensorParams& p) {
   return read_word(o, "mosaic", {"rggb", "bggr", "grbg", "gbrg"}, p.mosaic);
 }
 
-inline Outcome read_noise(const JsonObject& o, float& residual, std::vector<NoiseAtIso>& table) {
-  if (auto k = o.allow_only({"residual", "table", "black", "white"}); !k) return k;
-  if (auto r = read_numbers(o, {{"residual", &residual}}); !r) return r;
+inline Outcome read_noise(const JsonObject& o, PhotographParams& p, std::vector<NoiseAtIso>& table) {
+  if (auto k = o.allow_only({"residual", "colour_noise", "table", "black", "white"}); !k) return k;
+  if (auto r = read_numbers(o, {{"residual", &p.residual_noise}, {"colour_noise", &p.colour_noise}}); !r) return r;
   if (!o.has("table")) return Done{};
   const Expected<const Json*> rows = o.list("table");
   if (!rows) return rows.error();
@@ -281,8 +281,8 @@ Outcome read_part(const JsonObject& whole, const char* key, const Part& part, co
       !r) {
     return r.error();
   }
-  if (auto r = read_part(whole, "noise", p,
-                         [&](const JsonObject& o) { return detail::read_noise(o, p.residual_noise, camera.noise); });
+  if (auto r =
+          read_part(whole, "noise", p, [&](const JsonObject& o) { return detail::read_noise(o, p, camera.noise); });
       !r) {
     return r.error();
   }

@@ -8,6 +8,7 @@
 #ifndef NPSIM_PIPELINE_PHOTOGRAPH_HPP
 #define NPSIM_PIPELINE_PHOTOGRAPH_HPP
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -41,7 +42,8 @@ struct PhotographParams {
   float residual_noise = 0.25F;  // see NoiseParams
   WhiteBalanceParams white_balance;
   RawDenoiseParams denoise;
-  IspParams isp;  // but its gains
+  IspParams isp;              // but its gains and where it withdraws colour
+  float colour_noise = 3.0F;  // standard deviations of the read noise below which colour is withdrawn
 
   // The text knows exposure and noise only: raw noise, no glare, no white balance, no tone curve.
   [[nodiscard]] static constexpr PhotographParams thesis() noexcept {
@@ -98,6 +100,7 @@ struct PhotographParams {
     params.residual_noise = 1.0F;
     params.white_balance.fixed_k = 5000.0F;
     params.denoise.strength = 0.0F;
+    params.colour_noise = 0.0F;
     params.isp.demosaic = Demosaic::bilinear;
     params.isp.saturation = 1.0F;
     params.isp.tone.kind = ToneKind::clip;
@@ -114,6 +117,9 @@ struct PhotographParams {
   NPSIM_RETURN_IF_ERROR(validate(params.denoise));
   if (!(params.residual_noise >= 0.0F && params.residual_noise <= 1.0F)) {
     return {StatusCode::invalid_argument, "photograph: residual noise in [0, 1]"};
+  }
+  if (!(params.colour_noise >= 0.0F && params.colour_noise <= 1000.0F)) {
+    return {StatusCode::invalid_argument, "photograph: colour noise in [0, 1000]"};
   }
   return validate(params.isp);
 }
@@ -164,6 +170,8 @@ Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, 
   NPSIM_RETURN_IF_ERROR(
       capture(params.sensor, signal_per_luminance(exposure), noise, intrinsics, seed, image, light, plane, executor));
   IspParams isp = params.isp;
+  isp.colourless = clamp_to(
+      params.colour_noise * noise.residual * std::sqrt(noise.level.beta2) / raw_range(params.sensor), 0.0F, 1.0F);
   NPSIM_RETURN_IF_ERROR(white_balance(params.white_balance, params.sensor, plane, isp.gains, workspace, executor));
   NPSIM_RETURN_IF_ERROR(denoise_raw(params.denoise, params.sensor, noise, plane, clean, executor));
   return develop(isp, params.sensor, clean, picture, executor);

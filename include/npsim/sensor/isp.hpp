@@ -8,7 +8,7 @@
 // another's hue. The neighbours of a clipped sample count as clipped: their channels come from either side of an edge.
 // Colour matrix: the inverse of the sensor's response for daylight, with chroma about luminance times `saturation`
 // (cameras show colours stronger than they are). Gamut: a colour with a negative channel moves towards the grey of
-// its luminance until that channel is 0.
+// its luminance until that channel is 0. Shadows: cameras withdraw colour where it is noise, here by n / (n + colourless).
 // Tone curve, on the largest channel n of the three, which all are scaled by, so hue and chroma stay:
 //   clip    y = n
 //   filmic  W = 2 - knee, z = W n, then the toe  z <- z^2 (1 + toe / W) / (z + toe), then above the knee
@@ -55,6 +55,7 @@ struct IspParams {
   float pale_from = 0.6F;   // of full scale
   float pale = 0.92F;       // share of its chroma that a clipped pixel loses
   float saturation = 1.2F;  // 1: as the scene is
+  float colourless = 0.0F;  // share of full scale at which half of the colour is withdrawn: that of the noise in black
   ToneCurve tone;
 };
 
@@ -69,11 +70,11 @@ struct IspParams {
   NPSIM_RETURN_IF_ERROR(validate(p.tone));
   const auto within = [](float v, float high) noexcept { return v >= 0.0F && v <= high; };
   if (within(p.gains.x, 64.0F) && within(p.gains.y, 64.0F) && within(p.gains.z, 64.0F) && within(p.pale_from, 0.89F) &&
-      within(p.pale, 1.0F) && within(p.saturation, 4.0F)) {
+      within(p.pale, 1.0F) && within(p.saturation, 4.0F) && within(p.colourless, 1.0F)) {
     return {};
   }
   return {StatusCode::invalid_argument,
-          "ISP: gains in [0, 64], pale_from in [0, .89], pale in [0, 1], saturation in [0, 4]"};
+          "ISP: gains in [0, 64], pale_from in [0, .89], pale in [0, 1], saturation in [0, 4], colourless in [0, 1]"};
 }
 
 // Displayed linear value of the largest channel; 0 to 0, 1 to 1 and monotonic, within a rounding of 2^-23.
@@ -149,7 +150,8 @@ template <class F>
   // Into the gamut, along the line to the grey of the same luminance.
   const F least = min(c.x, min(c.y, c.z));
   const F grey = max(fma(c.x, F(0.2126F), fma(c.y, F(0.7152F), c.z * F(0.0722F))), F(0.0F));
-  const F kept = select(least < F(0.0F), grey / (grey - least), F(1.0F));
+  const F in_gamut = select(least < F(0.0F), grey / (grey - least), F(1.0F));
+  const F kept = in_gamut * (brightest / (brightest + F(params.colourless + 1e-9F)));
   const F largest = max(c.x, max(c.y, c.z));
   const F safe = max(fma(largest - grey, kept, grey), F(1e-9F));
   const F scale = tone_map(params.tone, safe) / safe;
