@@ -112,10 +112,14 @@
 #include "npsim/render/visibility.hpp"
 
 // section 3.6.3: the camera
+#include "npsim/sensor/demosaic.hpp"
+#include "npsim/sensor/denoise.hpp"
 #include "npsim/sensor/exposure.hpp"
 #include "npsim/sensor/glare.hpp"
 #include "npsim/sensor/isp.hpp"
 #include "npsim/sensor/noise.hpp"
+#include "npsim/sensor/raw.hpp"
+#include "npsim/sensor/white_balance.hpp"
 
 // errors against a known truth
 #include "npsim/metrics/depth_errors.hpp"

@@ -17,7 +17,8 @@ extern "C" const char* DISPATCH_JOIN(photograph_, DISPATCH_SET)(const float* lum
   npsim::Workspace workspace(memory, bytes);
   npsim::SerialExecutor executor;
   npsim::CameraExposure exposure;
-  return npsim::photograph({}, 1, 0, {reinterpret_cast<const npsim::Vec3f*>(luminance_cd_m2), shape},
+  return npsim::photograph({}, npsim::intrinsics_from_fov(shape, 1.2F), 1, 0,
+                           {reinterpret_cast<const npsim::Vec3f*>(luminance_cd_m2), shape},
                            {reinterpret_cast<npsim::Rgb8*>(picture), shape}, exposure, workspace, executor)
       .message();
 }

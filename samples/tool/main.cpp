@@ -139,6 +139,17 @@ int main(int argc, char** argv) {
       ->add_option("--headlamps", night.headlamps,
                    "Of the car that carries the camera: low, high (both beams) or off; default: low, of the thesis off")
       ->check(CLI::IsMember({"low", "high", "off"}));
+  night_app->add_option("--camera", night.camera,
+                        "action-camera, dashcam, automotive-hdr, automotive-raw, thesis, or a JSON file; default: "
+                        "action-camera, of the thesis thesis");
+  night_app->add_option("--iso", night.iso, "Fixed ISO speed; default: metered")->check(within(1.0, 1e6));
+  night_app->add_option("--exposure", night.exposure_s, "Exposure time in seconds")->check(within(1e-6, 3600.0));
+  night_app->add_option("--f-number", night.f_number, "Of the lens")->check(within(0.5, 128.0));
+  night_app->add_option("--ev", night.ev, "Stops brighter than metered")
+      ->check(within(-16.0, 16.0))
+      ->capture_default_str();
+  night_app->add_option("--meter", night.meter, "What the automatic exposure looks at: mean, centre or highlight")
+      ->check(CLI::IsMember({"mean", "centre", "highlight"}));
   night_app
       ->add_option("--traffic", night.traffic, "Side of the road on which the own car drives, and its low beam rises")
       ->check(CLI::IsMember({"right", "left"}))

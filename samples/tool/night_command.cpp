@@ -23,6 +23,7 @@
 #include "mesh_export.hpp"
 #include "mesh_views.hpp"
 #include "npsim/exec/thread_pool.hpp"
+#include "npsim/io/camera_file.hpp"
 #include "npsim/io/light_set.hpp"
 #include "npsim/io/memory.hpp"
 #include "npsim/io/pfm.hpp"
@@ -261,6 +262,7 @@ class NightWriter {
             {"wetness", params_.relight.material.film.wetness},
             {"headlamps", !params_.relight.ego_headlamps ? "off" : (params_.relight.ego.high_beam ? "high" : "low")},
             {"traffic", options_.traffic},
+            {"camera", options_.camera.empty() ? options_.preset : options_.camera},
             {"exposure",
              {{"iso", night.exposure.iso}, {"f_number", night.exposure.f_number}, {"time_s", night.exposure.time_s}}},
             {"sources", std::move(sources)}};
@@ -316,6 +318,26 @@ void remove_older_nights(const std::string& folder, int variants, const InputFil
   }
 }
 
+[[nodiscard]] io::Expected<io::CameraModel> chosen_camera(const NightOptions& options) {
+  const std::string usual = options.preset == "thesis" ? "thesis" : "action-camera";
+  io::Expected<io::CameraModel> read = io::read_camera(options.camera.empty() ? usual : options.camera);
+  if (!read) return io::Error{read.error().file, "--camera " + read.error().field, read.error().problem};
+  AutoExposureParams& exposure = read.value().edit().exposure;
+  if (!options.meter.empty()) {
+    exposure.metering = options.meter == "mean"     ? Metering::mean
+                        : options.meter == "centre" ? Metering::centre
+                                                    : Metering::highlight;
+  }
+  if (options.iso > 0.0F) {
+    exposure.metering = Metering::fixed;
+    exposure.camera.iso = options.iso;
+  }
+  if (options.exposure_s > 0.0F) exposure.camera.time_s = options.exposure_s;
+  if (options.f_number > 0.0F) exposure.camera.f_number = options.f_number;
+  if (options.ev != 0.0F) exposure.ev = options.ev;
+  return read;
+}
+
 }  // namespace
 
 int run_night(const NightOptions& options) {
@@ -355,7 +377,11 @@ int run_night(const NightOptions& options) {
     params.mesh.simplify_faces = options.mesh_error > 0.0F;
     params.mesh.simplify.max_relative_depth_error = options.mesh_error;
   }
+  const io::Expected<io::CameraModel> camera = chosen_camera(options);
+  if (!camera) return fail(camera.error());
+  params.camera = camera.value().params();
   InputFiles inputs(scene);
+  if (camera.value().from_file()) inputs.add(options.camera, "--camera");
   io::LightSet light_set;
   if (!options.light_set.empty()) {
     io::Expected<io::LightSet> read = io::read_light_set(options.light_set);

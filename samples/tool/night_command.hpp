@@ -28,6 +28,13 @@ struct NightOptions {
   std::string headlamps;        // empty: as the preset has it
   std::string traffic = "right";
   float mesh_error = -1.0F;  // relative, of depth; 0: not simplified; negative: as the preset has it
+  // Of the camera; what is empty or negative is as the camera has it.
+  std::string camera;  // preset or file; empty: action-camera, of the preset thesis thesis
+  float iso = -1.0F;
+  float exposure_s = -1.0F;
+  float f_number = -1.0F;
+  float ev = 0.0F;
+  std::string meter;
   bool quiet = false;
 };
 

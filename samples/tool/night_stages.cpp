@@ -119,7 +119,8 @@ class Judge {
 
   [[nodiscard]] Status start() {
     NPSIM_RETURN_IF_ERROR(shown(night_.luminance, true_picture_));
-    params_.camera.exposure.iso_min = params_.camera.exposure.iso_max = exposure_.iso;
+    params_.camera.exposure.metering = Metering::fixed;
+    params_.camera.exposure.camera.iso = exposure_.iso;
     return {};
   }
 
@@ -172,7 +173,7 @@ class Judge {
     out = io::Image<Rgb8>(light.shape());
     std::vector<unsigned char> memory(photograph_workspace_bytes(params_.camera, light.shape()));
     Workspace workspace(memory.data(), memory.size());
-    return photograph(params_.camera, 0, 0, light.view(), out.view(), exposure_, workspace, pool_);
+    return photograph(params_.camera, scene_.camera, 0, 0, light.view(), out.view(), exposure_, workspace, pool_);
   }
 
   NightParams params_;

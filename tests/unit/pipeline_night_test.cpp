@@ -349,7 +349,7 @@ TEST_CASE("night: parameters that are not finite or out of range are refused bef
   scene.view.camera_height_m = nan;
   CHECK(code([](NightParams&) {}) == StatusCode::invalid_argument);
   scene.view.camera_height_m = 0;
-  CHECK(code([&](NightParams& p) { p.camera.exposure.steps = 0; }) == StatusCode::invalid_argument);
+  CHECK(code([&](NightParams& p) { p.camera.exposure.compensation = 2; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.camera.exposure.iso_min = nan; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.camera.white_balance.adaptation = 2; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.camera.residual_noise = -1; }) == StatusCode::invalid_argument);

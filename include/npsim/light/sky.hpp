@@ -3,7 +3,8 @@
 //
 //   L(direction) = zenith + (horizon - zenith) (1 - s)^4,   s = sine of the elevation; nothing from below the horizon.
 // Illuminance on a level surface: integral of L s over the upper hemisphere = pi zenith + pi/15 (horizon - zenith).
-// Defaults span the measured range of city skies, 0.018 to 0.1 cd/m2 (a natural dark sky has 0.0002): 0.074 lx.
+// City skies measure 0.018 to 0.1 cd/m2 (a natural dark sky has 0.0002). Defaults: the geometric mean of the range in the
+// zenith, its top at the horizon: 0.144 lx.
 // Colour: horizon glow like a mix of sodium and white lamps, zenith nearly neutral. [default]
 #ifndef NPSIM_LIGHT_SKY_HPP
 #define NPSIM_LIGHT_SKY_HPP
@@ -16,7 +17,7 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 struct SkyParams {
-  Vec3f zenith_cd_m2{0.0195F, 0.0177F, 0.0168F};  // linear sRGB; luminance 0.018
+  Vec3f zenith_cd_m2{0.0455F, 0.0413F, 0.0392F};  // linear sRGB; luminance 0.042
   Vec3f horizon_cd_m2{0.145F, 0.0913F, 0.0540F};  // luminance 0.1
   Vec3f up{0.0F, -1.0F, 0.0F};                    // unit; GroundPlane::up of the scene
 };

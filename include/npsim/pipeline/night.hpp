@@ -152,8 +152,8 @@ Status make_nights_of_depth(const NightParams& params, const SceneView& scene, c
     NPSIM_RETURN_IF_ERROR(relight(params.relight, scene, light, variant, linear, workspace, executor, observer));
     Night night;
     observer.begin(Stage::camera);
-    NPSIM_RETURN_IF_ERROR(photograph(params.camera, key, static_cast<std::uint32_t>(variant), linear, picture,
-                                     night.exposure, workspace, executor));
+    NPSIM_RETURN_IF_ERROR(photograph(params.camera, scene.camera, key, static_cast<std::uint32_t>(variant), linear,
+                                     picture, night.exposure, workspace, executor));
     observer.end(Stage::camera);
     night.variant = variant;
     night.luminance = linear;

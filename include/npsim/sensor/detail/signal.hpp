@@ -73,6 +73,20 @@ void for_rows(Shape shape, Executor& executor, const F& f) {
                       });
 }
 
+// A batch of which the first n lanes count. Whole ones go the common way: masked stores are slow on some processors.
+template <class F>
+[[nodiscard]] NPSIM_ALWAYS_INLINE F load_first(const float* p, int n) noexcept {
+  return n == F::lanes ? F::load(p) : F::load(p, n);
+}
+template <class F>
+NPSIM_ALWAYS_INLINE void store_first(F v, float* p, int n) noexcept {
+  if (n == F::lanes) {
+    v.store(p);
+  } else {
+    v.store(p, n);
+  }
+}
+
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 

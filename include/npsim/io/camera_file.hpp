@@ -1,0 +1,322 @@
+// SPDX-License-Identifier: Apache-2.0
+// A camera by the name of a preset or from a JSON file:
+//
+//   {"preset": "dashcam",                                  what the file does not name is the preset's; action-camera
+//    "exposure": {"iso_max": 3200, "f_number": 1.8, "meter": "centre"},
+//    "glare": {"halo": 0.8, "veil": 0.4},
+//    "sensor": {"mosaic": "grbg", "bits": 10, "black": 64, "response": [[...], [...], [...]]},
+//    "noise": {"residual": 1, "table": [[100, 1.46e-4, 2.6e-7], ...]},     rows of ISO, beta1, beta2
+//    "white_balance": {"fixed_k": 4000}, "denoise": {"strength": 0}, "isp": {"demosaic": "bilinear", "tone": "clip"}}
+// docs/camera.md lists the fields with their units. A noise table that was fitted to digital numbers, black level
+// included (its beta2 is negative), says so by "black" and "white" beside it and is converted.
+#ifndef NPSIM_IO_CAMERA_FILE_HPP
+#define NPSIM_IO_CAMERA_FILE_HPP
+
+#include <cstddef>
+#include <cstdint>
+#include <initializer_list>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "npsim/io/detail/json_fields.hpp"
+#include "npsim/io/detail/limits.hpp"
+#include "npsim/io/error.hpp"
+#include "npsim/pipeline/photograph.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+namespace io {
+
+class CameraModel {
+ public:
+  std::string name = "action-camera";
+  std::vector<NoiseAtIso> noise;  // empty: the built-in table
+
+  explicit CameraModel(const PhotographParams& params = {}) : params_(params) {}
+  // Refers to `noise`.
+  [[nodiscard]] PhotographParams params() const {
+    PhotographParams out = params_;
+    if (!noise.empty()) out.noise_table = Span<const NoiseAtIso>(noise.data(), noise.size());
+    return out;
+  }
+  [[nodiscard]] PhotographParams& edit() { return params_; }
+  [[nodiscard]] bool from_file() const { return name.find_first_of("./") != std::string::npos; }
+
+ private:
+  PhotographParams params_;
+};
+
+inline constexpr const char* kCameraPresets = "action-camera, dashcam, automotive-hdr, automotive-raw, thesis";
+
+[[nodiscard]] inline Expected<CameraModel> camera_preset(const std::string& name) {
+  const std::pair<const char*, PhotographParams (*)()> presets[] = {
+      {"action-camera", [] { return PhotographParams::action_camera(); }},
+      {"dashcam", [] { return PhotographParams::dashcam(); }},
+      {"automotive-hdr", [] { return PhotographParams::automotive_hdr(); }},
+      {"automotive-raw", [] { return PhotographParams::automotive_raw(); }},
+      {"thesis", [] { return PhotographParams::thesis(); }}};
+  for (const auto& [known, make] : presets) {
+    if (name != known) continue;
+    CameraModel camera(make());
+    camera.name = name;
+    return camera;
+  }
+  return Error{"", name, std::string("is no preset, expected one of: ") + kCameraPresets};
+}
+
+namespace detail {
+
+struct NumberField {
+  const char* key;
+  float* value;
+};
+inline Outcome read_numbers(const JsonObject& object, std::initializer_list<NumberField> fields) {
+  for (const NumberField& field : fields) {
+    if (!object.has(field.key)) continue;
+    const Expected<double> number = object.number(field.key);
+    if (!number) return number.error();
+    *field.value = static_cast<float>(number.value());
+  }
+  return Done{};
+}
+
+// The place of a word in the list is the value of the enumerator that it names.
+template <class Enum>
+Outcome read_word(const JsonObject& object, const char* key, std::initializer_list<const char*> words, Enum& out) {
+  if (!object.has(key)) return Done{};
+  const Expected<std::string> text = object.text(key);
+  if (!text) return text.error();
+  std::string list;
+  int place = 0;
+  for (const char* word : words) {
+    if (text.value() == word) {
+      out = static_cast<Enum>(place);
+      return Done{};
+    }
+    list += (place++ == 0 ? "" : ", ") + std::string(word);
+  }
+  return Error{object.file(), object.field(key), "is '" + text.value() + "', expected one of: " + list};
+}
+
+inline Outcome read_whole(const JsonObject& object, const char* key, int& out) {
+  if (!object.has(key)) return Done{};
+  const Expected<std::int64_t> whole = object.whole(key);
+  if (!whole) return whole.error();
+  if (whole.value() < 0 || whole.value() > 1000) return Error{object.file(), object.field(key), "expected 0 to 1000"};
+  out = static_cast<int>(whole.value());
+  return Done{};
+}
+
+// A list of `count` numbers.
+inline Expected<std::vector<double>> number_row(const std::string& file, const std::string& field, const Json& v,
+                                                std::size_t count) {
+  std::vector<double> row;
+  if (v.is_array() && v.size() == count) {
+    for (const Json& number : v) {
+      if (number.is_number()) row.push_back(number.get<double>());
+    }
+  }
+  if (row.size() != count) return Error{file, field, "expected a list of " + std::to_string(count) + " numbers"};
+  return row;
+}
+
+inline Outcome read_exposure(const JsonObject& o, AutoExposureParams& p) {
+  if (auto k = o.allow_only({"iso", "f_number", "time_s", "transmittance", "meter", "iso_min", "iso_max", "target_mean",
+                             "highlight_share", "usual_iso", "compensation", "ev"});
+      !k) {
+    return k;
+  }
+  if (o.has("iso")) p.metering = Metering::fixed;
+  if (auto r = read_numbers(o, {{"iso", &p.camera.iso},
+                                {"f_number", &p.camera.f_number},
+                                {"time_s", &p.camera.time_s},
+                                {"transmittance", &p.camera.transmittance},
+                                {"iso_min", &p.iso_min},
+                                {"iso_max", &p.iso_max},
+                                {"target_mean", &p.target_mean},
+                                {"highlight_share", &p.highlight_share},
+                                {"usual_iso", &p.usual_iso},
+                                {"compensation", &p.compensation},
+                                {"ev", &p.ev}});
+      !r) {
+    return r;
+  }
+  return read_word(o, "meter", {"mean", "centre", "highlight", "fixed"}, p.metering);
+}
+
+inline Outcome read_sensor(const JsonObject& o, SensorParams& p) {
+  if (auto k = o.allow_only({"mosaic", "response", "bits", "black", "vignetting", "blur_px", "exposures", "ratio"});
+      !k) {
+    return k;
+  }
+  if (o.has("response")) {
+    const Expected<const Json*> rows = o.list("response");
+    if (!rows) return rows.error();
+    if (rows.value()->size() != 3) return Error{o.file(), o.field("response"), "expected three rows of three numbers"};
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Expected<std::vector<double>> row = number_row(o.file(), o.field("response"), (*rows.value())[i], 3);
+      if (!row) return row.error();
+      p.response[i] = vec_cast<float>(Vec3d{row.value()[0], row.value()[1], row.value()[2]});
+    }
+  }
+  if (auto r = read_numbers(
+          o, {{"black", &p.black}, {"vignetting", &p.vignetting}, {"blur_px", &p.blur_px}, {"ratio", &p.ratio}});
+      !r) {
+    return r;
+  }
+  if (auto r = read_whole(o, "bits", p.bits); !r) return r;
+  if (auto r = read_whole(o, "exposures", p.exposures); !r) return r;
+  return read_word(o, "mosaic", {"rggb", "bggr", "grbg", "gbrg"}, p.mosaic);
+}
+
+inline Outcome read_noise(const JsonObject& o, PhotographParams& p, std::vector<NoiseAtIso>& table) {
+  if (auto k = o.allow_only({"residual", "colour_noise", "table", "black", "white"}); !k) return k;
+  if (auto r = read_numbers(o, {{"residual", &p.residual_noise}, {"colour_noise", &p.colour_noise}}); !r) return r;
+  if (!o.has("table")) return Done{};
+  const Expected<const Json*> rows = o.list("table");
+  if (!rows) return rows.error();
+  double black = 0.0;
+  double white = 1.0;
+  if (o.has("black") || o.has("white")) {
+    const Expected<double> low = o.number("black");
+    if (!low) return low.error();
+    const Expected<double> high = o.number("white");
+    if (!high) return high.error();
+    black = low.value();
+    white = high.value();
+    if (!(black >= 0.0 && white > black)) return Error{o.file(), o.field("white"), "expected more than black"};
+  }
+  table.clear();
+  for (const Json& v : *rows.value()) {
+    const Expected<std::vector<double>> row = number_row(o.file(), o.field("table"), v, 3);
+    if (!row) return row.error();
+    table.push_back(
+        {static_cast<float>(row.value()[0]), without_black_level(row.value()[1], row.value()[2], black, white)});
+  }
+  if (const Status valid = validate(Span<const NoiseAtIso>(table.data(), table.size())); !valid.ok()) {
+    return Error{o.file(), o.field("table"), std::string("expected valid rows; ") + valid.message()};
+  }
+  return Done{};
+}
+
+inline Outcome read_white_balance(const JsonObject& o, WhiteBalanceParams& p) {
+  if (auto k = o.allow_only({"coolest_k", "warmest_k", "adaptation", "fixed_k"}); !k) return k;
+  return read_numbers(o, {{"coolest_k", &p.coolest_k},
+                          {"warmest_k", &p.warmest_k},
+                          {"adaptation", &p.adaptation},
+                          {"fixed_k", &p.fixed_k}});
+}
+
+inline Outcome read_isp(const JsonObject& o, IspParams& p) {
+  if (auto k = o.allow_only({"demosaic", "pale_from", "pale", "saturation", "tone", "toe", "knee", "lift"}); !k)
+    return k;
+  if (auto r = read_numbers(o, {{"pale_from", &p.pale_from},
+                                {"pale", &p.pale},
+                                {"saturation", &p.saturation},
+                                {"toe", &p.tone.toe},
+                                {"knee", &p.tone.knee},
+                                {"lift", &p.tone.lift}});
+      !r) {
+    return r;
+  }
+  if (auto r = read_word(o, "demosaic", {"bilinear", "gradient"}, p.demosaic); !r) return r;
+  return read_word(o, "tone", {"clip", "filmic", "log"}, p.tone.kind);
+}
+
+// Calls read(object) for a part of the file that is there, then checks the part.
+template <class Part, class Read>
+Outcome read_part(const JsonObject& whole, const char* key, const Part& part, const Read& read) {
+  if (!whole.has(key)) return Done{};
+  const Expected<JsonObject> object = whole.object(key);
+  if (!object) return object.error();
+  if (const Outcome done = read(object.value()); !done) return done;
+  const Status valid = validate(part);
+  if (!valid.ok()) return Error{whole.file(), key, std::string("has a value out of range; ") + valid.message()};
+  return Done{};
+}
+
+}  // namespace detail
+
+[[nodiscard]] inline Expected<CameraModel> read_camera_file(const std::string& path, const ReadLimits& limits = {}) {
+  const Expected<Json> json = read_json(path, limits);
+  if (!json) return json.error();
+  const Expected<JsonObject> object = JsonObject::of(path, "", json.value());
+  if (!object) return object.error();
+  const JsonObject& whole = object.value();
+  if (auto k = whole.allow_only({"preset", "exposure", "glare", "sensor", "noise", "white_balance", "denoise", "isp"});
+      !k) {
+    return k.error();
+  }
+  std::string preset = "action-camera";
+  if (whole.has("preset")) {
+    const Expected<std::string> text = whole.text("preset");
+    if (!text) return text.error();
+    preset = text.value();
+  }
+  Expected<CameraModel> made = camera_preset(preset);
+  if (!made) return Error{path, "preset", "is '" + preset + "', expected one of: " + kCameraPresets};
+  CameraModel camera = made.value();
+  camera.name = path;
+  PhotographParams& p = camera.edit();
+  using detail::read_part;
+  if (auto r = read_part(whole, "exposure", p.exposure,
+                         [&](const JsonObject& o) { return detail::read_exposure(o, p.exposure); });
+      !r) {
+    return r.error();
+  }
+  if (auto r = read_part(whole, "glare", p.glare,
+                         [&](const JsonObject& o) {
+                           if (auto k = o.allow_only({"halo", "veil", "core_deg", "cap"}); !k) return k;
+                           return detail::read_numbers(o, {{"halo", &p.glare.halo},
+                                                           {"veil", &p.glare.veil},
+                                                           {"core_deg", &p.glare.core_deg},
+                                                           {"cap", &p.glare.cap}});
+                         });
+      !r) {
+    return r.error();
+  }
+  if (auto r =
+          read_part(whole, "sensor", p.sensor, [&](const JsonObject& o) { return detail::read_sensor(o, p.sensor); });
+      !r) {
+    return r.error();
+  }
+  if (auto r =
+          read_part(whole, "noise", p, [&](const JsonObject& o) { return detail::read_noise(o, p, camera.noise); });
+      !r) {
+    return r.error();
+  }
+  if (auto r = read_part(whole, "white_balance", p.white_balance,
+                         [&](const JsonObject& o) { return detail::read_white_balance(o, p.white_balance); });
+      !r) {
+    return r.error();
+  }
+  if (auto r = read_part(
+          whole, "denoise", p.denoise,
+          [&](const JsonObject& o) {
+            if (auto k = o.allow_only({"strength", "shadows"}); !k) return k;
+            return detail::read_numbers(o, {{"strength", &p.denoise.strength}, {"shadows", &p.denoise.shadows}});
+          });
+      !r) {
+    return r.error();
+  }
+  if (auto r = read_part(whole, "isp", p.isp, [&](const JsonObject& o) { return detail::read_isp(o, p.isp); }); !r) {
+    return r.error();
+  }
+  return camera;
+}
+
+// A preset's name, or a file.
+[[nodiscard]] inline Expected<CameraModel> read_camera(const std::string& preset_or_file,
+                                                       const ReadLimits& limits = {}) {
+  Expected<CameraModel> preset = camera_preset(preset_or_file);
+  if (preset) return preset;
+  if (preset_or_file.find_first_of("./") == std::string::npos) return preset;
+  return read_camera_file(preset_or_file, limits);
+}
+
+}  // namespace io
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_IO_CAMERA_FILE_HPP

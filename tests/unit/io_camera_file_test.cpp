@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <doctest/doctest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "npsim/io/camera_file.hpp"
+
+namespace {
+
+using namespace npsim;
+
+io::Expected<io::CameraModel> read(const std::string& text) {
+  const std::string path = (std::filesystem::temp_directory_path() / "npsim_camera_file_test.json").string();
+  std::ofstream(path) << text;
+  auto result = io::read_camera(path);
+  std::filesystem::remove(path);
+  return result;
+}
+
+std::string fault(const std::string& text) {
+  const auto camera = read(text);
+  return camera ? std::string() : camera.error().line();
+}
+
+bool has(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
+
+}  // namespace
+
+TEST_CASE("camera file: presets by name, each valid; another name is refused with the list") {
+  for (const char* name : {"action-camera", "dashcam", "automotive-hdr", "automotive-raw", "thesis"}) {
+    const auto camera = io::read_camera(name);
+    REQUIRE(camera.ok());
+    CHECK(validate(camera.value().params()).ok());
+    CHECK_FALSE(camera.value().from_file());
+  }
+  CHECK(io::read_camera("thesis").value().params().ideal_sensor);
+  CHECK(has(io::read_camera("webcam").error().line(), "automotive-hdr"));
+}
+
+TEST_CASE("camera file: every part is read, and what is not named is the preset's") {
+  const auto camera = read(R"({"preset": "dashcam",
+    "exposure": {"iso": 500, "f_number": 2.8, "time_s": 0.02},
+    "glare": {"halo": 0.1},
+    "sensor": {"mosaic": "gbrg", "bits": 10, "black": 32, "response": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
+    "noise": {"residual": 0.5, "table": [[100, 1e-4, 1e-7], [200, 2e-4, 4e-7]]},
+    "white_balance": {"fixed_k": 4000}, "denoise": {"strength": 0},
+    "isp": {"demosaic": "bilinear", "tone": "log", "lift": 50}})");
+  REQUIRE(camera.ok());
+  const PhotographParams p = camera.value().params();
+  CHECK(p.exposure.metering == Metering::fixed);
+  CHECK(p.exposure.camera.iso == 500.0F);
+  CHECK(p.glare.halo == 0.1F);
+  CHECK(p.glare.veil == PhotographParams::dashcam().glare.veil);
+  CHECK(p.sensor.mosaic == Mosaic::gbrg);
+  CHECK(p.sensor.bits == 10);
+  CHECK(p.sensor.response[2] == Vec3f{0, 0, 1});
+  CHECK(noise_level(200.0F, p.noise_table).value().beta2 == doctest::Approx(4e-7));
+  CHECK(p.white_balance.fixed_k == 4000.0F);
+  CHECK(p.isp.demosaic == Demosaic::bilinear);
+  CHECK(p.isp.tone.kind == ToneKind::log);
+  CHECK(camera.value().from_file());
+}
+
+TEST_CASE("camera file: a noise table with the black level folded in is converted") {
+  const auto camera = read(R"({"noise": {"table": [[100, 0.141923, -8.890307]], "black": 64, "white": 1023}})");
+  REQUIRE(camera.ok());
+  const NoiseLevel level = noise_level(100.0F, camera.value().params().noise_table).value();
+  CHECK(level.beta1 == doctest::Approx(1.48e-4).epsilon(1e-3));
+  CHECK(level.beta2 == doctest::Approx(2.096e-7).epsilon(1e-3));
+}
+
+TEST_CASE("camera file: each fault is named by file and field") {
+  CHECK(has(fault(R"({"preset": "phone"})"), "preset"));
+  CHECK(has(fault(R"({"exposures": {}})"), "exposures"));
+  CHECK(has(fault(R"({"exposure": {"isos": 1}})"), "exposure.isos"));
+  CHECK(has(fault(R"({"exposure": {"time_s": 0}})"), "time in (0, 3600] s"));
+  CHECK(has(fault(R"({"exposure": {"meter": "spot"}})"), "exposure.meter"));
+  CHECK(has(fault(R"({"sensor": {"mosaic": "xtrans"}})"), "sensor.mosaic"));
+  CHECK(has(fault(R"({"sensor": {"bits": 99}})"), "bits in 8..16"));
+  CHECK(has(fault(R"({"sensor": {"response": [[1, 0], [0, 1], [0, 0]]}})"), "sensor.response"));
+  CHECK(has(fault(R"({"noise": {"table": []}})"), "noise.table"));
+  CHECK(has(fault(R"({"noise": {"table": [[100, 1e-4, -1e-3]]}})"), "negative beta2"));
+  CHECK(has(fault(R"({"noise": {"table": [[100, 1, -1]], "black": 64, "white": 10}})"), "noise.white"));
+  CHECK(has(fault(R"({"glare": {"halo": "much"}})"), "glare.halo"));
+  CHECK(has(fault(R"([1])"), "object"));
+}
