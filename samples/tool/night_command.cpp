@@ -103,6 +103,7 @@ class NightWriter {
                 {"images", light.images.count},
                 {"images_bytes", light.images.bytes()},
                 {"left_out_cd_m2", light.images.left_out_cd_m2},
+                {"mean_untraced_lx", light.mean_untraced_lx},
                 {"rays", light.rays},
                 {"error", light.error}};
       if (auto o = io::write_png(path("depth.png"), panels_[2].picture.view()); !o) return o;

@@ -92,6 +92,7 @@ Sums light(const Corner& corner, const std::vector<Emitter>& lamps) {
   SerialExecutor serial;
   NullObserver observer;
   const std::vector<float> certain_lx(n, 0.0F);
+  std::vector<float> untraced_lx(n, 0.0F);
   const std::vector<std::uint16_t> marks(corner.faces.size(), 0);
   std::vector<std::uint8_t> seen(n);
   for (std::size_t e = 0; e < lamps.size(); ++e) {
@@ -100,7 +101,7 @@ Sums light(const Corner& corner, const std::vector<Emitter>& lamps) {
     REQUIRE(std::isfinite(peak));
     REQUIRE(compute_visibility({}, 1, corner.bvh, corner.points(), {}, {certain_lx.data(), n}, lamps[e],
                                static_cast<std::uint32_t>(e), peak, {marks.data(), marks.size()},
-                               {seen.data(), seen.size()}, serial, observer)
+                               {seen.data(), seen.size()}, {untraced_lx.data(), n}, serial, observer)
                 .ok());
     for (std::size_t p = 0; p < n; ++p) {
       if (seen[p] == 0) continue;

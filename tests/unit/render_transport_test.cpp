@@ -94,10 +94,12 @@ std::vector<std::uint8_t> visibility_of(const World& world, const Emitter& emitt
   SerialExecutor serial;
   NullObserver observer;
   const std::vector<float> certain_lx(world.vertices.size(), certain);
+  std::vector<float> untraced_lx(world.vertices.size(), 0.0F);
   REQUIRE(compute_visibility(params, 0, world.bvh, world.points(), {}, {certain_lx.data(), certain_lx.size()}, emitter,
-                             0, peak_cd, {face_mark.data(), face_mark.size()}, {out.data(), out.size()}, serial,
-                             observer)
+                             0, peak_cd, {face_mark.data(), face_mark.size()}, {out.data(), out.size()},
+                             {untraced_lx.data(), untraced_lx.size()}, serial, observer)
               .ok());
+  for (std::size_t p = 0; p < out.size(); ++p) CHECK((untraced_lx[p] == 0.0F || out[p] == 0));
   return out;
 }
 
@@ -471,12 +473,13 @@ TEST_CASE("visibility and direct light agree with brute force in double among ra
   const std::size_t n = world.vertices.size();
   std::vector<std::uint8_t> seen(n);
   const std::vector<float> certain_lx(n, 0.0F);
+  std::vector<float> untraced_lx(n, 0.0F);
   const std::vector<std::uint16_t> no_marks(world.faces.size(), 0);
   std::vector<Vec3f> illuminance(n);
   for (std::size_t e = 0; e < lamps.size(); ++e) {
     REQUIRE(compute_visibility(params, 0, world.bvh, world.points(), {}, {certain_lx.data(), n}, lamps[e],
                                static_cast<std::uint32_t>(e), peak[e], {no_marks.data(), no_marks.size()},
-                               {seen.data(), seen.size()}, serial, observer)
+                               {seen.data(), seen.size()}, {untraced_lx.data(), n}, serial, observer)
                 .ok());
     for (std::size_t p = 0; p < n; ++p) {
       const float visible = lit[e].lit ? static_cast<float>(seen[p]) / 255.0F : 0.0F;

@@ -115,6 +115,8 @@ struct Relighting {
   // Root mean square over the picture, without the largest .1 %, of the noise relative to the luminance, of a night in
   // which every lamp has its mean intensity. The denoiser's bias is not in it.
   double error = 0;
+  // Mean over the picture of the illuminance that lamps below the cut-off (VisibilityParams) could bring at most.
+  double mean_untraced_lx = 0;
   int variants = 0;
 
   [[nodiscard]] Span<const Activation> of_variant(int variant) const noexcept {
@@ -358,10 +360,11 @@ template <class Rays, class Executor, class Observer>
         if (point != kNoPoint) wanted[point] = 1;
       }
     }
-    const auto visibility = [&](std::size_t e, Span<const float> certain_lx, Span<std::uint8_t> of_points) {
+    const auto visibility = [&](std::size_t e, Span<const float> certain_lx, Span<std::uint8_t> of_points,
+                                Span<float> untraced_lx) {
       return compute_visibility(params.visibility, key, rays.scene, lit.points, wanted, certain_lx, lit.emitters[e],
-                                static_cast<std::uint32_t>(e), lit.groups.peak_cd[e], face_mark, of_points, executor,
-                                observer);
+                                static_cast<std::uint32_t>(e), lit.groups.peak_cd[e], face_mark, of_points, untraced_lx,
+                                executor, observer);
     };
     LightTransport transport(lit, gather.rays, params.bounces, params.denoise);
     NPSIM_RETURN_IF_ERROR(transport.allocate(workspace));
@@ -370,6 +373,7 @@ template <class Rays, class Executor, class Observer>
     NPSIM_RETURN_IF_ERROR(transport.make(expected, visibility, images, workspace, executor, observer));
     out.images = {shape, block, images.values(), lit.groups.image_count(), images.left_out_cd_m2()};
     out.rays = gather.rays;
+    out.mean_untraced_lx = transport.mean_untraced_lx();
     NPSIM_RETURN_IF_ERROR(sum_light_images(out.images, expected, night, executor));
     NPSIM_RETURN_IF_ERROR(transport.error(night, out.error, executor));
     // Noise falls with the square root of the rays.

@@ -146,17 +146,20 @@ struct ChunkPlan {
 
 inline void plan_chunk(const VisibilityParams& params, const SurfacePoints& points, Span<const std::uint8_t> wanted,
                        Span<const float> certain_lx, const Emitter& emitter, float peak_cd, std::size_t begin,
-                       std::size_t end, ChunkPlan& plan) noexcept {
+                       std::size_t end, Span<float> untraced_lx, ChunkPlan& plan) noexcept {
   plan.count = 0;
   for (std::size_t p = begin; p < end; ++p) {
     std::uint16_t& like = plan.like[p - begin];
     like = kDark;
     if (!wanted.empty() && wanted[p] == 0) continue;
     Vec3f to_light;
-    const float unshadowed =
-        shine(points, p) * peak_cd * illuminance_per_cd(emitter, points.position[p], points.normal[p], to_light);
+    const float illuminance = peak_cd * illuminance_per_cd(emitter, points.position[p], points.normal[p], to_light);
+    const float unshadowed = shine(points, p) * illuminance;
     const float cutoff = std::fmax(params.cutoff_lx, params.cutoff_share * certain_lx[p]);
-    if (!(unshadowed > cutoff)) continue;
+    if (!(unshadowed > cutoff)) {
+      untraced_lx[p] += illuminance;
+      continue;
+    }
     if (plan.count > 0) {
       const std::size_t stride = unshadowed < 10.0F * cutoff ? 16 : (unshadowed < 50.0F * cutoff ? 4 : 1);
       const std::size_t traced = begin + plan.traced[plan.count - 1];
@@ -209,16 +212,17 @@ inline void add_rays(const Emitter& emitter, const Vec3f& origin, const Vec3f& n
 // Of one emitter; `number`: which of the scene's it is, for the draws, one stream per pair. `scene`: see
 // trace/scene.hpp. `peak_cd`: the greatest luminous intensity that it has in any variant. `face_mark[f]`: mark of the
 // face's lamp, 0 for none. `wanted[p]`: 0 where nobody will ask; such points get 0; empty: all are wanted.
-// `certain_lx[p]`: illuminance that every night brings. `visibility`: one element per point.
+// `certain_lx[p]`: illuminance that every night brings. `visibility`: one element per point. What the emitter at its
+// peak would bring where it is below the cut-off is added to `untraced_lx[p]`: a bound of what leaving it out costs.
 template <class Scene, class Executor, class Observer>
 Status compute_visibility(const VisibilityParams& params, std::uint64_t seed, const Scene& scene,
                           const SurfacePoints& points, Span<const std::uint8_t> wanted, Span<const float> certain_lx,
                           const Emitter& emitter, std::uint32_t number, float peak_cd,
-                          Span<const std::uint16_t> face_mark, Span<std::uint8_t> visibility, Executor& executor,
-                          Observer& observer) {
+                          Span<const std::uint16_t> face_mark, Span<std::uint8_t> visibility, Span<float> untraced_lx,
+                          Executor& executor, Observer& observer) {
   using namespace visibility_detail;
   NPSIM_RETURN_IF_ERROR(validate(points));
-  if (visibility.size() != points.size() || certain_lx.size() != points.size() ||
+  if (visibility.size() != points.size() || certain_lx.size() != points.size() || untraced_lx.size() != points.size() ||
       (!wanted.empty() && wanted.size() != points.size())) {
     return Status(StatusCode::shape_mismatch, "visibility: one byte and one illuminance per point");
   }
@@ -233,7 +237,7 @@ Status compute_visibility(const VisibilityParams& params, std::uint64_t seed, co
     Batch batch;
     Waiting waiting[kRaysPerBatch];
     std::uint8_t* row = visibility.data() + begin;
-    plan_chunk(params, points, wanted, certain_lx, emitter, peak_cd, begin, end, plan);
+    plan_chunk(params, points, wanted, certain_lx, emitter, peak_cd, begin, end, untraced_lx, plan);
     // First one ray or four of every point, then more of those that lie in a penumbra.
     std::size_t remaining = plan.count;
     for (const bool more : {false, true}) {

@@ -72,7 +72,7 @@ struct LitScene {
   return LightImageBuilder::staging_bytes(shape) + allocation_bytes<float>(DenoiseGuides::floats(shape)) +
          (wet ? 3 : 2) * allocation_bytes<float>(kPlanes * pixels) + (wet ? allocation_bytes<float>(pixels) : 0) +
          allocation_bytes<float>(3 * pixels) + allocation_bytes<float>(kLightLanes * points) +
-         allocation_bytes<float>(points) + allocation_bytes<std::uint8_t>(points);
+         2 * allocation_bytes<float>(points) + allocation_bytes<std::uint8_t>(points);
 }
 
 class LightTransport {
@@ -91,7 +91,9 @@ class LightTransport {
     NPSIM_RETURN_IF_ERROR(workspace.allocate(kLightLanes * scene_.points.size(), exitance_));
     NPSIM_RETURN_IF_ERROR(workspace.allocate(scene_.points.size(), visible_));
     NPSIM_RETURN_IF_ERROR(workspace.allocate(scene_.points.size(), certain_lx_));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(scene_.points.size(), untraced_lx_));
     for (float& e : certain_lx_) e = 0.0F;
+    for (float& e : untraced_lx_) e = 0.0F;
     for (float& n : noise_) n = 0.0F;
     for (int y = 0; y < shape_.height; ++y) {
       for (int x = 0; x < shape_.width; ++x) {
@@ -154,6 +156,13 @@ class LightTransport {
     return {};
   }
 
+  // Of what pixels show, the mean illuminance that lamps below the cut-off could bring, at their strongest and unhidden.
+  [[nodiscard]] double mean_untraced_lx() const noexcept {
+    double sum = 0;
+    for (const std::uint32_t p : scene_.receivers) sum += static_cast<double>(untraced_lx_[p]);
+    return scene_.receivers.empty() ? 0.0 : sum / static_cast<double>(scene_.receivers.size());
+  }
+
  private:
   static constexpr float kPi = 3.14159265F;
   static constexpr float kInversePi = 0.31830989F;
@@ -189,11 +198,15 @@ class LightTransport {
     for (float& m : exitance_) m = 0.0F;
     const SurfacePoints& points = scene_.points;
     const auto width = static_cast<std::uint32_t>(shape_.width);
-    for (std::size_t e = 0; e < scene_.emitters.size(); ++e) {
+    const std::size_t count = scene_.emitters.size();
+    for (std::size_t i = 0; i < 2 * count; ++i) {
+      const std::size_t e = i % count;
       const std::size_t group = scene_.groups.group[e];
       const float peak = scene_.groups.peak_cd[e];
       if (group == kNoGroup || group < first_ || group >= first_ + in_batch_ || !(peak > 0.0F)) continue;
-      NPSIM_RETURN_IF_ERROR(visibility(e, certain_lx_, visible_));
+      // Light that is certain first, so that all others are set against all of it.
+      if ((scene_.certain_cd[e] > 0.0F) != (i < count)) continue;
+      NPSIM_RETURN_IF_ERROR(visibility(e, certain_lx_, visible_, untraced_lx_));
       const Emitter& emitter = scene_.emitters[e];
       const float certain = scene_.certain_cd[e] / peak;
       const std::size_t lane = 3 * (group - first_);
@@ -224,7 +237,7 @@ class LightTransport {
           if (visible_[p] != 0 && !shown) static_cast<void>(light(static_cast<std::uint32_t>(p)));
         }
       });
-      observer.progress(e + 1, scene_.emitters.size());
+      observer.progress(++done_, count);
     }
     return {};
   }
@@ -333,6 +346,8 @@ class LightTransport {
   Span<float> noise_;                    // three
   Span<float> exitance_;                 // kLightLanes a point
   Span<float> body_;                     // share of diffuse light that a film lets out, per pixel
+  Span<float> untraced_lx_;              // per point, what weak lamps could bring that are not traced there
+  std::size_t done_ = 0;                 // emitters
   Span<float> certain_lx_;               // per point, that every night brings
   Span<std::uint8_t> visible_;           // of the lamp at work, per point, in 255ths
 };
