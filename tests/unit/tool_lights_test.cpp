@@ -29,7 +29,7 @@ TEST_CASE("tool: street lamps shine as the luminaire that the light set names, s
                                          "0 90 180\n0\n50 50 50\n";
   std::ofstream(folder + "/set.json") << R"([{"class": "street_light_HT", "luminaire": "even.ies", "xy": [0.4, 0.4]},
                                             {"class": "street_light_LT", "luminaire": "even.ies", "xy": [0.5, 0.4]}])";
-  const nlohmann::json night = night_json("measured", "--lights '" + folder + "/set.json'");
+  const nlohmann::json night = night_json("measured_luminaire", "--lights '" + folder + "/set.json'");
   int lamps = 0;
   for (const nlohmann::json& source : night["sources"]) {
     const std::string cls = source["class"];
