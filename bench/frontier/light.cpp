@@ -80,6 +80,10 @@ struct Setting {
     out.back().light.visibility.cutoff_share *= times;
     out.back().light.least_cd_m2 *= times;
   }
+  for (const int lattice : {1, 4, 8}) {
+    out.push_back({"lattice of shadow rays", std::to_string(lattice) + " points", usual});
+    out.back().light.visibility.lattice = lattice;
+  }
   return out;
 }
 
@@ -121,6 +125,7 @@ Comparison light_case(const Options& options) {
   many.bounces = 4;
   many.visibility.cutoff_lx = many.visibility.cutoff_share = many.least_cd_m2 = 0;
   many.visibility.samples_per_side = 8;
+  many.visibility.lattice = 1;
   double ms = 0;
   const io::Image<Vec3f> truth = night(many, ms);
 

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <string>
 
+#include "npsim/render/gather.hpp"
+
 namespace npsim::tool {
 
 struct NightOptions {
@@ -17,9 +19,9 @@ struct NightOptions {
   int threads = 0;
   std::string size;
   std::string light_set;
-  int rays = 8;        // of each pixel, for indirect light
-  float error = 0.0F;  // relative noise to be reached in place of that effort; 0: effort decides
-  float wet = 0.0F;    // share of the ground under a film of water
+  int rays = GatherParams{}.rays;  // of each pixel, for indirect light
+  float error = 0.0F;              // relative noise to be reached in place of that effort; 0: effort decides
+  float wet = 0.0F;                // share of the ground under a film of water
   std::string texture = "photograph";
   std::string unseen_lamps;     // continued, dark; empty: as the preset has it
   float assume_lamps_m = 0.0F;  // width of a road without marked street lamps that gets a row of them; 0: none does

@@ -21,7 +21,7 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/exec/thread_pool.hpp"
-#include "npsim/render/visibility.hpp"
+#include "npsim/render/illuminance.hpp"
 
 namespace npsim::tool {
 

@@ -10,7 +10,7 @@
 #include "npsim/light/activation.hpp"
 #include "npsim/light/continued_rows.hpp"
 #include "npsim/light/photometry.hpp"
-#include "npsim/render/visibility.hpp"
+#include "npsim/render/illuminance.hpp"
 
 namespace {
 

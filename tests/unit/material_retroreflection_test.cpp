@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "fixture.hpp"
+#include "lit_points.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/material/bsdf.hpp"
 #include "npsim/material/retroreflection.hpp"
@@ -43,7 +44,7 @@ double seen_luminance(const Vec3f& position, const Vec3f& normal, const Vec3f& a
     lamp.centre_m = {side, 0.6F, 1.7F};
     lamp.axis = normalized(position - lamp.centre_m);
     lamp.profile = EmissionProfile::lambert;
-    seen += static_cast<double>(luminance(direct_light(points, 0, lamp, 1.0F, 0.04F).luminance * cd));
+    seen += static_cast<double>(luminance(npsim_test::free_light(points, 0, lamp, 0.04F) * cd));
   }
   return seen;
 }

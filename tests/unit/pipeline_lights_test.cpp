@@ -82,9 +82,9 @@ struct Sink {
 
 }  // namespace
 
-TEST_CASE("light groups: windows of a floor share one, as do own headlamps; what no variant lights has none") {
+TEST_CASE("light groups: windows of a dark street share one by floors, as do own headlamps; what is never lit has none") {
   std::vector<Emitter> emitters{lamp(LightClass::window_building, 1, 9, EmissionProfile::lambert),
-                                lamp(LightClass::street_light_ht, 2, 0, EmissionProfile::street_luminaire),
+                                lamp(LightClass::advertisement, 2, 0, EmissionProfile::lambert),
                                 lamp(LightClass::window_building, 3, 9, EmissionProfile::lambert),
                                 lamp(LightClass::window_building, 4, 8, EmissionProfile::lambert),
                                 lamp(LightClass::moving_front, 0, 0, EmissionProfile::low_beam),
@@ -92,7 +92,7 @@ TEST_CASE("light groups: windows of a floor share one, as do own headlamps; what
                                 lamp(LightClass::clock, 5, 9, EmissionProfile::lambert)};
   std::vector<Activation> drawn(2 * emitters.size());
   drawn[0].lit = true;                    // variant 0: the first window
-  drawn[emitters.size() + 1].lit = true;  // variant 1: the street lamp
+  drawn[emitters.size() + 1].lit = true;  // variant 1: the sign
   for (const std::size_t own : {4U, 5U, 11U, 12U}) drawn[own].lit = true;
   npsim_test::Scratch scratch(light_groups_bytes(emitters.size()) + kWorkspaceAlignment);
   LightGroups groups;
@@ -104,7 +104,8 @@ TEST_CASE("light groups: windows of a floor share one, as do own headlamps; what
   CHECK(groups.group[3] == kNoGroup);
   CHECK(groups.group[6] == kNoGroup);
   CHECK(groups.group[4] == groups.group[5]);
-  CHECK(groups.group[1] < groups.group[0]);  // light that is certain comes first
+  CHECK(groups.group[1] != groups.group[0]);
+  CHECK(groups.group[4] < groups.group[0]);  // light that is certain comes first
 
   std::vector<Vec3f> weights(groups.image_count());
   relight_detail::light_weights(groups,
@@ -116,6 +117,32 @@ TEST_CASE("light groups: windows of a floor share one, as do own headlamps; what
   CHECK(weights[groups.image_of_emitter(0)] == Vec3f{1, 2, 3});
   CHECK(weights[groups.image_of_emitter(2)] == Vec3f{});
   CHECK(weights[groups.group[0]].y == doctest::Approx(1));  // one of two equal windows
+}
+
+TEST_CASE("light groups: beside lit street lamps all windows and signs share one, lit or not; the sum of weights stays") {
+  std::vector<Emitter> emitters{lamp(LightClass::window_building, 1, 9, EmissionProfile::lambert),
+                                lamp(LightClass::window_building, 2, 8, EmissionProfile::lambert),
+                                lamp(LightClass::advertisement, 3, 0, EmissionProfile::lambert),
+                                lamp(LightClass::street_light_ht, 4, 0, EmissionProfile::street_luminaire),
+                                lamp(LightClass::moving_front, 0, 0, EmissionProfile::low_beam)};
+  std::vector<Activation> drawn(emitters.size());
+  for (const std::size_t e : {0U, 3U, 4U}) drawn[e].lit = true;
+  npsim_test::Scratch scratch(light_groups_bytes(emitters.size()) + kWorkspaceAlignment);
+  LightGroups groups;
+  REQUIRE(relight_detail::group_lights({}, {emitters.data(), emitters.size()}, 1, {drawn.data(), drawn.size()},
+                                       scratch.workspace(), groups)
+              .ok());
+  CHECK(groups.count == 4);
+  CHECK(groups.group[0] == groups.group[1]);
+  CHECK(groups.group[0] == groups.group[2]);
+  CHECK(groups.group[3] < groups.group[0]);
+  CHECK(groups.group[4] < groups.group[0]);
+  CHECK(groups.shines[0] == 1);
+  CHECK(groups.shines[1] == 0);
+  std::vector<Vec3f> weights(groups.image_count());
+  relight_detail::light_weights(
+      groups, [&](std::size_t e) { return Vec3f{1, 1, 1} * groups.peak_cd[e]; }, {weights.data(), weights.size()});
+  for (std::size_t g = 0; g < groups.count; ++g) CHECK(weights[g].y == doctest::Approx(1));
 }
 
 TEST_CASE("lights: the sum of the lamps' nights is the night of all of them within 1e-5") {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "fixture.hpp"
+#include "lit_points.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/light/activation.hpp"
@@ -512,7 +513,7 @@ TEST_CASE("reference: from the renderer's own points and small lamps comes the r
   SerialExecutor serial;
   for (std::size_t p = 0; p < points.size(); ++p) {
     for (std::size_t e = 0; e < lamps.size(); ++e) {
-      luminance_out[p] += activations[e].intensity_cd * direct_light(points, p, lamps[e], 1.0F, 0.04F).luminance;
+      luminance_out[p] += activations[e].intensity_cd * npsim_test::free_light(points, p, lamps[e], 0.04F);
     }
   }
   const TriangleMeshView mesh{positions, {faces.data(), faces.size()}};

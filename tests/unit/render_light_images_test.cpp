@@ -44,7 +44,11 @@ struct Made {
     REQUIRE(builder.start(kShape, threshold, index, workspace).ok());
     for (std::size_t i = 0; i < 4; ++i) {
       for_light_tiles(kShape, serial, [&](std::size_t tile, int left, int top, int right, int bottom) {
-        builder.stage(i % 2, tile, left, top, right, bottom, [&](int x, int y) { return light_at(i, x, y); });
+        builder.stage(i % 2, tile, true, [&](std::size_t p) {
+          const int x = left + static_cast<int>(p) % kLightTile;
+          const int y = top + static_cast<int>(p) / kLightTile;
+          return x < right && y < bottom ? light_at(i, x, y) : Vec3f{};
+        });
       });
       REQUIRE(builder.keep(i, i % 2, workspace).ok());
     }
@@ -114,7 +118,7 @@ TEST_CASE("light images: NaN and negative light are stored as none, infinite lig
   REQUIRE(builder.start({3, 1}, 0.0F, {block.data(), 1}, workspace).ok());
   const float inf = std::numeric_limits<float>::infinity();
   const Vec3f odd[3] = {{1, std::numeric_limits<float>::quiet_NaN(), -2}, {inf, 0, 1e-30F}, {3e7F, 5, 65504}};
-  builder.stage(0, 0, 0, 0, 3, 1, [&](int x, int) { return odd[x]; });
+  builder.stage(0, 0, true, [&](std::size_t p) { return p < 3 ? odd[p] : Vec3f{}; });
   REQUIRE(builder.keep(0, 0, workspace).ok());
   const LightImages images{{3, 1}, {block.data(), 1}, builder.values(), 1, 0};
   const Vec3f weight{1, 1, 1};
@@ -141,8 +145,8 @@ TEST_CASE("light images: a weight too few, an image of another size and a worksp
   Workspace workspace(memory.data(), memory.size());
   LightImageBuilder builder;
   REQUIRE(builder.start(kShape, 0.0F, {block.data(), block.size()}, workspace).ok());
-  for_light_tiles(kShape, serial, [&](std::size_t tile, int left, int top, int right, int bottom) {
-    builder.stage(0, tile, left, top, right, bottom, [](int, int) { return Vec3f{1, 1, 1}; });
+  for_light_tiles(kShape, serial, [&](std::size_t tile, int, int, int, int) {
+    builder.stage(0, tile, true, [](std::size_t) { return Vec3f{1, 1, 1}; });
   });
   CHECK(builder.keep(0, 0, workspace).code() == StatusCode::workspace_exhausted);
 }

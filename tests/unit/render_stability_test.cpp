@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "lit_points.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/observe.hpp"
 #include "npsim/core/random.hpp"
@@ -91,23 +92,19 @@ Sums light(const Corner& corner, const std::vector<Emitter>& lamps) {
   for (std::size_t i = 0; i < n; ++i) all[i] = static_cast<std::uint32_t>(i);
   SerialExecutor serial;
   NullObserver observer;
-  const std::vector<float> certain_lx(n, 0.0F);
-  std::vector<float> untraced_lx(n, 0.0F);
-  const std::vector<std::uint16_t> marks(corner.faces.size(), 0);
-  std::vector<std::uint8_t> seen(n);
+  npsim_test::LampQuestion question;
+  question.face_mark.assign(corner.faces.size(), 0);
   for (std::size_t e = 0; e < lamps.size(); ++e) {
     const Activation lit = make_activation(lamps[e], true, 1, 1000, {0.4F, 0.4F});
-    const float peak = peak_intensity_cd(lamps[e], 1000);
-    REQUIRE(std::isfinite(peak));
-    REQUIRE(compute_visibility({}, 1, corner.bvh, corner.points(), {}, {certain_lx.data(), n}, lamps[e],
-                               static_cast<std::uint32_t>(e), peak, {marks.data(), marks.size()},
-                               {seen.data(), seen.size()}, {untraced_lx.data(), n}, serial, observer)
-                .ok());
+    question.number = static_cast<std::uint32_t>(e);
+    question.peak_cd = peak_intensity_cd(lamps[e], 1000);
+    REQUIRE(std::isfinite(question.peak_cd));
+    const npsim_test::LitPoints at = npsim_test::lit_points(corner.bvh, corner.points(), lamps[e], question);
     for (std::size_t p = 0; p < n; ++p) {
-      if (seen[p] == 0) continue;
-      const DirectLight at = direct_light(corner.points(), p, lamps[e], static_cast<float>(seen[p]) / 255.0F, 0.04F);
-      illuminance[p] += lit.intensity_cd * at.illuminance;
-      luminance_out[p] += lit.intensity_cd * at.luminance;
+      if (!(at.lx[p] > 0.0F)) continue;
+      const float lx = at.lx[p] / question.peak_cd;
+      illuminance[p] += lit.intensity_cd * lx;
+      luminance_out[p] += lit.intensity_cd * direct_light(corner.points(), p, lx, at.to_light[p], 0.04F);
     }
   }
   GatherParams gather;

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "lit_points.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/observe.hpp"
 #include "npsim/core/random.hpp"
@@ -84,22 +85,27 @@ Emitter lamp_above(float side) {
   return e;
 }
 
-std::vector<std::uint8_t> visibility_of(const World& world, const Emitter& emitter, float peak_cd,
-                                        const std::vector<std::uint16_t>& face_mark, float cutoff_lx = 1e-3F,
-                                        float certain = 0) {
-  std::vector<std::uint8_t> out(world.vertices.size(), 99);
-  VisibilityParams params;
-  params.samples_per_side = 16;
-  params.cutoff_lx = cutoff_lx;
-  SerialExecutor serial;
-  NullObserver observer;
-  const std::vector<float> certain_lx(world.vertices.size(), certain);
-  std::vector<float> untraced_lx(world.vertices.size(), 0.0F);
-  REQUIRE(compute_visibility(params, 0, world.bvh, world.points(), {}, {certain_lx.data(), certain_lx.size()}, emitter,
-                             0, peak_cd, {face_mark.data(), face_mark.size()}, {out.data(), out.size()},
-                             {untraced_lx.data(), untraced_lx.size()}, serial, observer)
-              .ok());
-  for (std::size_t p = 0; p < out.size(); ++p) CHECK((untraced_lx[p] == 0.0F || out[p] == 0));
+// The share of the lamp that each point sees; 0 too where it is not asked about.
+std::vector<float> visibility_of(const World& world, const Emitter& emitter, float peak_cd,
+                                 const std::vector<std::uint16_t>& face_mark, float cutoff_lx = 1e-3F,
+                                 float certain_lx = 0, int lattice = 1,
+                                 ImageView<const std::uint32_t> visible_point = {}) {
+  npsim_test::LampQuestion question;
+  question.params.samples_per_side = 16;
+  question.params.cutoff_lx = cutoff_lx;
+  question.params.lattice = lattice;
+  question.peak_cd = peak_cd;
+  question.certain_lx = certain_lx;
+  question.face_mark = face_mark;
+  question.visible_point = visible_point;
+  const npsim_test::LitPoints lit = npsim_test::lit_points(world.bvh, world.points(), emitter, question);
+  std::vector<float> out(world.vertices.size());
+  for (std::size_t p = 0; p < out.size(); ++p) {
+    Vec3f to_light;
+    const float lx = peak_cd * illuminance_per_cd(emitter, world.vertices[p], world.normals[p], to_light);
+    if (lx > 0.0F) out[p] = lit.lx[p] / lx;
+  }
+  if (cutoff_lx == 0.0F) CHECK(lit.untraced_lx == 0.0F);
   return out;
 }
 
@@ -217,7 +223,7 @@ TEST_CASE("visibility: of a surface that the receiver's horizon cuts, what lies 
   world.add_quad({0.001F, -5, 5}, {0.001F, 5, 5}, {0.001F, 5, 15}, {0.001F, -5, 15}, {-1, 0, 0});
   world.build();
   const std::vector<std::uint16_t> no_marks(world.faces.size(), 0);
-  CHECK(visibility_of(world, lamp_above(3.0F), 1000, no_marks)[0] == 255);
+  CHECK(visibility_of(world, lamp_above(3.0F), 1000, no_marks)[0] == 1);
 }
 
 TEST_CASE("visibility: free points see all, points under a half blocker half, behind it nothing, facing away nothing") {
@@ -231,8 +237,8 @@ TEST_CASE("visibility: free points see all, points under a half blocker half, be
   world.build();
   const std::vector<std::uint16_t> no_marks(world.faces.size(), 0);
   const auto seen = visibility_of(world, lamp_above(1.0F), 1000, no_marks);
-  CHECK(static_cast<int>(seen[0]) == doctest::Approx(127.5).epsilon(0.06));
-  CHECK(seen[1] == 255);
+  CHECK(seen[0] == doctest::Approx(0.5).epsilon(0.06));
+  CHECK(seen[1] == 1);
   CHECK(seen[2] == 0);
   CHECK(seen[3] == 0);
 }
@@ -242,7 +248,7 @@ TEST_CASE("visibility: faces with the emitter's own mark do not hide it, faces w
   world.add_point({0, 0, 10}, {0, -1, 0});
   world.add_quad({-3, -3.9F, 7}, {3, -3.9F, 7}, {3, -3.9F, 13}, {-3, -3.9F, 13}, {0, -1, 0});
   world.build();
-  CHECK(visibility_of(world, lamp_above(0.3F), 1000, std::vector<std::uint16_t>(2, 7))[0] == 255);
+  CHECK(visibility_of(world, lamp_above(0.3F), 1000, std::vector<std::uint16_t>(2, 7))[0] == 1);
   CHECK(visibility_of(world, lamp_above(0.3F), 1000, std::vector<std::uint16_t>(2, 6))[0] == 0);
 }
 
@@ -253,7 +259,7 @@ TEST_CASE("visibility: pairs below the cut-off and emitters that no variant ligh
   world.build();
   const std::vector<std::uint16_t> no_marks(2, 0);
   // 1 cd at 4 m is 1/16 lx.
-  CHECK(visibility_of(world, lamp_above(0.1F), 1.0F, no_marks, 0.0624F)[0] == 255);
+  CHECK(visibility_of(world, lamp_above(0.1F), 1.0F, no_marks, 0.0624F)[0] == 1);
   CHECK(visibility_of(world, lamp_above(0.1F), 1.0F, no_marks, 0.0626F)[0] == 0);
   CHECK(visibility_of(world, lamp_above(0.1F), 0.0F, no_marks)[0] == 0);
 }
@@ -264,7 +270,7 @@ TEST_CASE("visibility: beside light that is certain, lamps that bring less than 
   world.add_quad({50, 50, 50}, {51, 50, 50}, {51, 51, 50}, {50, 51, 50}, {0, 0, -1});
   world.build();
   const std::vector<std::uint16_t> no_marks(2, 0);
-  CHECK(visibility_of(world, lamp_above(0.1F), 1.0F, no_marks, 1e-3F, 31.2F)[0] == 255);
+  CHECK(visibility_of(world, lamp_above(0.1F), 1.0F, no_marks, 1e-3F, 31.2F)[0] == 1);
   CHECK(visibility_of(world, lamp_above(0.1F), 1.0F, no_marks, 1e-3F, 31.3F)[0] == 0);
 }
 
@@ -404,13 +410,14 @@ TEST_CASE("direct light: a lamp on a Lambertian road gives E = I cos / d^2 and L
   world.add_point({0, 6, 10}, {0, -1, 0});
   Emitter lamp = lamp_above(0.2F);
   lamp.centre_m.y = 2;
-  const DirectLight seen = direct_light(world.points(), 0, lamp, 1600.0F, 0.0F);
-  CHECK(seen.illuminance == doctest::Approx(100).epsilon(1e-5));
+  npsim_test::LampQuestion question;
+  question.peak_cd = 1600;
+  const npsim_test::LitPoints lit = npsim_test::lit_points(world.bvh, world.points(), lamp, question);
+  CHECK(lit.lx[0] == doctest::Approx(100).epsilon(1e-5));
   // The interface of a rough dielectric takes a few per cent.
-  CHECK(seen.luminance.x == doctest::Approx(0.5 * 100 / kPi).epsilon(0.05));
-  const DirectLight hidden = direct_light(world.points(), 0, lamp, 0.0F, 0.04F);
-  CHECK(hidden.illuminance == 0.0F);
-  CHECK(hidden.luminance == Vec3f{});
+  CHECK(direct_light(world.points(), 0, lit.lx[0], lit.to_light[0], 0.0F).x ==
+        doctest::Approx(0.5 * 100 / kPi).epsilon(0.05));
+  CHECK(direct_light(world.points(), 0, 0.0F, lit.to_light[0], 0.04F) == Vec3f{});
 }
 
 namespace {
@@ -455,7 +462,6 @@ TEST_CASE("visibility and direct light agree with brute force in double among ra
   world.build();
   std::vector<Emitter> lamps;
   std::vector<Activation> lit;
-  std::vector<float> peak;
   for (int i = 0; i < 6; ++i) {
     Emitter lamp = lamp_above(1e-3F);  // a point: one ray each
     lamp.centre_m = {random.uniform(-5, 5), random.uniform(-5, -3), random.uniform(4, 16)};
@@ -464,26 +470,17 @@ TEST_CASE("visibility and direct light agree with brute force in double among ra
     a.lit = i != 3;
     a.intensity_cd = {random.uniform(100, 1000), random.uniform(100, 1000), random.uniform(100, 1000)};
     lit.push_back(a);
-    peak.push_back(1e9F);  // so that nothing is weak enough to be skipped or copied
   }
-  VisibilityParams params;
-  params.cutoff_lx = 0;
-  SerialExecutor serial;
-  NullObserver observer;
-  const std::size_t n = world.vertices.size();
-  std::vector<std::uint8_t> seen(n);
-  const std::vector<float> certain_lx(n, 0.0F);
-  std::vector<float> untraced_lx(n, 0.0F);
-  const std::vector<std::uint16_t> no_marks(world.faces.size(), 0);
-  std::vector<Vec3f> illuminance(n);
+  npsim_test::LampQuestion question;
+  question.params.cutoff_lx = 0;
+  question.params.lattice = 1;
+  question.face_mark.assign(world.faces.size(), 0);
+  std::vector<Vec3f> illuminance(world.vertices.size());
   for (std::size_t e = 0; e < lamps.size(); ++e) {
-    REQUIRE(compute_visibility(params, 0, world.bvh, world.points(), {}, {certain_lx.data(), n}, lamps[e],
-                               static_cast<std::uint32_t>(e), peak[e], {no_marks.data(), no_marks.size()},
-                               {seen.data(), seen.size()}, {untraced_lx.data(), n}, serial, observer)
-                .ok());
-    for (std::size_t p = 0; p < n; ++p) {
-      const float visible = lit[e].lit ? static_cast<float>(seen[p]) / 255.0F : 0.0F;
-      illuminance[p] += lit[e].intensity_cd * direct_light(world.points(), p, lamps[e], visible, 0.04F).illuminance;
+    question.number = static_cast<std::uint32_t>(e);
+    const npsim_test::LitPoints at = npsim_test::lit_points(world.bvh, world.points(), lamps[e], question);
+    for (std::size_t p = 0; p < illuminance.size(); ++p) {
+      if (lit[e].lit) illuminance[p] += lit[e].intensity_cd * at.lx[p];
     }
   }
   int compared = 0;
@@ -518,33 +515,91 @@ TEST_CASE("visibility and direct light agree with brute force in double among ra
   CHECK(shadowed > 50);
 }
 
-TEST_CASE("visibility: what weak pairs copy from their neighbours stays within the stated 50 cut-offs per emitter") {
+namespace {
+
+// A level floor in rows of 200 points, seen as a picture, and a wall, high or of `width`, that throws its shadow on it.
+struct Floor {
   World world;
-  // A level floor in rows, a wall that throws a shadow edge across them.
-  for (int y = 0; y < 20; ++y) {
-    for (int x = 0; x < 200; ++x) {
-      world.add_point({-10 + 0.1F * static_cast<float>(x), 1.5F, 4 + 0.5F * static_cast<float>(y)}, {0, -1, 0});
+  std::vector<std::uint32_t> pixels;
+  static constexpr int kWidth = 200, kHeight = 40;
+
+  explicit Floor(float width) {
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        pixels.push_back(static_cast<std::uint32_t>(world.vertices.size()));
+        world.add_point({-10 + 0.1F * static_cast<float>(x), 1.5F, 14 - 0.25F * static_cast<float>(y)}, {0, -1, 0});
+      }
     }
+    world.add_quad({0, -1, 2}, {width, -1, 2}, {width, 1.4F, 25}, {0, 1.4F, 25}, {0, -1, 0});
+    world.build();
   }
-  const std::size_t floor_points = world.vertices.size();
-  world.add_quad({0, -1, 0}, {0, 1.4F, 0}, {0, 1.4F, 30}, {0, -1, 30}, {-1, 0, 0});
-  world.build();
+  [[nodiscard]] ImageView<const std::uint32_t> picture() const { return {pixels.data(), {kWidth, kHeight}, kWidth}; }
+};
+
+}  // namespace
+
+TEST_CASE("visibility: what is taken from the lattice stays within the stated 50 cut-offs per emitter") {
+  const Floor floor(30.0F);
   Emitter lamp = lamp_above(0.01F);
   lamp.centre_m = {-3, -2, 9};
-  const std::vector<std::uint16_t> no_marks(world.faces.size(), 0);
+  const std::vector<std::uint16_t> no_marks(floor.world.faces.size(), 0);
   constexpr float kCutoff = 1e-3F;
-  bool any_copied_wrong = false;
-  for (const float cd : {0.05F, 0.5F, 3.0F, 50.0F}) {
-    const auto exact = visibility_of(world, lamp, cd, no_marks, 0.0F);
-    const auto quick = visibility_of(world, lamp, cd, no_marks, kCutoff);
-    for (std::size_t p = 0; p < floor_points; ++p) {
-      Vec3f to_light;
-      const float unshadowed = cd * illuminance_per_cd(lamp, world.vertices[p], world.normals[p], to_light);
-      const float off = unshadowed * std::fabs(static_cast<float>(exact[p]) - static_cast<float>(quick[p])) / 255.0F;
-      CHECK(off <= 50 * kCutoff);
-      if (unshadowed >= 50 * kCutoff) CHECK(exact[p] == quick[p]);
-      any_copied_wrong = any_copied_wrong || (unshadowed > kCutoff && exact[p] != quick[p]);
+  bool any_taken_wrong = false;
+  for (const int lattice : {1, 2, 4, 8}) {
+    for (const float cd : {0.05F, 0.5F, 3.0F, 50.0F}) {
+      const auto exact = visibility_of(floor.world, lamp, cd, no_marks, 0.0F);
+      const auto quick = visibility_of(floor.world, lamp, cd, no_marks, kCutoff, 0, lattice, floor.picture());
+      for (std::size_t p = 0; p < floor.pixels.size(); ++p) {
+        Vec3f to_light;
+        const Vec3f& normal = floor.world.normals[p];
+        const float unshadowed = cd * illuminance_per_cd(lamp, floor.world.vertices[p], normal, to_light);
+        CHECK(unshadowed * std::fabs(exact[p] - quick[p]) <= 50 * kCutoff);
+        // The edge of a shadow as wide as this is found whatever the lattice.
+        if (unshadowed >= 50 * kCutoff) CHECK(exact[p] == quick[p]);
+        any_taken_wrong = any_taken_wrong || (unshadowed > kCutoff && exact[p] != quick[p]);
+      }
     }
   }
-  CHECK(any_copied_wrong);  // else the bound was not put to the test
+  CHECK(any_taken_wrong);  // else the bound was not put to the test
+}
+
+TEST_CASE("visibility: a shadow narrower than the lattice is followed between its points") {
+  const Floor floor(0.1F);
+  Emitter lamp = lamp_above(0.01F);
+  lamp.centre_m = {-3, -2, 9};
+  const std::vector<std::uint16_t> no_marks(floor.world.faces.size(), 0);
+  const auto exact = visibility_of(floor.world, lamp, 1000, no_marks, 0.0F);
+  const auto quick = visibility_of(floor.world, lamp, 1000, no_marks, 1e-3F, 0, 4, floor.picture());
+  int dark = 0;
+  int missed = 0;
+  for (std::size_t p = 0; p < floor.pixels.size(); ++p) {
+    dark += exact[p] == 0.0F ? 1 : 0;
+    missed += exact[p] != quick[p] ? 1 : 0;
+  }
+  CHECK(dark > 60);
+  CHECK(dark < 4 * Floor::kHeight);
+  CHECK(missed * 10 < dark);
+}
+
+TEST_CASE("visibility: blocks beyond a lamp's reach are left out whole, and what they miss is no more than is said") {
+  Floor floor(0.1F);
+  Emitter lamp = lamp_above(0.01F);
+  lamp.centre_m = {-3, -2, 9};
+  npsim_test::LampQuestion question;
+  question.params.cutoff_lx = 0.02F;
+  question.face_mark.assign(floor.world.faces.size(), 0);
+  question.visible_point = floor.picture();
+  for (const float cd : {0.3F, 1.0F, 3.0F}) {
+    question.peak_cd = cd;
+    const npsim_test::LitPoints lit = npsim_test::lit_points(floor.world.bvh, floor.world.points(), lamp, question);
+    double left_out = 0;
+    for (const std::uint32_t p : floor.pixels) {
+      Vec3f to_light;
+      const float lx = cd * illuminance_per_cd(lamp, floor.world.vertices[p], floor.world.normals[p], to_light);
+      if (lit.lx[p] > 0.0F) CHECK(lx > 0.02F);
+      if (lx <= 0.02F) left_out += static_cast<double>(lx);
+    }
+    CHECK(left_out > 0);
+    CHECK(static_cast<double>(lit.untraced_lx) >= 0.999 * left_out);
+  }
 }

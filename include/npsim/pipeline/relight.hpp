@@ -303,7 +303,6 @@ template <class Rays, class Executor, class Observer>
   LitScene lit;
   lit.points = out.points;
   lit.visible_point = out.visible_point;
-  lit.point_pixel = mesh.vertex_pixel;
   lit.emitters = out.emitters;
   lit.groups = out.groups;
   Span<float> certain_cd;
@@ -326,17 +325,16 @@ template <class Rays, class Executor, class Observer>
   }
   Span<Vec3f> sky_irradiance;
   Span<Vec2f> unseen;
-  Span<std::uint8_t> wanted;
+  Span<std::uint8_t> hidden;
   Span<Vec3f> expected;
   ImageView<Vec3f> night;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers, sky_irradiance));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers, unseen));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(lit.points.size(), wanted));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(lit.points.size(), hidden));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(lit.groups.image_count(), expected));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, night));
   lit.sky_irradiance = sky_irradiance;
   lit.unseen = unseen;
-  lit.wanted = wanted;
   light_weights(
       lit.groups,
       [&](std::size_t e) {
@@ -353,24 +351,24 @@ template <class Rays, class Executor, class Observer>
                                             params.unseen, hits, sky_irradiance, unseen, executor, observer));
     lit.hits = hits;
     // Light is asked for at the points that pixels show and those that their bounces reach.
-    for (std::uint8_t& w : wanted) w = 0;
-    for (const std::uint32_t point : lit.receivers) wanted[point] = 1;
+    for (std::uint8_t& h : hidden) h = 0;
     for (const Span<const std::uint32_t> reached : {lit.hits, Span<const std::uint32_t>(lit.mirrors.hits)}) {
       for (const std::uint32_t point : reached) {
-        if (point != kNoPoint) wanted[point] = 1;
+        if (point != kNoPoint) hidden[point] = 1;
       }
     }
-    const auto visibility = [&](std::size_t e, Span<const float> certain_lx, Span<std::uint8_t> of_points,
-                                Span<float> untraced_lx) {
-      return compute_visibility(params.visibility, key, rays.scene, lit.points, wanted, certain_lx, lit.emitters[e],
-                                static_cast<std::uint32_t>(e), lit.groups.peak_cd[e], face_mark, of_points, untraced_lx,
-                                executor, observer);
+    for (const std::uint32_t point : lit.receivers) hidden[point] = 0;
+    NPSIM_RETURN_IF_ERROR(make_point_blocks(lit.points, lit.visible_point, hidden, workspace, lit.blocks));
+    const auto light_of = [&](std::size_t e, Span<float> certain_lx, Span<float> untraced_lx, const auto& each_block) {
+      return light_blocks(params.visibility, key, rays.scene, lit.points, lit.blocks, certain_lx, lit.emitters[e],
+                          static_cast<std::uint32_t>(e), lit.groups.peak_cd[e], face_mark, untraced_lx, executor,
+                          observer, each_block);
     };
     LightTransport transport(lit, gather.rays, params.bounces, params.denoise);
     NPSIM_RETURN_IF_ERROR(transport.allocate(workspace));
     LightImageBuilder images;
     NPSIM_RETURN_IF_ERROR(images.start(shape, params.least_cd_m2, block, workspace));
-    NPSIM_RETURN_IF_ERROR(transport.make(expected, visibility, images, workspace, executor, observer));
+    NPSIM_RETURN_IF_ERROR(transport.make(expected, light_of, images, workspace, executor, observer));
     out.images = {shape, block, images.values(), lit.groups.image_count(), images.left_out_cd_m2()};
     out.rays = gather.rays;
     out.mean_untraced_lx = transport.mean_untraced_lx();

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Direct light of one emitter, weighted by its visibility.
+// What the camera sees of the light that a lamp brings to a point (visibility.hpp).
 //
-//   E(p) = V(p) I f(direction) cos / d^2                       illuminance, lx
-//   L(p) = V(p) I f(direction) cos / d^2 * bsdf(camera, light)   luminance towards the camera, cd/m2, linear RGB
-//        + V(p) I f(direction) / d^2 * albedo * strength * retroreflection(camera, light)
+//   L(p) = E(p) * bsdf(camera, light)   luminance towards the camera, cd/m2, linear RGB; E: illuminance, lx
+//        + E(p) / cos * albedo * strength * retroreflection(camera, light)
 // f0: of dry surfaces; under a film of water its own. What is retroreflected reaches the camera alone: no other surface
 // lies where the lamp is.
 // Lit surfaces (windows, signs) within eight of their sides count by Lambert's closed form for their rectangle, exact to
@@ -27,7 +26,6 @@
 #include "npsim/material/retroreflection.hpp"
 #include "npsim/material/wet_film.hpp"
 #include "npsim/render/surface_points.hpp"
-#include "npsim/render/visibility.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -41,26 +39,18 @@ inline namespace NPSIM_ABI {
   return cosine > 0.0F ? points.albedo[p] * received * (retro.strength * per_lx / cosine) : Vec3f{};
 }
 
-// Of an emitter of 1 cd of white light, of which a point sees the share `visible`.
-struct DirectLight {
-  float illuminance = 0;  // lx
-  Vec3f luminance;        // towards the camera, cd/m2
-};
-
-[[nodiscard]] inline DirectLight direct_light(const SurfacePoints& points, std::size_t p, const Emitter& emitter,
-                                              float visible, float f0) noexcept {
-  Vec3f to_light;
-  DirectLight light;
-  light.illuminance = visible * illuminance_per_cd(emitter, points.position[p], points.normal[p], to_light);
-  const Vec3f received{light.illuminance, light.illuminance, light.illuminance};
+// Luminance towards the camera, cd/m2, of white light that makes the illuminance `lx` from the unit direction `to_light`.
+[[nodiscard]] inline Vec3f direct_light(const SurfacePoints& points, std::size_t p, float lx, const Vec3f& to_light,
+                                        float f0) noexcept {
+  const Vec3f received{lx, lx, lx};
   const Vec3f to_camera = normalized(-points.position[p]);
   const float interface_f0 = points.film.empty() ? f0 : film_f0(f0, points.film[p]);
-  light.luminance =
+  Vec3f seen =
       received * eval_bsdf(points.albedo[p], points.alpha[p], interface_f0, points.normal[p], to_camera, to_light);
   if (!points.retro.empty() && points.retro[p].kind != RetroKind::none) {
-    light.luminance += retroreflected(points, p, received, to_camera, to_light);
+    seen += retroreflected(points, p, received, to_camera, to_light);
   }
-  return light;
+  return seen;
 }
 
 }  // namespace NPSIM_ABI

@@ -34,7 +34,7 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 struct GatherParams {
-  int rays = 8;  // per receiver, 1..4096; the denoiser takes care of the rest
+  int rays = 4;  // per receiver, 1..4096; the denoiser takes care of the rest
 };
 
 [[nodiscard]] inline Status validate(const GatherParams& p) noexcept {

@@ -111,21 +111,18 @@ class LightImageBuilder {
     return {};
   }
 
-  // One tile of the light in a slot below kLightsAtOnce; at(x, y) is its luminance at weight 1 there.
+  // One tile of the light in a slot below kLightsAtOnce; at(i) is its luminance at weight 1 in pixel i of the tile, row
+  // by row, beyond the picture 0. `any`: whether there is light in it.
   template <class At>
-  void stage(std::size_t slot, std::size_t tile, int left, int top, int right, int bottom, const At& at) noexcept {
+  void stage(std::size_t slot, std::size_t tile, bool any, const At& at) noexcept {
     std::uint16_t* const block = staged_.data() + (slot * tiles_ + tile) * kLightBlock;
-    if (right - left < kLightTile || bottom - top < kLightTile) std::fill(block, block + kLightBlock, std::uint16_t{0});
     float greatest = 0.0F;
-    for (int y = top; y < bottom; ++y) {
-      for (int x = left; x < right; ++x) {
-        const Vec3f light = at(x, y);
-        const auto i = static_cast<std::size_t>((y - top) * kLightTile + x - left);
-        block[i] = light_image_detail::pack(light.x);
-        block[kLightTilePixels + i] = light_image_detail::pack(light.y);
-        block[2 * kLightTilePixels + i] = light_image_detail::pack(light.z);
-        greatest = std::max(greatest, luminance(light));
-      }
+    for (std::size_t i = 0; any && i < kLightTilePixels; ++i) {
+      const Vec3f light = at(i);
+      block[i] = light_image_detail::pack(light.x);
+      block[kLightTilePixels + i] = light_image_detail::pack(light.y);
+      block[2 * kLightTilePixels + i] = light_image_detail::pack(light.z);
+      greatest = std::max(greatest, luminance(light));
     }
     greatest_[slot * tiles_ + tile] = greatest;
   }

@@ -1,30 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
-// Visibility between emitters and surface points: the costly part of direct light, computed once for all variants.
+// What light of a lamp arrives at surface points past all that stands between: the costly part of direct light.
 //
-// V(e, p) is the share of emitter e's patch that point p sees, stored in 1/255 steps: one shadow ray for an emitter
-// that looks small from p, else four, one per quarter of the patch, and where these disagree (a penumbra) k x k more.
-// Rays that leave below the receiver's horizon do not count: what lies there is no part of the illuminance.
-// An occluder that hides part of a patch but none of the four rays is missed. It does not depend on which lamps are
-// lit, nor on their strength or colour, so every night of one day shares it.
-// Effort follows what is at stake, the unshadowed illuminance E at the emitter's peak intensity over all variants, times
-// kShine where a surface mirrors or retroreflects, against c, the greater of cutoff_lx and cutoff_share times the light
-// that is certain: what the point gets from lamps that every night lights.
-//   E < c         V = 0, as for points behind the emitter or turned away from it
-//   E < 10 c      every 16th point is traced; those between take the value of the last one, their neighbour in a row of
-//                 the image, unless depth or normal say that it is another surface
-//   E < 50 c      every 4th point, the same
-//   else          every point
-// So a shadow edge of a weak source may lie up to 15 pixels off in a row. The error of the direct illuminance at a
-// point is at most  n_emitters * c + E / 510  away from shadow edges, plus there  50 c  per emitter at worst, plus the
-// penumbra's sampling noise. Faces that carry an emitter's own mark do not block it: a lamp is not
-// hidden by its own glass. Cost: one shadow ray per pair and sample, traced in batches of neighbouring points and one
-// lamp. Memory: 18 KiB of stack.
+//   illuminance(p) = V(p) E(p),  E = I_peak * illuminance_per_cd (illuminance.hpp)
+// V is the share of the lamp that point p sees: one shadow ray for a lamp that looks small from p, else four, one per
+// quarter of its shape, and where these disagree (a penumbra) k x k more. Rays that leave below the receiver's horizon do
+// not count: what lies there is no part of E. An occluder that hides part of the lamp but none of the four rays is
+// missed. None of it depends on strength or colour, so every night of one day shares it.
+// Effort follows what is at stake, E times kShine where a surface mirrors or retroreflects, against c, the greater of
+// cutoff_lx and cutoff_share times the light that is certain: what the point gets from lamps that every night lights.
+// Rays leave from a lattice of a block's points, every `step`th of every `step`th row:
+//   E < c         none: V = 0, as for points behind the lamp or turned away from it
+//   E < 10 c      step 4 lattice; one ray, to anywhere on the lamp. Points between take the mean of the lattice's around
+//   E < 50 c      step 2 lattice; the same
+//   E < 250 c     step 2 lattice; rays as above. Points between take what the lattice's around them agree on. Where these
+//                 differ, or a traced neighbour differs from what was taken, they are traced themselves
+//   else          step lattice; the same
+// Points are asked only on the same surface (within kSamePlane of its plane); one that finds none is traced.
+// Error of the illuminance at a point: at most  n_emitters * c  away from shadow edges, plus there  50 c  per lamp, plus
+// the penumbra's sampling noise; and shadows that are narrower than a step and meet no point of the lattice within a
+// block are lost. Faces that carry a lamp's own mark do not block it: a lamp is not hidden by its own glass.
+// Cost: E for every point of blocks that the lamp may reach, and shadow rays in batches of neighbours and one lamp.
+// Memory: 40 KiB of stack.
 #ifndef NPSIM_RENDER_VISIBILITY_HPP
 #define NPSIM_RENDER_VISIBILITY_HPP
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include "npsim/core/config.hpp"
 #include "npsim/core/random.hpp"
@@ -32,7 +36,8 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/light/emitter.hpp"
-#include "npsim/render/detail/area_light.hpp"
+#include "npsim/render/illuminance.hpp"
+#include "npsim/render/point_blocks.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/trace/scene.hpp"
 
@@ -41,245 +46,335 @@ inline namespace NPSIM_ABI {
 
 struct VisibilityParams {
   int samples_per_side = 4;    // k of the penumbra, 1..16
-  float small_angle = 0.02F;   // patch side / distance below which one ray is enough
+  float small_angle = 0.02F;   // longer side / distance below which one ray is enough
   float cutoff_lx = 5e-3F;     // full moon: 0.25 lx; city sky: 0.07 lx
   float cutoff_share = 2e-3F;  // of the illuminance that is certain
+  int lattice = 2;             // points; 1, 2, 4 or 8. 1, without cut-off: every point is traced
 };
 
 [[nodiscard]] inline Status validate(const VisibilityParams& p) noexcept {
-  const bool good = p.samples_per_side >= 1 && p.samples_per_side <= 16 && p.cutoff_lx >= 0.0F &&
-                    p.cutoff_share >= 0.0F && p.small_angle >= 0.0F;
-  return good ? Status()
-              : Status(StatusCode::invalid_argument,
-                       "visibility: samples_per_side in 1..16, cutoff and angle not negative");
-}
-
-// Closer than so many of its longer sides the extent of a lit surface, a signal's disc or a tube counts. Beyond, the
-// centre stands for it within 1 % of what it gives a receiver that faces it, and within 1 % of the square of side over
-// distance elsewhere. A signal's disc of radius r is right within .8 (r/d)^2 of what it gives straight ahead; as a point
-// it would be within 1.8 (r/d)^2. A sphere counts as one at any distance.
-inline constexpr float kPointFromSides = 8.0F;
-
-// Whether an emitter that is no sphere is near enough for its extent to count; `squared`: of its centre's distance.
-[[nodiscard]] inline bool is_extended(const Emitter& e, float squared) noexcept {
-  const bool disc = e.shape == EmitterShape::disc;
-  if (e.profile != EmissionProfile::lambert && !(disc && e.profile == EmissionProfile::signal)) return false;
-  const float u2 = dot(e.half_u_m, e.half_u_m);
-  const float v2 = dot(e.half_v_m, e.half_v_m);
-  if (!(squared < 4.0F * kPointFromSides * kPointFromSides * (u2 > v2 ? u2 : v2))) return false;
-  if (e.shape == EmitterShape::tube) return true;
-  // Where no wall was found, patch and axis need not agree: such a lamp has a place and no shape.
-  const Vec3f across = cross(e.half_u_m, e.half_v_m);
-  const float along = dot(across, e.axis);
-  return along * along > 0.96F * dot(across, across);
-}
-
-// Unshadowed illuminance (lx) at a point per candela of the emitter's peak intensity; `to_light` is the unit direction.
-// By the emitter's shape where that counts: `to_light` is then the mean direction of what lies above the horizon, and
-// what a profile does besides a constant luminance, it does in that direction. Of every other lamp as a point: the
-// distance is bounded below by the patch size, where that form would diverge.
-[[nodiscard]] inline float illuminance_per_cd(const Emitter& e, const Vec3f& position, const Vec3f& normal,
-                                              Vec3f& to_light) noexcept {
-  constexpr float kPi = 3.14159265F;
-  const Vec3f delta = e.centre_m - position;
-  const float squared = dot(delta, delta);
-  const float along = dot(normal, delta);
-  if (e.shape == EmitterShape::sphere) {
-    const float radius2 = dot(e.half_u_m, e.half_u_m);
-    const float radius = std::sqrt(radius2);
-    const float arriving = sphere_irradiance(along, std::sqrt(squared), radius);
-    if (!(arriving > 0.0F)) return 0.0F;
-    to_light = normalized(along < radius ? delta + normal * (0.5F * (radius - along)) : delta);
-    return relative_intensity(e, -normalized(delta)) * arriving / (kPi * radius2);
+  if (!(p.samples_per_side >= 1 && p.samples_per_side <= 16 && p.cutoff_lx >= 0.0F && p.cutoff_share >= 0.0F &&
+        p.small_angle >= 0.0F)) {
+    return {StatusCode::invalid_argument, "visibility: samples_per_side in 1..16, cutoff and angle not negative"};
   }
-  if (is_extended(e, squared)) {
-    if (e.shape == EmitterShape::tube) {
-      const Vec3f arriving = tube_irradiance(delta, e.half_u_m, length(e.half_v_m), normal);
-      to_light = normalized(arriving);
-      const float received = dot(normal, arriving);
-      return received > 0.0F ? received : 0.0F;
-    }
-    if (!(dot(e.axis, delta) < 0.0F)) return 0.0F;  // behind it
-    const bool disc = e.shape == EmitterShape::disc;
-    const Vec3f arriving = disc ? disc_irradiance(delta, e.half_u_m, e.half_v_m, normal)
-                                : rectangle_irradiance(delta, e.half_u_m, e.half_v_m, normal);
-    const float twice = dot(normal, arriving);
-    if (!(twice > 0.0F)) return 0.0F;
-    to_light = normalized(arriving);
-    const float per_cd = twice / ((disc ? 2.0F * kPi : 8.0F) * length(cross(e.half_u_m, e.half_v_m)));
-    if (e.profile == EmissionProfile::lambert) return per_cd;
-    const float c = -dot(e.axis, to_light);
-    return c > 0.0F ? per_cd * (c * c * c) : 0.0F;  // of a signal, whose intensity falls as the fourth power
+  if (p.lattice != 1 && p.lattice != 2 && p.lattice != 4 && p.lattice != 8) {
+    return {StatusCode::invalid_argument, "visibility: lattice 1, 2, 4 or 8"};
   }
-  if (!(along > 0.0F)) return 0.0F;
-  const float distance = std::sqrt(squared);
-  to_light = delta / distance;
-  const float cosine = along / distance;
-  const float floor_m2 = e.area_m2 > 0.0F ? e.area_m2 : 0.0F;
-  return relative_intensity(e, -to_light) * cosine / (squared > floor_m2 ? squared : floor_m2);
+  return {};
 }
+
+// What a lamp at its peak brings to the points of a block.
+struct BlockLight {
+  float illuminance_lx[kBlockPoints];  // 0: none, or nobody asks
+  Vec3f to_light[kBlockPoints];        // unit, where it is not 0
+  bool any;                            // whether one is not 0; else the arrays hold nothing
+};
 
 namespace visibility_detail {
 
-// How much brighter than a matt surface a wet road or a sign may look: GGX of alpha .12 has f = 5/sr where asphalt has
-// .02, sheeting .3 to 250 where white has .13. [default] for both.
-inline constexpr float kShine = 100.0F;
-
-[[nodiscard]] inline float shine(const SurfacePoints& points, std::size_t p) noexcept {
-  const bool wet = !points.film.empty() && points.film[p] != 0;
-  const bool sign = !points.retro.empty() && points.retro[p].kind == RetroKind::sheeting;
-  return wet || sign ? kShine : 1.0F;
+// Whether q lies on the surface of p: within kSamePlane of its plane and kReach of p, both in depths of p.
+inline constexpr float kSamePlane = 0.02F;
+inline constexpr float kReach = 0.25F;
+[[nodiscard]] inline bool on_surface_of(const SurfacePoints& points, std::size_t p, std::size_t q) noexcept {
+  const Vec3f& at = points.position[p];
+  const Vec3f way = points.position[q] - at;
+  return dot(points.normal[p], points.normal[q]) > 0.9F && std::fabs(dot(points.normal[p], way)) < kSamePlane * at.z &&
+         dot(way, way) < kReach * kReach * at.z * at.z;
 }
 
-inline constexpr std::size_t kPointsPerChunk = 2048;
+// Coordinates of a block's lattice points: 0, step, 2 step, ... and the last, so that every slot lies between two.
+inline constexpr int kLast = kBlockSide - 1;
+[[nodiscard]] constexpr int lattice_below(int i, int step) noexcept { return i == kLast ? kLast : i & ~(step - 1); }
+[[nodiscard]] constexpr int lattice_above(int i, int step) noexcept {
+  const int below = lattice_below(i, step);
+  return below == i ? i : (below + step < kLast ? below + step : kLast);
+}
+
+enum class Stake : std::uint8_t { none, weak, middling, full, dominant };
+
 inline constexpr std::size_t kRaysPerBatch = 256;  // room for the rays of one point
 
-inline constexpr std::uint16_t kDark = 0xFFFF;
-
-// What becomes of the points of a chunk under one emitter: `count` of them are traced, `traced` says which; point i
-// takes the value of point like[i], kDark is 0. All counted from the chunk's first.
-struct ChunkPlan {
-  std::uint16_t traced[kPointsPerChunk];
-  std::uint16_t like[kPointsPerChunk];
-  std::size_t count = 0;
-};
-
-inline void plan_chunk(const VisibilityParams& params, const SurfacePoints& points, Span<const std::uint8_t> wanted,
-                       Span<const float> certain_lx, const Emitter& emitter, float peak_cd, std::size_t begin,
-                       std::size_t end, Span<float> untraced_lx, ChunkPlan& plan) noexcept {
-  plan.count = 0;
-  for (std::size_t p = begin; p < end; ++p) {
-    std::uint16_t& like = plan.like[p - begin];
-    like = kDark;
-    if (!wanted.empty() && wanted[p] == 0) continue;
-    Vec3f to_light;
-    const float illuminance = peak_cd * illuminance_per_cd(emitter, points.position[p], points.normal[p], to_light);
-    const float unshadowed = shine(points, p) * illuminance;
-    const float cutoff = std::fmax(params.cutoff_lx, params.cutoff_share * certain_lx[p]);
-    if (!(unshadowed > cutoff)) {
-      untraced_lx[p] += illuminance;
-      continue;
-    }
-    if (plan.count > 0) {
-      const std::size_t stride = unshadowed < 10.0F * cutoff ? 16 : (unshadowed < 50.0F * cutoff ? 4 : 1);
-      const std::size_t traced = begin + plan.traced[plan.count - 1];
-      const bool same_surface =
-          std::fabs(points.position[p].z - points.position[traced].z) < 0.03F * points.position[p].z &&
-          dot(points.normal[p], points.normal[traced]) > 0.9F;
-      if (p - traced < stride && same_surface) {
-        like = plan.traced[plan.count - 1];
-        continue;
-      }
-    }
-    like = static_cast<std::uint16_t>(p - begin);
-    plan.traced[plan.count++] = like;
-  }
-}
-
-// A point of a chunk whose rays, side x side of them, wait in a batch.
+// A slot of a block whose rays, side x side of them, wait in a batch.
 struct Waiting {
-  std::uint16_t point;
+  std::uint16_t slot;
   std::uint16_t side;
 };
 
-// Rays of one emitter's chunk that wait to be traced together.
+// Rays to one lamp that wait to be traced together.
 struct Batch {
   Ray rays[kRaysPerBatch];
   std::uint8_t above[kRaysPerBatch];  // the receiver's horizon
   std::uint8_t blocked[kRaysPerBatch];
+  Waiting waiting[kRaysPerBatch];
   std::size_t count = 0;
+  std::size_t points = 0;
 };
 
-// Adds the rays from a point to a patch of k x k strata; to the middle of the patch where k is 1.
-inline void add_rays(const Emitter& emitter, const Vec3f& origin, const Vec3f& normal, int k, RandomStream& random,
-                     Batch& batch) noexcept {
-  for (int s = 0; s < k * k; ++s) {
-    const float jitter_u = k == 1 ? 0.5F : random.uniform();
-    const float jitter_v = k == 1 ? 0.5F : random.uniform();
-    Ray& ray = batch.rays[batch.count++];
-    ray = Ray{};
-    ray.origin = origin;
-    ray.direction = sample_point(emitter, origin, (static_cast<float>(s % k) + jitter_u) / static_cast<float>(k),
-                                 (static_cast<float>(s / k) + jitter_v) / static_cast<float>(k)) -
-                    origin;
-    ray.t_max = 0.999F;
-    batch.above[batch.count - 1] = k == 1 || dot(normal, ray.direction) > 0.0F ? 1 : 0;
-  }
-}
+// One lamp and one block.
+template <class Scene, class Passes>
+class BlockTracer {
+ public:
+  BlockTracer(const VisibilityParams& params, std::uint64_t seed, const Scene& scene, const SurfacePoints& points,
+              Span<const std::uint32_t> block, const Emitter& emitter, std::uint32_t number, const Passes& passes,
+              BlockLight& light) noexcept
+      : params_(params),
+        seed_(seed),
+        scene_(scene),
+        points_(points),
+        block_(block),
+        emitter_(emitter),
+        number_(number),
+        passes_(passes),
+        light_(light),
+        extent_(2.0F * std::fmax(length(emitter.half_u_m), length(emitter.half_v_m))) {}
 
-}  // namespace visibility_detail
-
-// Of one emitter; `number`: which of the scene's it is, for the draws, one stream per pair. `scene`: see
-// trace/scene.hpp. `peak_cd`: the greatest luminous intensity that it has in any variant. `face_mark[f]`: mark of the
-// face's lamp, 0 for none. `wanted[p]`: 0 where nobody will ask; such points get 0; empty: all are wanted.
-// `certain_lx[p]`: illuminance that every night brings. `visibility`: one element per point. What the emitter at its
-// peak would bring where it is below the cut-off is added to `untraced_lx[p]`: a bound of what leaving it out costs.
-template <class Scene, class Executor, class Observer>
-Status compute_visibility(const VisibilityParams& params, std::uint64_t seed, const Scene& scene,
-                          const SurfacePoints& points, Span<const std::uint8_t> wanted, Span<const float> certain_lx,
-                          const Emitter& emitter, std::uint32_t number, float peak_cd,
-                          Span<const std::uint16_t> face_mark, Span<std::uint8_t> visibility, Span<float> untraced_lx,
-                          Executor& executor, Observer& observer) {
-  using namespace visibility_detail;
-  NPSIM_RETURN_IF_ERROR(validate(points));
-  if (visibility.size() != points.size() || certain_lx.size() != points.size() || untraced_lx.size() != points.size() ||
-      (!wanted.empty() && wanted.size() != points.size())) {
-    return Status(StatusCode::shape_mismatch, "visibility: one byte and one illuminance per point");
+  // The most illuminance that the lamp could bring to any point of the block.
+  [[nodiscard]] float most(const BlockBounds& bounds, float peak_cd) const noexcept {
+    const Vec3f way = bounds.centre_m - emitter_.centre_m;
+    const float nearest = length(way) - bounds.radius_m - extent_;
+    if (!(nearest > 0.0F)) return std::numeric_limits<float>::infinity();
+    const bool flat = emitter_.shape == EmitterShape::patch || emitter_.shape == EmitterShape::disc;
+    float cosine = 1.0F;
+    if (flat && emitter_.profile == EmissionProfile::lambert) {
+      cosine = std::fmin(1.0F, std::fmax(0.0F, dot(emitter_.axis, way) + bounds.radius_m) / nearest);
+    }
+    return peak_cd * cosine / (nearest * nearest);
   }
-  NPSIM_RETURN_IF_ERROR(validate(params));
-  const auto passes = [&](std::uint32_t face) noexcept {
-    return emitter.mark == 0 || face >= face_mark.size() || face_mark[face] != emitter.mark;
-  };
-  const float extent = 2.0F * std::fmax(length(emitter.half_u_m), length(emitter.half_v_m));
-  executor.for_chunks(points.size(), kPointsPerChunk, [&](std::size_t begin, std::size_t end) {
-    if (observer.cancelled()) return;
-    ChunkPlan plan;
-    Batch batch;
-    Waiting waiting[kRaysPerBatch];
-    std::uint8_t* row = visibility.data() + begin;
-    plan_chunk(params, points, wanted, certain_lx, emitter, peak_cd, begin, end, untraced_lx, plan);
-    // First one ray or four of every point, then more of those that lie in a penumbra.
-    std::size_t remaining = plan.count;
+
+  // Whether all of the block lies below the cut-off; else `most` may be more than it.
+  [[nodiscard]] bool is_dark(const BlockBounds& bounds, Span<const float> certain_lx, float most_lx) const noexcept {
+    const float at_stake = bounds.shines ? kShine * most_lx : most_lx;
+    if (at_stake <= params_.cutoff_lx) return true;
+    for (const std::uint32_t p : block_) {
+      if (p != kNoPoint && !(at_stake <= params_.cutoff_share * certain_lx[p])) return false;
+    }
+    return true;
+  }
+
+  // Returns the sum of what is left out.
+  float weigh(Span<const float> certain_lx, float peak_cd) noexcept {
+    float left_out = 0.0F;
+    for (std::size_t i = 0; i < kBlockPoints; ++i) {
+      stake_[i] = Stake::none;
+      light_.illuminance_lx[i] = 0.0F;
+      const std::uint32_t p = block_[i];
+      if (p == kNoPoint) continue;
+      const float arriving =
+          peak_cd * illuminance_per_cd(emitter_, points_.position[p], points_.normal[p], light_.to_light[i]);
+      if (!(arriving > 0.0F)) continue;
+      const float cutoff = std::fmax(params_.cutoff_lx, params_.cutoff_share * certain_lx[p]);
+      const float at_stake = shine(points_, p) * arriving;
+      if (!(at_stake > cutoff)) {
+        left_out += arriving;
+        continue;
+      }
+      light_.illuminance_lx[i] = arriving;
+      light_.any = true;
+      stake_[i] = at_stake < 10.0F * cutoff
+                      ? Stake::weak
+                      : (at_stake < 50.0F * cutoff ? Stake::middling
+                                                   : (at_stake < 250.0F * cutoff ? Stake::full : Stake::dominant));
+    }
+    return left_out;
+  }
+
+  void trace() noexcept {
+    if (!light_.any) return;
+    std::uint16_t slots[kBlockPoints];
+    std::size_t count = 0;
+    for_slots([&](int x, int y, std::uint16_t i) {
+      if (on_lattice(x, y, i)) slots[count++] = i;
+    });
+    trace(slots, count);
+    count = 0;
+    for_slots([&](int x, int y, std::uint16_t i) {
+      if (!on_lattice(x, y, i) && !take_from_lattice(x, y, i)) slots[count++] = i;
+    });
+    for (bool& t : taken_) t = true;
+    while (count > 0) {
+      for (std::size_t t = 0; t < count; ++t) taken_[slots[t]] = false;
+      trace(slots, count);
+      count = doubted_neighbours(slots, count);
+    }
+    for (std::size_t i = 0; i < kBlockPoints; ++i) {
+      if (stake_[i] != Stake::none) light_.illuminance_lx[i] *= visible_[i];
+    }
+  }
+
+ private:
+  template <class F>
+  void for_slots(const F& f) const noexcept {
+    for (int y = 0; y < kBlockSide; ++y) {
+      for (int x = 0; x < kBlockSide; ++x) {
+        const auto i = static_cast<std::uint16_t>(y * kBlockSide + x);
+        if (stake_[i] != Stake::none) f(x, y, i);
+      }
+    }
+  }
+
+  [[nodiscard]] int step(std::size_t i) const noexcept {
+    return params_.lattice * (stake_[i] == Stake::weak ? 4 : (stake_[i] == Stake::dominant ? 1 : 2));
+  }
+  [[nodiscard]] bool on_lattice(int x, int y, std::size_t i) const noexcept {
+    return lattice_below(x, step(i)) == x && lattice_below(y, step(i)) == y;
+  }
+
+  // False where the lattice points around a slot do not say what it sees.
+  [[nodiscard]] bool take_from_lattice(int x, int y, std::uint16_t i) noexcept {
+    const int left = lattice_below(x, step(i));
+    const int right = lattice_above(x, step(i));
+    const int top = lattice_below(y, step(i));
+    const int bottom = lattice_above(y, step(i));
+    const int around[4] = {top * kBlockSide + left, top * kBlockSide + right, bottom * kBlockSide + left,
+                           bottom * kBlockSide + right};
+    float sum = 0.0F;
+    float count = 0.0F;
+    for (const int slot : around) {
+      const auto j = static_cast<std::size_t>(slot);
+      // A weak point on the finer lattice alone has not been traced.
+      if (stake_[j] == Stake::none || !on_lattice(slot % kBlockSide, slot / kBlockSide, j)) continue;
+      if (!on_surface_of(points_, block_[i], block_[j])) continue;
+      sum += visible_[j];
+      count += 1.0F;
+    }
+    if (!(count > 0.0F)) return false;
+    visible_[i] = sum / count;
+    return stake_[i] < Stake::full || (count > 1.0F && (sum == 0.0F || sum == count));
+  }
+
+  // Puts the slots whose values were taken and differ from those of traced neighbours on the same surface in the place of
+  // these neighbours: shadows are followed between lattice points.
+  [[nodiscard]] std::size_t doubted_neighbours(std::uint16_t (&slots)[kBlockPoints], std::size_t count) noexcept {
+    std::uint16_t found[kBlockPoints];
+    std::size_t next = 0;
+    for (std::size_t t = 0; t < count; ++t) {
+      const std::uint16_t from = slots[t];
+      const int x = from % kBlockSide;
+      const int y = from / kBlockSide;
+      for (int v = y > 0 ? y - 1 : y; v <= y + 1 && v < kBlockSide; ++v) {
+        for (int u = x > 0 ? x - 1 : x; u <= x + 1 && u < kBlockSide; ++u) {
+          const auto i = static_cast<std::uint16_t>(v * kBlockSide + u);
+          if (stake_[i] < Stake::full || !taken_[i] || !(std::fabs(visible_[i] - visible_[from]) > 0.25F)) continue;
+          if (on_lattice(u, v, i) || !on_surface_of(points_, block_[i], block_[from])) continue;
+          taken_[i] = false;
+          found[next++] = i;
+        }
+      }
+    }
+    std::copy(found, found + next, slots);
+    return next;
+  }
+
+  // First one ray or four of every slot, then more of those that lie in a penumbra.
+  void trace(const std::uint16_t (&slots)[kBlockPoints], std::size_t count) noexcept {
+    std::uint16_t in_penumbra[kBlockPoints];
     for (const bool more : {false, true}) {
+      const std::uint16_t* const traced = more ? in_penumbra : slots;
       std::size_t penumbra = 0;
-      std::size_t waiting_count = 0;
-      const auto trace = [&] {
-        occluded(scene, Span<const Ray>(batch.rays, batch.count), passes,
-                 Span<std::uint8_t>(batch.blocked, batch.count), Span<const std::uint8_t>(batch.above, batch.count));
+      const auto send = [&] {
+        occluded(scene_, Span<const Ray>(batch_.rays, batch_.count), passes_,
+                 Span<std::uint8_t>(batch_.blocked, batch_.count),
+                 Span<const std::uint8_t>(batch_.above, batch_.count));
         std::size_t ray = 0;
-        for (std::size_t w = 0; w < waiting_count; ++w) {
-          const int strata = waiting[w].side * waiting[w].side;
+        for (std::size_t w = 0; w < batch_.points; ++w) {
+          const Waiting& waiting = batch_.waiting[w];
           int seen = 0;
           int above = 0;
-          for (int s = 0; s < strata; ++s, ++ray) {
-            above += batch.above[ray];
-            seen += batch.above[ray] != 0 && batch.blocked[ray] == 0 ? 1 : 0;
+          for (int s = 0; s < waiting.side * waiting.side; ++s, ++ray) {
+            above += batch_.above[ray];
+            seen += batch_.above[ray] != 0 && batch_.blocked[ray] == 0 ? 1 : 0;
           }
-          const int counted = above > 0 ? above : 1;
-          row[waiting[w].point] = static_cast<std::uint8_t>((255 * seen + counted / 2) / counted);
-          if (!more && seen != 0 && seen != above) plan.traced[penumbra++] = waiting[w].point;
+          visible_[waiting.slot] = above > 0 ? static_cast<float>(seen) / static_cast<float>(above) : 0.0F;
+          if (!more && seen != 0 && seen != above) in_penumbra[penumbra++] = waiting.slot;
         }
-        batch.count = 0;
-        waiting_count = 0;
+        batch_.count = 0;
+        batch_.points = 0;
       };
-      for (std::size_t t = 0; t < remaining; ++t) {
-        const std::uint16_t i = plan.traced[t];
-        const Vec3f origin = ray_start(points, begin + i);
-        const bool small = extent < params.small_angle * length(emitter.centre_m - origin);
-        const int k = more ? params.samples_per_side : (small ? 1 : 2);
-        if (batch.count + static_cast<std::size_t>(k * k) > kRaysPerBatch) trace();
-        RandomStream random(seed, RandomPurpose::direct, 0, number, static_cast<std::uint32_t>(begin + i), 0);
+      for (std::size_t t = 0; t < count; ++t) {
+        const std::uint16_t i = traced[t];
+        const Vec3f origin = ray_start(points_, block_[i]);
+        const bool small = extent_ < params_.small_angle * length(emitter_.centre_m - origin);
+        const int side = more ? params_.samples_per_side : (small || stake_[i] < Stake::full ? 1 : 2);
+        if (batch_.count + static_cast<std::size_t>(side * side) > kRaysPerBatch) send();
+        RandomStream random(seed_, RandomPurpose::direct, 0, number_, block_[i], 0);
         if (more) {
           for (int drawn = 0; drawn < 8; ++drawn) static_cast<void>(random.uniform());  // by the first four rays
         }
-        add_rays(emitter, origin, points.normal[begin + i], k, random, batch);
-        waiting[waiting_count++] = {i, static_cast<std::uint16_t>(k)};
+        add_rays(origin, points_.normal[block_[i]], side, small, random);
+        batch_.waiting[batch_.points++] = {i, static_cast<std::uint16_t>(side)};
       }
-      trace();
-      remaining = penumbra;
+      send();
+      count = penumbra;
     }
-    for (std::size_t i = 0; i < end - begin; ++i) {
-      row[i] = plan.like[i] == kDark ? std::uint8_t{0} : row[plan.like[i]];
+  }
+
+  // To side x side strata of the lamp; to its middle where it is small.
+  void add_rays(const Vec3f& origin, const Vec3f& normal, int side, bool small, RandomStream& random) noexcept {
+    for (int s = 0; s < side * side; ++s) {
+      const float u = small ? 0.5F : random.uniform();
+      const float v = small ? 0.5F : random.uniform();
+      Ray& ray = batch_.rays[batch_.count++];
+      ray = Ray{};
+      ray.origin = origin;
+      ray.direction = sample_point(emitter_, origin, (static_cast<float>(s % side) + u) / static_cast<float>(side),
+                                   (static_cast<float>(s / side) + v) / static_cast<float>(side)) -
+                      origin;
+      ray.t_max = 0.999F;
+      batch_.above[batch_.count - 1] = small || dot(normal, ray.direction) > 0.0F ? 1 : 0;
+    }
+  }
+
+  const VisibilityParams& params_;
+  std::uint64_t seed_;
+  const Scene& scene_;
+  const SurfacePoints& points_;
+  Span<const std::uint32_t> block_;
+  const Emitter& emitter_;
+  std::uint32_t number_;
+  const Passes& passes_;
+  BlockLight& light_;
+  float extent_;
+  Batch batch_;
+  Stake stake_[kBlockPoints];
+  float visible_[kBlockPoints];
+  bool taken_[kBlockPoints];  // from the lattice
+};
+
+}  // namespace visibility_detail
+
+// Of one lamp; `number`: which of the scene's it is, for the draws, one stream per pair. `scene`: see trace/scene.hpp.
+// `peak_cd`: the greatest luminous intensity that it has in any variant. `face_mark[f]`: mark of the face's lamp, 0 for
+// none. `certain_lx[p]`: illuminance that every night brings. untraced_lx[b] grows by what the lamp at its peak would
+// bring where it is below the cut-off, summed over the points of block b: a bound of what leaving it out costs.
+// each_block(b, const BlockLight&) is called for every block, in parallel; it may add to certain_lx of the block's points.
+template <class Scene, class Executor, class Observer, class EachBlock>
+Status light_blocks(const VisibilityParams& params, std::uint64_t seed, const Scene& scene, const SurfacePoints& points,
+                    const PointBlocks& blocks, Span<const float> certain_lx, const Emitter& emitter,
+                    std::uint32_t number, float peak_cd, Span<const std::uint16_t> face_mark, Span<float> untraced_lx,
+                    Executor& executor, Observer& observer, const EachBlock& each_block) {
+  NPSIM_RETURN_IF_ERROR(validate(points));
+  NPSIM_RETURN_IF_ERROR(validate(params));
+  if (certain_lx.size() != points.size() || untraced_lx.size() != blocks.count()) {
+    return Status(StatusCode::shape_mismatch, "visibility: one illuminance per point, one per block");
+  }
+  const auto passes = [&](std::uint32_t face) noexcept {
+    return emitter.mark == 0 || face >= face_mark.size() || face_mark[face] != emitter.mark;
+  };
+  executor.for_chunks(blocks.count(), 2, [&](std::size_t begin, std::size_t end) {
+    BlockLight light;
+    for (std::size_t b = begin; b < end && !observer.cancelled(); ++b) {
+      visibility_detail::BlockTracer tracer(params, seed, scene, points, blocks.of_block(b), emitter, number, passes,
+                                            light);
+      light.any = false;
+      const BlockBounds& bounds = blocks.bounds[b];
+      const float most_lx = tracer.most(bounds, peak_cd);
+      if (tracer.is_dark(bounds, certain_lx, most_lx)) {
+        untraced_lx[b] += most_lx * static_cast<float>(bounds.points);
+      } else {
+        untraced_lx[b] += tracer.weigh(certain_lx, peak_cd);
+        tracer.trace();
+      }
+      each_block(b, light);
     }
   });
   return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while tracing shadow rays") : Status();

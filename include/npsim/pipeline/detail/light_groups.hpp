@@ -5,9 +5,10 @@
 // together (the windows of a floor, the lamps of a car's front, the discs of a traffic light) share one image, made with
 // all of them at their strongest; in a night it counts as much as its lamps that are lit shine, of what all could. So do
 // the own headlamps, and the street lamps that the picture does not show. Every other lamp is a group of its own. The sky
-// is group 0.
+// is group 0. Groups that at their strongest bring less than kSmallShare of the light that street lamps are certain to
+// bring are one group together.
 // Error: none for a group that is switched as one; else light that comes by two surfaces from one window is shared out
-// among the windows of its floor. Energy is kept.
+// among the windows of its floor, or among all of them beside lit street lamps. Energy is kept.
 #ifndef NPSIM_PIPELINE_DETAIL_LIGHT_GROUPS_HPP
 #define NPSIM_PIPELINE_DETAIL_LIGHT_GROUPS_HPP
 
@@ -21,25 +22,28 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/light/activation.hpp"
 #include "npsim/light/emitter.hpp"
+#include "npsim/light/photometry.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
 
 inline constexpr std::uint32_t kNoGroup = 0xFFFFFFFFU;
+inline constexpr float kSmallShare = 0.01F;  // of the luminous flux that is certain
 
 struct LightGroups {
   std::size_t count = 1;      // with the sky
   Span<std::uint32_t> group;  // of each emitter; kNoGroup where no variant lights the group
   Span<float> peak_cd;        // the strongest that each emitter could have been drawn, whether it was or not
   Span<float> group_peak_cd;  // sum over the group's emitters; one element more than there are emitters
+  Span<std::uint8_t> shines;  // of each emitter, whether a variant lights it
   // Images: of the groups, then of the emitters.
   [[nodiscard]] std::size_t image_count() const noexcept { return count + group.size(); }
   [[nodiscard]] std::size_t image_of_emitter(std::size_t e) const noexcept { return count + e; }
 };
 
 [[nodiscard]] constexpr std::size_t light_groups_bytes(std::size_t emitters) noexcept {
-  return allocation_bytes<std::uint32_t>(emitters) + allocation_bytes<float>(emitters) +
-         allocation_bytes<float>(emitters + 1);
+  return 2 * allocation_bytes<std::uint32_t>(emitters) + allocation_bytes<float>(emitters) +
+         allocation_bytes<float>(emitters + 1) + allocation_bytes<std::uint8_t>(emitters);
 }
 
 namespace relight_detail {
@@ -51,43 +55,68 @@ namespace relight_detail {
   return a.group != 0 && a.group == b.group && a.cls == b.cls;
 }
 
+[[nodiscard]] inline float flux_lm(const Emitter& e, float peak_cd) noexcept {
+  if (is_moon(e)) return 0.0F;  // the sun's, if it were counted
+  if (e.profile == EmissionProfile::measured) return e.luminaire != nullptr ? peak_cd * e.luminaire->flux_sr : 0.0F;
+  return peak_cd * profile_flux_sr(e.profile);
+}
+
 // A group counts whole as soon as any variant lights one of its lamps, so that no variant's bits depend on the others.
 [[nodiscard]] inline Status group_lights(const ActivationParams& params, Span<const Emitter> emitters, int variants,
                                          Span<const Activation> activations, Workspace& workspace,
                                          LightGroups& out) noexcept {
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(emitters.size(), out.group));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(emitters.size(), out.peak_cd));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(emitters.size() + 1, out.group_peak_cd));
-  out.count = 1;
-  for (std::size_t e = 0; e < emitters.size(); ++e) {
+  const std::size_t count = emitters.size();
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(count, out.group));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(count, out.peak_cd));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(count + 1, out.group_peak_cd));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(count, out.shines));
+  const WorkspaceScope scope(workspace);
+  Span<std::uint32_t> foremost;  // of the lamps that light as one with each
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(count, foremost));
+  float certain_lm = 0.0F;
+  for (std::size_t e = 0; e < count; ++e) {
     out.peak_cd[e] = strongest_intensity_cd(params, emitters[e]);
     out.group[e] = kNoGroup;
+    out.shines[e] = 0;
+    for (int v = 0; v < variants; ++v) {
+      if (activations[static_cast<std::size_t>(v) * count + e].lit) out.shines[e] = 1;
+    }
+    foremost[e] = 0;
+    while (foremost[e] < e && !light_as_one(emitters[e], emitters[foremost[e]])) ++foremost[e];
+    if (!is_own_headlamp(emitters[e])) certain_lm += flux_lm(emitters[e], certain_intensity_cd(params, emitters[e]));
   }
+  // Becomes a group if it is lit: all lamps for which is_member(e).
+  out.count = 1;
+  const auto add_group = [&](const auto& is_member) {
+    bool lit = false;
+    float sum = 0.0F;
+    for (std::size_t e = 0; e < count; ++e) {
+      if (!is_member(e)) continue;
+      lit = lit || out.shines[e] != 0;
+      sum += out.peak_cd[e];
+    }
+    if (!lit || !(sum > 0.0F)) return;
+    for (std::size_t e = 0; e < count; ++e) {
+      if (is_member(e)) out.group[e] = static_cast<std::uint32_t>(out.count);
+    }
+    out.group_peak_cd[out.count++] = sum;
+  };
+  const auto is_certain = [&](std::size_t e) { return certain_intensity_cd(params, emitters[e]) > 0.0F; };
+  const auto is_small = [&](std::size_t e) {
+    float sum_lm = 0.0F;
+    for (std::size_t member = 0; member < count; ++member) {
+      if (foremost[member] == foremost[e]) sum_lm += flux_lm(emitters[member], out.peak_cd[member]);
+    }
+    return sum_lm < kSmallShare * certain_lm && !is_own_headlamp(emitters[e]) && !is_moon(emitters[e]);
+  };
   // Light that is certain first: the others are traced as carefully as they matter beside it.
   for (const bool certain : {true, false}) {
-    for (std::size_t e = 0; e < emitters.size(); ++e) {
-      if ((certain_intensity_cd(params, emitters[e]) > 0.0F) != certain) continue;
-      bool first = true;
-      for (std::size_t other = 0; other < e && first; ++other) first = !light_as_one(emitters[e], emitters[other]);
-      if (!first) continue;
-      bool lit = false;
-      float sum = 0.0F;
-      for (std::size_t member = e; member < emitters.size(); ++member) {
-        if (member != e && !light_as_one(emitters[e], emitters[member])) continue;
-        sum += out.peak_cd[member];
-        for (int v = 0; v < variants; ++v) {
-          lit = lit || activations[static_cast<std::size_t>(v) * emitters.size() + member].lit;
-        }
-      }
-      if (!lit || !(sum > 0.0F)) continue;
-      for (std::size_t member = e; member < emitters.size(); ++member) {
-        if (member == e || light_as_one(emitters[e], emitters[member])) {
-          out.group[member] = static_cast<std::uint32_t>(out.count);
-        }
-      }
-      out.group_peak_cd[out.count++] = sum;
+    for (std::size_t e = 0; e < count; ++e) {
+      if (foremost[e] != e || is_certain(e) != certain || is_small(e)) continue;
+      add_group([&](std::size_t member) { return foremost[member] == e; });
     }
   }
+  add_group([&](std::size_t member) { return is_small(foremost[member]); });
   return {};
 }
 

@@ -36,6 +36,7 @@
 #include "npsim/render/gather.hpp"
 #include "npsim/render/light_images.hpp"
 #include "npsim/render/mirror.hpp"
+#include "npsim/render/point_blocks.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/render/unseen_street.hpp"
 #include "npsim/render/visibility.hpp"
@@ -51,7 +52,6 @@ static_assert(kPlanes <= kMostDenoisedPlanes && kPlanes == kLightLanes);
 struct LitScene {
   SurfacePoints points;
   ImageView<const std::uint32_t> visible_point;
-  Span<const std::uint32_t> point_pixel;  // y * width + x of each point
   Span<const Emitter> emitters;
   LightGroups groups;
   Span<const float> certain_cd;              // what each emitter shines in every night at least
@@ -60,7 +60,7 @@ struct LitScene {
   Span<const std::uint32_t> hits;
   Span<const Vec3f> sky_irradiance;
   Span<const Vec2f> unseen;
-  Span<const std::uint8_t> wanted;  // points that light is asked for
+  PointBlocks blocks;  // points that light is asked for
   Mirrors mirrors;
   Vec3f up;
   float f0 = 0;
@@ -72,7 +72,8 @@ struct LitScene {
   return LightImageBuilder::staging_bytes(shape) + allocation_bytes<float>(DenoiseGuides::floats(shape)) +
          (wet ? 3 : 2) * allocation_bytes<float>(kPlanes * pixels) + (wet ? allocation_bytes<float>(pixels) : 0) +
          allocation_bytes<float>(3 * pixels) + allocation_bytes<float>(kLightLanes * points) +
-         2 * allocation_bytes<float>(points) + allocation_bytes<std::uint8_t>(points);
+         allocation_bytes<float>(points) + point_blocks_bytes(shape, points) +
+         allocation_bytes<float>(light_tiles(shape).pixels() + points / kBlockPoints + 1);
 }
 
 class LightTransport {
@@ -89,9 +90,8 @@ class LightTransport {
     NPSIM_RETURN_IF_ERROR(workspace.allocate(kPlanes * pixels, before_));
     NPSIM_RETURN_IF_ERROR(workspace.allocate(3 * pixels, noise_));
     NPSIM_RETURN_IF_ERROR(workspace.allocate(kLightLanes * scene_.points.size(), exitance_));
-    NPSIM_RETURN_IF_ERROR(workspace.allocate(scene_.points.size(), visible_));
     NPSIM_RETURN_IF_ERROR(workspace.allocate(scene_.points.size(), certain_lx_));
-    NPSIM_RETURN_IF_ERROR(workspace.allocate(scene_.points.size(), untraced_lx_));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(scene_.blocks.count(), untraced_lx_));
     for (float& e : certain_lx_) e = 0.0F;
     for (float& e : untraced_lx_) e = 0.0F;
     for (float& n : noise_) n = 0.0F;
@@ -113,13 +113,13 @@ class LightTransport {
   }
 
   // `expected`: the weight of each group in the night that is expected.
-  template <class Visibility, class Executor, class Observer>
-  Status make(Span<const Vec3f> expected, const Visibility& visibility, LightImageBuilder& images, Workspace& workspace,
-              Executor& executor, Observer& observer) {
+  template <class LightBlocks, class Executor, class Observer>
+  Status make(Span<const Vec3f> expected, const LightBlocks& light_blocks, LightImageBuilder& images,
+              Workspace& workspace, Executor& executor, Observer& observer) {
     for (std::size_t first = 0; first < scene_.groups.count && !observer.cancelled(); first += kLightsAtOnce) {
       first_ = first;
       in_batch_ = std::min(kLightsAtOnce, scene_.groups.count - first);
-      NPSIM_RETURN_IF_ERROR(direct(visibility, images, workspace, executor, observer));
+      NPSIM_RETURN_IF_ERROR(direct(light_blocks, images, workspace, observer));
       indirect(expected, executor);
       NPSIM_RETURN_IF_ERROR(denoise_planes(denoise_, guides_, 3 * in_batch_, now_, before_, executor));
       if (!mirrored_.empty()) {
@@ -159,7 +159,7 @@ class LightTransport {
   // Of what pixels show, the mean illuminance that lamps below the cut-off could bring, at their strongest and unhidden.
   [[nodiscard]] double mean_untraced_lx() const noexcept {
     double sum = 0;
-    for (const std::uint32_t p : scene_.receivers) sum += static_cast<double>(untraced_lx_[p]);
+    for (const float lx : untraced_lx_.sub(0, scene_.blocks.tiles)) sum += static_cast<double>(lx);
     return scene_.receivers.empty() ? 0.0 : sum / static_cast<double>(scene_.receivers.size());
   }
 
@@ -192,12 +192,10 @@ class LightTransport {
   }
 
   // Direct light of the batch's lamps: their images, and the exitance of all points.
-  template <class Visibility, class Executor, class Observer>
-  Status direct(const Visibility& visibility, LightImageBuilder& images, Workspace& workspace, Executor& executor,
-                Observer& observer) {
+  template <class LightBlocks, class Observer>
+  Status direct(const LightBlocks& light_blocks, LightImageBuilder& images, Workspace& workspace, Observer& observer) {
     for (float& m : exitance_) m = 0.0F;
     const SurfacePoints& points = scene_.points;
-    const auto width = static_cast<std::uint32_t>(shape_.width);
     const std::size_t count = scene_.emitters.size();
     for (std::size_t i = 0; i < 2 * count; ++i) {
       const std::size_t e = i % count;
@@ -206,37 +204,29 @@ class LightTransport {
       if (group == kNoGroup || group < first_ || group >= first_ + in_batch_ || !(peak > 0.0F)) continue;
       // Light that is certain first, so that all others are set against all of it.
       if ((scene_.certain_cd[e] > 0.0F) != (i < count)) continue;
-      NPSIM_RETURN_IF_ERROR(visibility(e, certain_lx_, visible_, untraced_lx_));
-      const Emitter& emitter = scene_.emitters[e];
       const float certain = scene_.certain_cd[e] / peak;
       const std::size_t lane = 3 * (group - first_);
-      const auto light = [&](std::uint32_t p) {
-        const DirectLight at =
-            direct_light(points, p, emitter, peak * static_cast<float>(visible_[p]) * (1.0F / 255.0F), scene_.f0);
-        const Vec3f handed_on = points.albedo[p] * at.illuminance;
-        float* const to = exitance_.data() + std::size_t{p} * kLightLanes + lane;
-        to[0] += handed_on.x;
-        to[1] += handed_on.y;
-        to[2] += handed_on.z;
-        certain_lx_[p] += certain * at.illuminance;
-        return at.luminance;
-      };
-      for_light_tiles(shape_, executor, [&](std::size_t tile, int left, int top, int right, int bottom) {
-        images.stage(0, tile, left, top, right, bottom, [&](int x, int y) {
-          const std::uint32_t p = scene_.visible_point(x, y);
-          return p == kNoPoint || visible_[p] == 0 ? Vec3f{} : light(p);
-        });
-      });
-      NPSIM_RETURN_IF_ERROR(images.keep(scene_.groups.image_of_emitter(e), 0, workspace));
-      // Points that no pixel shows.
-      executor.for_chunks(points.size(), 4096, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t p = begin; p < end; ++p) {
-          const std::uint32_t pixel = scene_.point_pixel[p];
-          const bool shown =
-              scene_.visible_point(static_cast<int>(pixel % width), static_cast<int>(pixel / width)) == p;
-          if (visible_[p] != 0 && !shown) static_cast<void>(light(static_cast<std::uint32_t>(p)));
+      const bool shown = scene_.groups.shines[e] != 0;  // else it is part of what its group may shine
+      NPSIM_RETURN_IF_ERROR(light_blocks(e, certain_lx_, untraced_lx_, [&](std::size_t b, const BlockLight& light) {
+        const Span<const std::uint32_t> block = scene_.blocks.of_block(b);
+        for (std::size_t slot = 0; light.any && slot < kBlockPoints; ++slot) {
+          const float lx = light.illuminance_lx[slot];
+          if (!(lx > 0.0F)) continue;
+          const std::uint32_t p = block[slot];
+          const Vec3f handed_on = points.albedo[p] * lx;
+          float* const to = exitance_.data() + std::size_t{p} * kLightLanes + lane;
+          to[0] += handed_on.x;
+          to[1] += handed_on.y;
+          to[2] += handed_on.z;
+          certain_lx_[p] += certain * lx;
         }
-      });
+        if (b >= scene_.blocks.tiles || !shown) return;
+        images.stage(0, b, light.any, [&](std::size_t slot) {
+          const float lx = light.illuminance_lx[slot];
+          return lx > 0.0F ? direct_light(points, block[slot], lx, light.to_light[slot], scene_.f0) : Vec3f{};
+        });
+      }));
+      if (shown) NPSIM_RETURN_IF_ERROR(images.keep(scene_.groups.image_of_emitter(e), 0, workspace));
       observer.progress(++done_, count);
     }
     return {};
@@ -322,12 +312,14 @@ class LightTransport {
 
   template <class Executor>
   void stage_indirect(std::size_t light, LightImageBuilder& images, Executor& executor) const {
-    for_light_tiles(shape_, executor, [&](std::size_t tile, int left, int top, int right, int bottom) {
-      images.stage(light, tile, left, top, right, bottom, [&](int x, int y) {
-        const std::uint32_t p = scene_.visible_point(x, y);
+    for_light_tiles(shape_, executor, [&](std::size_t tile, int left, int top, int, int) {
+      const Span<const std::uint32_t> block = scene_.blocks.of_block(tile);
+      images.stage(light, tile, true, [&](std::size_t slot) {
+        const std::uint32_t p = block[slot];
         if (p == kNoPoint) return Vec3f{};
-        const std::size_t pixel =
-            static_cast<std::size_t>(y) * static_cast<std::size_t>(shape_.width) + static_cast<std::size_t>(x);
+        const std::size_t x = static_cast<std::size_t>(left) + slot % kLightTile;
+        const std::size_t y = static_cast<std::size_t>(top) + slot / kLightTile;
+        const std::size_t pixel = y * static_cast<std::size_t>(shape_.width) + x;
         const Vec3f seen = scene_.points.albedo[p] * channels(now_, light, pixel) * kInversePi;
         return mirrored_.empty() ? seen : seen * body_[pixel] + channels(mirrored_, light, pixel);
       });
@@ -346,10 +338,9 @@ class LightTransport {
   Span<float> noise_;                    // three
   Span<float> exitance_;                 // kLightLanes a point
   Span<float> body_;                     // share of diffuse light that a film lets out, per pixel
-  Span<float> untraced_lx_;              // per point, what weak lamps could bring that are not traced there
+  Span<float> untraced_lx_;              // per block, what weak lamps could bring that are not traced there
   std::size_t done_ = 0;                 // emitters
   Span<float> certain_lx_;               // per point, that every night brings
-  Span<std::uint8_t> visible_;           // of the lamp at work, per point, in 255ths
 };
 
 }  // namespace relight_detail

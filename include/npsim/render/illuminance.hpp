@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// Illuminance that a lamp brings to a point with nothing in between: by its shape near it, as a point's farther off.
+//
+//   E = I_peak * illuminance_per_cd,   in lx for I in cd
+// Error: within 1 % of the integral over the shape; see is_extended() and detail/area_light.hpp.
+// Cost: two square roots and a profile; near a surface that shines, its closed form.
+#ifndef NPSIM_RENDER_ILLUMINANCE_HPP
+#define NPSIM_RENDER_ILLUMINANCE_HPP
+
+#include <cmath>
+
+#include "npsim/core/config.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/light/emitter.hpp"
+#include "npsim/render/detail/area_light.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+
+// Closer than so many of its longer sides the extent of a lit surface, a signal's disc or a tube counts. Beyond, the
+// centre stands for it within 1 % of what it gives a receiver that faces it, and within 1 % of the square of side over
+// distance elsewhere. A signal's disc of radius r is right within .8 (r/d)^2 of what it gives straight ahead; as a point
+// it would be within 1.8 (r/d)^2. A sphere counts as one at any distance.
+inline constexpr float kPointFromSides = 8.0F;
+
+// Whether an emitter that is no sphere is near enough for its extent to count; `squared`: of its centre's distance.
+[[nodiscard]] inline bool is_extended(const Emitter& e, float squared) noexcept {
+  const bool disc = e.shape == EmitterShape::disc;
+  if (e.profile != EmissionProfile::lambert && !(disc && e.profile == EmissionProfile::signal)) return false;
+  const float u2 = dot(e.half_u_m, e.half_u_m);
+  const float v2 = dot(e.half_v_m, e.half_v_m);
+  if (!(squared < 4.0F * kPointFromSides * kPointFromSides * (u2 > v2 ? u2 : v2))) return false;
+  if (e.shape == EmitterShape::tube) return true;
+  // Where no wall was found, patch and axis need not agree: such a lamp has a place and no shape.
+  const Vec3f across = cross(e.half_u_m, e.half_v_m);
+  const float along = dot(across, e.axis);
+  return along * along > 0.96F * dot(across, across);
+}
+
+// Unshadowed illuminance (lx) at a point per candela of the emitter's peak intensity; `to_light` is the unit direction.
+// By the emitter's shape where that counts: `to_light` is then the mean direction of what lies above the horizon, and
+// what a profile does besides a constant luminance, it does in that direction. Of every other lamp as a point: the
+// distance is bounded below by the patch size, where that form would diverge.
+[[nodiscard]] inline float illuminance_per_cd(const Emitter& e, const Vec3f& position, const Vec3f& normal,
+                                              Vec3f& to_light) noexcept {
+  constexpr float kPi = 3.14159265F;
+  const Vec3f delta = e.centre_m - position;
+  const float squared = dot(delta, delta);
+  const float along = dot(normal, delta);
+  if (e.shape == EmitterShape::sphere) {
+    const float radius2 = dot(e.half_u_m, e.half_u_m);
+    const float radius = std::sqrt(radius2);
+    const float arriving = sphere_irradiance(along, std::sqrt(squared), radius);
+    if (!(arriving > 0.0F)) return 0.0F;
+    to_light = normalized(along < radius ? delta + normal * (0.5F * (radius - along)) : delta);
+    return relative_intensity(e, -normalized(delta)) * arriving / (kPi * radius2);
+  }
+  if (is_extended(e, squared)) {
+    if (e.shape == EmitterShape::tube) {
+      const Vec3f arriving = tube_irradiance(delta, e.half_u_m, length(e.half_v_m), normal);
+      to_light = normalized(arriving);
+      const float received = dot(normal, arriving);
+      return received > 0.0F ? received : 0.0F;
+    }
+    if (!(dot(e.axis, delta) < 0.0F)) return 0.0F;  // behind it
+    const bool disc = e.shape == EmitterShape::disc;
+    const Vec3f arriving = disc ? disc_irradiance(delta, e.half_u_m, e.half_v_m, normal)
+                                : rectangle_irradiance(delta, e.half_u_m, e.half_v_m, normal);
+    const float twice = dot(normal, arriving);
+    if (!(twice > 0.0F)) return 0.0F;
+    to_light = normalized(arriving);
+    const float per_cd = twice / ((disc ? 2.0F * kPi : 8.0F) * length(cross(e.half_u_m, e.half_v_m)));
+    if (e.profile == EmissionProfile::lambert) return per_cd;
+    const float c = -dot(e.axis, to_light);
+    return c > 0.0F ? per_cd * (c * c * c) : 0.0F;  // of a signal, whose intensity falls as the fourth power
+  }
+  if (!(along > 0.0F)) return 0.0F;
+  const float distance = std::sqrt(squared);
+  to_light = delta / distance;
+  const float cosine = along / distance;
+  const float floor_m2 = e.area_m2 > 0.0F ? e.area_m2 : 0.0F;
+  return relative_intensity(e, -to_light) * cosine / (squared > floor_m2 ? squared : floor_m2);
+}
+
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_RENDER_ILLUMINANCE_HPP
