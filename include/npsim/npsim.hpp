@@ -126,8 +126,10 @@
 #include "npsim/metrics/edge_errors.hpp"
 #include "npsim/metrics/flip.hpp"
 #include "npsim/metrics/luminance_errors.hpp"
+#include "npsim/metrics/night_statistics.hpp"
 #include "npsim/metrics/normal_errors.hpp"
 #include "npsim/metrics/picture_errors.hpp"
+#include "npsim/metrics/segmentation_errors.hpp"
 
 // the steps, then the whole
 #include "npsim/pipeline/night.hpp"
