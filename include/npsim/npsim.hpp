@@ -38,6 +38,7 @@
 #include "npsim/color/lab.hpp"
 #include "npsim/color/srgb.hpp"
 
+#include "npsim/labels/boxes.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/labels/light_classes.hpp"
 
@@ -119,6 +120,7 @@
 #include "npsim/sensor/isp.hpp"
 #include "npsim/sensor/noise.hpp"
 #include "npsim/sensor/raw.hpp"
+#include "npsim/sensor/signal_masks.hpp"
 #include "npsim/sensor/white_balance.hpp"
 
 // errors against a known truth
@@ -134,6 +136,7 @@
 // the steps, then the whole
 #include "npsim/pipeline/night.hpp"
 #include "npsim/pipeline/photograph.hpp"
+#include "npsim/pipeline/picture_masks.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/pipeline/relight.hpp"

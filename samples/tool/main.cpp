@@ -164,6 +164,14 @@ int main(int argc, char** argv) {
   night_app->add_option("--texture", night.texture, "What the exported mesh wears: the photograph, or its albedo")
       ->check(CLI::IsMember({"photograph", "albedo"}))
       ->capture_default_str();
+  CLI::Option* const labels = night_app->add_flag(
+      "--labels", night.labels, "Also write labels of each night: classes, objects, lamps, masks, depth, boxes");
+  night_app
+      ->add_option("--least-snr", night.least_snr,
+                   "Signal-to-noise ratio up to which a pixel of the labels is indiscernible")
+      ->check(within(1e-3, 1000.0))
+      ->capture_default_str()
+      ->needs(labels);
   night_app->add_flag("--quiet", night.quiet, "No progress");
 
   StreetOptions street;
