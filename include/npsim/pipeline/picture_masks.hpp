@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which pixels of a night's picture are saturated, and in which nobody can tell what there is (sensor/signal_masks.hpp).
+// Which pixels of a night's picture are saturated, and in which noise hides what there is (sensor/signal_masks.hpp).
 //
 // The picture is taken once more without noise, with the exposure that it had: glare and all that the sensor does, read
 // in 16 bits. What is found therefore depends on the light and on how strong the noise is, not on how it fell out.
