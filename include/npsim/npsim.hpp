@@ -38,6 +38,7 @@
 #include "npsim/color/lab.hpp"
 #include "npsim/color/srgb.hpp"
 
+#include "npsim/labels/boxes.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/labels/light_classes.hpp"
 
@@ -121,6 +122,7 @@
 #include "npsim/sensor/isp.hpp"
 #include "npsim/sensor/noise.hpp"
 #include "npsim/sensor/raw.hpp"
+#include "npsim/sensor/signal_masks.hpp"
 #include "npsim/sensor/white_balance.hpp"
 
 // errors against a known truth
@@ -128,12 +130,15 @@
 #include "npsim/metrics/edge_errors.hpp"
 #include "npsim/metrics/flip.hpp"
 #include "npsim/metrics/luminance_errors.hpp"
+#include "npsim/metrics/night_statistics.hpp"
 #include "npsim/metrics/normal_errors.hpp"
 #include "npsim/metrics/picture_errors.hpp"
+#include "npsim/metrics/segmentation_errors.hpp"
 
 // the steps, then the whole
 #include "npsim/pipeline/night.hpp"
 #include "npsim/pipeline/photograph.hpp"
+#include "npsim/pipeline/picture_masks.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/pipeline/relight.hpp"

@@ -202,4 +202,46 @@ std::string svg_of_maps(const std::string& title, const std::string& across, con
   return out + "</svg>\n";
 }
 
+std::string svg_of_ranges(const std::string& title, const std::string& along, const std::vector<RangeRow>& rows) {
+  constexpr double kLeft = 130;
+  constexpr double kRight = 640;
+  constexpr double kTop = 52;
+  constexpr double kRow = 26;
+  const double bottom = kTop + kRow * static_cast<double>(rows.size());
+  const auto x = [&](double multiple) {
+    return kLeft + (kRight - kLeft) * (std::clamp(std::log2(multiple), -3.0, 3.0) + 3) / 6;
+  };
+  std::string out;
+  begin(out, title, 760, bottom + 46);
+  constexpr std::array<const char*, 7> kTicks = {"1/8", "1/4", "1/2", "1", "2", "4", "8"};
+  for (std::size_t i = 0; i < kTicks.size(); ++i) {
+    const double at = kLeft + (kRight - kLeft) * static_cast<double>(i) / 6;
+    print(out, "<path class=\"%s\" d=\"M%.1f %gV%g\"/>\n", i == 3 ? "a" : "g", at, kTop, bottom);
+    text(out, "s", at, bottom + 16, "middle", kTicks[i]);
+  }
+  text(out, "s", (kLeft + kRight) / 2, bottom + 34, "middle", along);
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    const RangeRow& row = rows[r];
+    const double y = kTop + kRow * (static_cast<double>(r) + 0.5);
+    text(out, "s", kLeft - 10, y + 4, "end", row.name);
+    if (row.least > 0) {
+      print(out, "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"10\" rx=\"3\" fill=\"%s\" opacity=\".3\"/>\n",
+            x(row.least / row.mean), y - 5, x(row.most / row.mean) - x(row.least / row.mean), kColours[0]);
+    }
+    double sum = 0;
+    int n = 0;
+    for (const double v : row.values) {
+      if (!std::isfinite(v)) continue;
+      print(out, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"%s\" opacity=\".8\"/>\n", x(v / row.mean), y,
+            kColours[1]);
+      sum += v;
+      ++n;
+    }
+    char mean[32];
+    std::snprintf(mean, sizeof mean, "%.4f", sum / n);
+    text(out, "s", kRight + 14, y + 4, "start", n > 0 ? mean : "-");
+  }
+  return out + "</svg>\n";
+}
+
 }  // namespace npsim::tool

@@ -14,6 +14,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/pipeline/night.hpp"
+#include "npsim/pipeline/picture_masks.hpp"
 
 namespace npsim::engine {
 
@@ -52,6 +53,11 @@ class AnySink {
 [[nodiscard]] Status make_nights_of_depth(const NightParams& params, const SceneView& scene,
                                           const RefinedDepth& refined, Workspace& workspace, AnyExecutor executor,
                                           AnyObserver observer, AnySink sink);
+
+[[nodiscard]] Status picture_masks(const SignalMaskParams& params, const PhotographParams& camera,
+                                   const Intrinsics& intrinsics, const CameraExposure& exposure,
+                                   ImageView<const Vec3f> luminance_cd_m2, const SignalMasks& out, Workspace& workspace,
+                                   AnyExecutor executor);
 
 }  // namespace npsim::engine
 

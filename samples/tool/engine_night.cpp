@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "npsim/pipeline/night.hpp"
 
+#include "npsim/pipeline/picture_masks.hpp"
 #include "tool/engine.hpp"
 
 namespace npsim::engine {
@@ -13,6 +14,12 @@ Status make_nights(const NightParams& params, const SceneView& scene, Workspace&
 Status make_nights_of_depth(const NightParams& params, const SceneView& scene, const RefinedDepth& refined,
                             Workspace& workspace, AnyExecutor executor, AnyObserver observer, AnySink sink) {
   return npsim::make_nights_of_depth(params, scene, refined, workspace, executor, observer, sink);
+}
+
+Status picture_masks(const SignalMaskParams& params, const PhotographParams& camera, const Intrinsics& intrinsics,
+                     const CameraExposure& exposure, ImageView<const Vec3f> luminance_cd_m2, const SignalMasks& out,
+                     Workspace& workspace, AnyExecutor executor) {
+  return npsim::picture_masks(params, camera, intrinsics, exposure, luminance_cd_m2, out, workspace, executor);
 }
 
 }  // namespace npsim::engine

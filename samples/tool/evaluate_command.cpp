@@ -217,12 +217,6 @@ void print_table(const Evaluation& e, const io::Scene& scene, const EvaluateOpti
   if (!e.stages.empty()) print_table(e.stages);
 }
 
-// Before anything is computed, so that a folder that cannot be made is told at once.
-[[nodiscard]] io::Outcome make_folder_of(const std::string& file) {
-  const std::filesystem::path folder = std::filesystem::path(file).parent_path();
-  return folder.empty() ? io::Done{} : make_folder(folder.string());
-}
-
 int run_hold_out(const EvaluateOptions& options) {
   Console console(options.quiet);
   io::Expected<HoldOut> params = parse_hold_out(options.hold_out);
@@ -256,6 +250,8 @@ int run_hold_out(const EvaluateOptions& options) {
 }  // namespace
 
 int run_evaluate(const EvaluateOptions& options) {
+  if (options.scene.empty())
+    return fail(io::Error{"", "scene", "is missing, expected one, or --prediction and --labels"});
   if (!options.hold_out.empty()) return run_hold_out(options);
   if (options.flatness) return run_flatness(options);
   if (!options.losses.empty()) return run_losses(options);

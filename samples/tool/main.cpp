@@ -19,6 +19,8 @@
 #include "night_command.hpp"
 #include "npsim/core/config.hpp"
 #include "options.hpp"
+#include "segmentation_evaluation.hpp"
+#include "stats_command.hpp"
 #include "street_command.hpp"
 #include "truth_command.hpp"
 #include "view_command.hpp"
@@ -162,6 +164,14 @@ int main(int argc, char** argv) {
   night_app->add_option("--texture", night.texture, "What the exported mesh wears: the photograph, or its albedo")
       ->check(CLI::IsMember({"photograph", "albedo"}))
       ->capture_default_str();
+  CLI::Option* const labels = night_app->add_flag(
+      "--labels", night.labels, "Also write labels of each night: classes, objects, lamps, masks, depth, boxes");
+  night_app
+      ->add_option("--least-snr", night.least_snr,
+                   "Signal-to-noise ratio up to which a pixel of the labels is indiscernible")
+      ->check(within(1e-3, 1000.0))
+      ->capture_default_str()
+      ->needs(labels);
   night_app->add_flag("--quiet", night.quiet, "No progress");
 
   StreetOptions street;
@@ -232,8 +242,8 @@ int main(int argc, char** argv) {
   EvaluateOptions evaluate;
   CLI::App* evaluate_app = app.add_subcommand(
       "evaluate", "Judge the depth, as given and after each step, and the mesh by the scene's ground truth");
-  evaluate_app->add_option("scene", evaluate.scene, "Folder with a scene.json that names the truth, or the scene.json")
-      ->required();
+  CLI::Option* const evaluated_scene = evaluate_app->add_option(
+      "scene", evaluate.scene, "Folder with a scene.json that names the truth, or the scene.json");
   evaluate_app->add_option("-o,--output", evaluate.output, "JSON file for all figures, also by label");
   evaluate_app->add_option("--preset", evaluate.preset, "default or thesis, as for night")
       ->check(CLI::IsMember({"default", "thesis"}))
@@ -274,6 +284,28 @@ int main(int argc, char** argv) {
   evaluate_app->add_flag("--flatness", evaluate.flatness,
                          "Only how flat facades came out and on which planes; needs no truth");
   evaluate_app->add_flag("--quiet", evaluate.quiet, "No progress and no notes");
+  SegmentationOptions segmentation;
+  CLI::Option* const prediction =
+      evaluate_app
+          ->add_option("--prediction", segmentation.prediction,
+                       "In place of a scene: folder with predicted labels as PNGs, judged by --labels")
+          ->excludes(evaluated_scene);
+  evaluate_app
+      ->add_option("--labels", segmentation.labels,
+                   "Folder with the true ones: files that end in labelIds.png, else labelTrainIds.png")
+      ->needs(prediction);
+  evaluate_app
+      ->add_option("--invalid", segmentation.invalid,
+                   "Folder with masks of indiscernible pixels, invIds.png, for the uncertainty-aware IoU; default: "
+                   "those among the labels")
+      ->needs(prediction);
+  evaluate_app
+      ->add_option("--confidence", segmentation.confidence,
+                   "Folder with the predictions' confidence as grey PNGs, white for 1: invalid below a threshold")
+      ->needs(prediction);
+  evaluate_app->add_option("--ids", segmentation.prediction_ids, "Of the predictions; default: those of the labels")
+      ->check(CLI::IsMember({"label", "train"}))
+      ->needs(prediction);
 
   TruthOptions truth;
   CLI::App* truth_app =
@@ -318,6 +350,13 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   greycard_app->add_option("--distance", greycard.distance_m, "Metres to the one lamp that the card faces")
       ->check(within(0.01, 1000.0));
+
+  StatsOptions stats;
+  CLI::App* stats_app = app.add_subcommand(
+      "stats", "Say how bright, how dark, of which colour and how noisy night pictures are, beside real nights");
+  stats_app->add_option("pictures", stats.pictures, "PNG or JPEG files")->required();
+  stats_app->add_option("--json", stats.json, "JSON file for the figures");
+  stats_app->add_option("--svg", stats.svg, "Chart of the figures beside the ranges of real nights");
 
   JudgeOptions judge;
   CLI::App* judge_app = app.add_subcommand(
@@ -366,9 +405,14 @@ int main(int argc, char** argv) {
     if (*night_app) return run_night(night);
     if (*street_app) return run_street(street);
     if (*view_app) return run_view(view);
+    if (*prediction) {
+      segmentation.output = evaluate.output;
+      return run_segmentation(segmentation);
+    }
     if (*evaluate_app) return run_evaluate(evaluate);
     if (*judge_app) return run_judge(judge);
     if (*greycard_app) return run_greycard(greycard);
+    if (*stats_app) return run_stats(stats);
     if (*truth_app) return run_truth(truth);
     return run_inspect(inspect);
   } catch (const std::bad_alloc&) {

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -22,6 +23,7 @@
 #include "loading.hpp"
 #include "mesh_export.hpp"
 #include "mesh_views.hpp"
+#include "night_labels.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/camera_file.hpp"
 #include "npsim/io/light_set.hpp"
@@ -45,12 +47,20 @@ namespace {
   return static_cast<std::size_t>(std::count(used.begin(), used.end(), true));
 }
 
-// The files of one night.
+[[nodiscard]] std::string night_name(int variant) {
+  std::array<char, 32> name{};
+  std::snprintf(name.data(), name.size(), "night_%03d", variant);
+  return name.data();
+}
+
+// The files of one night, but its labels.
 [[nodiscard]] std::array<std::string, 3> night_files(const std::string& folder, int variant) {
-  std::array<char, 32> stem{};
-  std::snprintf(stem.data(), stem.size(), "/night_%03d", variant);
-  const std::string base = folder + stem.data();
+  const std::string base = folder + "/" + night_name(variant);
   return {base + ".png", base + ".pfm", base + ".json"};
+}
+
+[[nodiscard]] std::vector<std::string> night_label_files(const std::string& folder, int variant) {
+  return label_files(folder + "/" + night_name(variant));
 }
 
 // All 64 bits: JSON's numbers keep 53 of them in most readers.
@@ -70,7 +80,10 @@ namespace {
   for (const char* name : kDaylightFiles) files.push_back(options.output + "/" + name);
   for (int v = 0; v < options.variants; ++v) {
     for (const std::string& file : night_files(options.output, v)) files.push_back(file);
+    if (!options.labels) continue;
+    for (const std::string& file : night_label_files(options.output, v)) files.push_back(file);
   }
+  if (options.labels) files.push_back(options.output + "/" + kCocoFile);
   return files;
 }
 
@@ -85,7 +98,9 @@ class NightWriter {
         params_(params),
         light_set_(params.relight.activation.light_set),
         console_(console),
-        pool_(pool) {}
+        pool_(pool) {
+    if (options.labels) labels_.emplace(scene, params, SignalMaskParams{options.least_snr});
+  }
 
   Status reconstructed(const RefinedDepth& refined, const SceneMesh& mesh, const Relighting& light) {
     return written(console_.timed("write depth and mesh", [&]() -> io::Outcome {
@@ -98,6 +113,7 @@ class NightWriter {
       if (!drawn.ok()) return io::Error{options_.scene, "views of the mesh", drawn.message()};
       counts_ = {vertices_of_faces(mesh.mesh), mesh.mesh.vertices.size(), mesh.mesh.faces.size(), mesh.background_faces,
                  light.emitters.size()};
+      if (labels_) labels_->keep(refined);
       ground_ = refined.ground;
       light_ = {{"groups", light.groups.count},
                 {"images", light.images.count},
@@ -124,6 +140,10 @@ class NightWriter {
       }
       if (auto o = io::write_png(png, night.picture); !o) return o;
       if (auto o = io::write_pfm(pfm, night.luminance); !o) return o;
+      if (labels_) {
+        const std::string name = night_name(night.variant);
+        if (auto o = labels_->write(path(name), name + ".png", night, pool_); !o) return o;
+      }
       // The contact sheet shows at most six nights; the files hold all.
       if (night.variant < 6) panels_.push_back({"night " + std::to_string(night.variant), std::move(picture)});
       return io::write_file(json, describe(night).dump(2) + "\n");
@@ -136,6 +156,9 @@ class NightWriter {
                                 [&] { return io::write_png(path("overview.png"), contact_sheet(panels_).view()); });
         !o) {
       return o;
+    }
+    if (labels_) {
+      if (auto o = labels_->write_coco(path(kCocoFile)); !o) return o;
     }
     rusage usage{};
     getrusage(RUSAGE_SELF, &usage);
@@ -280,6 +303,7 @@ class NightWriter {
   Span<const LightSetEntry> light_set_;
   Console& console_;
   ThreadPool& pool_;
+  std::optional<NightLabels> labels_;
   std::vector<Panel> panels_;
   Counts counts_;
   GroundPlane ground_;
@@ -305,15 +329,23 @@ class NightWriter {
                static_cast<float>(std::cos(azimuth * kRadian) * level)};
 }
 
-// Nights that an earlier run with more variants left behind: they do not belong to the report beside them.
-void remove_older_nights(const std::string& folder, int variants, const InputFiles& inputs) {
-  for (int v = variants;; ++v) {
-    bool any = false;
-    for (const std::string& file : night_files(folder, v)) {
-      std::error_code ignored;
-      if (!std::filesystem::exists(file, ignored)) continue;
-      any = true;
-      if (inputs.read_as(file).empty()) std::filesystem::remove(file, ignored);
+// Nights that an earlier run with more variants left behind, and labels of one that wrote them: they do not belong to
+// the report beside them.
+void remove_older_nights(const NightOptions& options, const InputFiles& inputs) {
+  const auto remove_if_there = [&](const std::string& file) {
+    std::error_code ignored;
+    if (!std::filesystem::exists(file, ignored)) return false;
+    if (inputs.read_as(file).empty()) std::filesystem::remove(file, ignored);
+    return true;
+  };
+  if (!options.labels) remove_if_there(options.output + "/" + kCocoFile);
+  for (int v = 0;; ++v) {
+    bool any = v < options.variants;
+    if (v >= options.variants || !options.labels) {
+      for (const std::string& file : night_label_files(options.output, v)) any = remove_if_there(file) || any;
+    }
+    if (v >= options.variants) {
+      for (const std::string& file : night_files(options.output, v)) any = remove_if_there(file) || any;
     }
     if (!any) return;
   }
@@ -417,7 +449,7 @@ int run_night(const NightOptions& options) {
   if (const io::Outcome finished = writer.finish(params, memory, workspace, threads); !finished) {
     return fail(finished.error());
   }
-  remove_older_nights(options.output, options.variants, inputs);
+  remove_older_nights(options, inputs);
   std::printf("%s\n", (options.output + "/overview.png").c_str());
   return kExitDone;
 }

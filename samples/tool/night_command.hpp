@@ -37,6 +37,8 @@ struct NightOptions {
   float f_number = -1.0F;
   float ev = 0.0F;
   std::string meter;
+  bool labels = false;
+  float least_snr = 1.0F;  // of pixels that are not indiscernible
   bool quiet = false;
 };
 

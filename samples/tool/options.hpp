@@ -48,6 +48,12 @@ inline constexpr int kExitInterrupted = 130;
   return io::Error{path, "", "expected a folder or a place where one can be made"};
 }
 
+// Before anything is computed, so that a folder that cannot be made is told at once.
+[[nodiscard]] inline io::Outcome make_folder_of(const std::string& file) {
+  const std::filesystem::path folder = std::filesystem::path(file).parent_path();
+  return folder.empty() ? io::Done{} : make_folder(folder.string());
+}
+
 inline int fail(const io::Error& error) {
   std::fprintf(stderr, "npsim: %s\n", error.line().c_str());
   return kExitBadInput;

@@ -72,12 +72,6 @@ int write_view(const ViewOptions& options, const DrawnMesh& drawn, AnyExecutor e
   return kExitDone;
 }
 
-// The folder that a file is to be in; made before the work, so that none is lost.
-[[nodiscard]] io::Outcome make_folder_of(const std::string& file) {
-  const std::filesystem::path folder = std::filesystem::path(file).parent_path();
-  return folder.empty() ? io::Done{} : make_folder(folder.string());
-}
-
 // A mesh from a file has no photograph and no camera: it is seen plain, with a field of view of 60 degrees.
 int view_file(const ViewOptions& options) {
   io::Expected<io::Mesh> mesh = io::read_obj(options.scene);
