@@ -181,7 +181,7 @@ inline void link_pixels(const FillLevel& level, int y) noexcept {
         if (!level.w.contains(i, j) || level.kind(i, j) == kNothing) continue;
         const bool own = level.kind(x, y) == kOrphan || level.objects.same(x, y, i, j);
         if (own) links |= 1U << k;
-        if (!own && k < 4) links |= kOtherLeft << k;
+        if (!own && k < 4) links |= unsigned{kOtherLeft} << k;
       }
     }
     level.links(x, y) = static_cast<std::uint16_t>(links);
