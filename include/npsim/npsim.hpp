@@ -117,6 +117,7 @@
 #include "npsim/sensor/exposure.hpp"
 #include "npsim/sensor/glare.hpp"
 #include "npsim/sensor/isp.hpp"
+#include "npsim/sensor/motion.hpp"
 #include "npsim/sensor/noise.hpp"
 #include "npsim/sensor/raw.hpp"
 #include "npsim/sensor/white_balance.hpp"

@@ -150,6 +150,12 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   night_app->add_option("--meter", night.meter, "What the automatic exposure looks at: mean, centre or highlight")
       ->check(CLI::IsMember({"mean", "centre", "highlight"}));
+  night_app->add_option("--speed", night.speed_m_s, "Of the own car, m/s ahead: motion blur, rolling shutter")
+      ->check(within(-100.0, 100.0));
+  night_app->add_option("--yaw-rate", night.yaw_rate, "At which the own car turns to the right, rad/s")
+      ->check(within(-10.0, 10.0));
+  night_app->add_flag("--flicker", night.flicker,
+                      "LED lamps of vehicles and signals are switched, as a camera sees it");
   night_app
       ->add_option("--traffic", night.traffic, "Side of the road on which the own car drives, and its low beam rises")
       ->check(CLI::IsMember({"right", "left"}))

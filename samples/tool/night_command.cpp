@@ -60,6 +60,8 @@ namespace {
   return text.data();
 }
 
+[[nodiscard]] std::array<float, 3> components(const Vec3f& v) { return {v.x, v.y, v.z}; }
+
 // Everything that a run may write.
 [[nodiscard]] std::vector<std::string> night_outputs(const NightOptions& options) {
   std::vector<std::string> files;
@@ -264,6 +266,11 @@ class NightWriter {
             {"headlamps", !params_.relight.ego_headlamps ? "off" : (params_.relight.ego.high_beam ? "high" : "low")},
             {"traffic", options_.traffic},
             {"camera", options_.camera.empty() ? options_.preset : options_.camera},
+            {"motion",
+             {{"velocity_m_s", components(params_.camera.motion.velocity_m_s)},
+              {"rotation_rad_s", components(params_.camera.motion.rotation_rad_s)},
+              {"readout_s", params_.camera.motion.readout_s},
+              {"flicker", params_.camera.flicker.on}}},
             {"exposure",
              {{"iso", night.exposure.iso}, {"f_number", night.exposure.f_number}, {"time_s", night.exposure.time_s}}},
             {"sources", std::move(sources)}};
@@ -336,6 +343,10 @@ void remove_older_nights(const std::string& folder, int variants, const InputFil
   if (options.exposure_s > 0.0F) exposure.camera.time_s = options.exposure_s;
   if (options.f_number > 0.0F) exposure.camera.f_number = options.f_number;
   if (options.ev != 0.0F) exposure.ev = options.ev;
+  PhotographParams& params = read.value().edit();
+  if (options.speed_m_s != 0.0F) params.motion.velocity_m_s = {0.0F, 0.0F, options.speed_m_s};
+  if (options.yaw_rate != 0.0F) params.motion.rotation_rad_s = {0.0F, options.yaw_rate, 0.0F};
+  if (options.flicker) params.flicker.on = true;
   return read;
 }
 

@@ -35,6 +35,9 @@ struct NightOptions {
   float f_number = -1.0F;
   float ev = 0.0F;
   std::string meter;
+  float speed_m_s = 0.0F;  // ahead; 0: as the camera has it, which is at rest unless a file says otherwise
+  float yaw_rate = 0.0F;   // rad/s, to the right
+  bool flicker = false;
   bool quiet = false;
 };
 

@@ -63,6 +63,35 @@ TEST_CASE("camera file: every part is read, and what is not named is the preset'
   CHECK(camera.value().from_file());
 }
 
+TEST_CASE("camera file: motion of camera and objects, readout, flicker; presets are at rest") {
+  for (const char* name : {"action-camera", "dashcam", "automotive-hdr", "automotive-raw", "thesis"}) {
+    const PhotographParams p = io::read_camera(name).value().params();
+    CHECK_FALSE(has_motion(p.motion));
+    CHECK_FALSE(p.flicker.on);
+  }
+  const auto camera =
+      read(R"({"motion": {"velocity_m_s": [0.5, 0, 14], "rotation_rad_s": [0, 0.2, 0], "readout_s": 0.01,
+    "objects": [[26001, -1, 0, 10], [7, 0, 0, 3]]}, "flicker": {"vehicle_hz": [100, 200], "signal_duty": 0.25}})");
+  REQUIRE(camera.ok());
+  const io::CameraModel copy = camera.value();
+  const PhotographParams p = copy.params();
+  CHECK(p.motion.velocity_m_s == Vec3f{0.5F, 0, 14});
+  CHECK(p.motion.rotation_rad_s == Vec3f{0, 0.2F, 0});
+  CHECK(p.motion.readout_s == 0.01F);
+  REQUIRE(p.motion.objects.size() == 2);
+  CHECK(p.motion.objects[0].instance == 26001);
+  CHECK(p.motion.objects[1].velocity_m_s == Vec3f{0, 0, 3});
+  CHECK(p.flicker.on);
+  CHECK(p.flicker.vehicle_hz[1] == 200.0F);
+  CHECK(p.flicker.vehicle_duty[1] == FlickerParams{}.vehicle_duty[1]);
+  CHECK(p.flicker.signal_duty == 0.25F);
+  CHECK(has(fault(R"({"motion": {"speed": 3}})"), "motion.speed"));
+  CHECK(has(fault(R"({"motion": {"velocity_m_s": [1, 2]}})"), "motion.velocity_m_s"));
+  CHECK(has(fault(R"({"motion": {"objects": [[1.5, 0, 0, 0]]}})"), "motion.objects"));
+  CHECK(has(fault(R"({"motion": {"readout_s": -1}})"), "readout in [0, 1] s"));
+  CHECK(has(fault(R"({"flicker": {"vehicle_hz": [400, 90]}})"), "ranges ascending"));
+}
+
 TEST_CASE("camera file: a noise table with the black level folded in is converted") {
   const auto camera = read(R"({"noise": {"table": [[100, 0.141923, -8.890307]], "black": 64, "white": 1023}})");
   REQUIRE(camera.ok());

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <vector>
 
@@ -253,6 +255,75 @@ TEST_CASE("sensor: a photograph has the same bits for any order of the chunks; i
     CHECK_FALSE(same(a, photographed(camera.params, image, 0, 1)));
     CHECK_FALSE(same(a, photographed(camera.params, image, 1, 0)));
   }
+}
+
+TEST_CASE(
+    "sensor: a photograph of a moving car: the street is blurred, its bonnet is not, signals flicker by variant") {
+  const Shape shape{160, 90};
+  Image image(shape, {0.02F, 0.02F, 0.02F});
+  npsim_test::Image<float> depth(shape, 10.0F);
+  npsim_test::Image<npsim::Label> labels(shape, npsim::label::road);
+  npsim_test::Image<std::uint16_t> index(shape);
+  for (int y = 0; y < 90; ++y) {
+    for (int x = 0; x < 160; ++x) {
+      if (x % 16 < 2 && y > 20) image(x, y) = {1, 1, 1};
+      if (y >= 75) labels(x, y) = npsim::label::ego_vehicle;
+    }
+  }
+  image(80, 10) = {300, 20, 10};
+  index(80, 10) = 1;
+  npsim::LightMark mark;
+  mark.cls = npsim::LightClass::inferred_object;
+  PhotographParams params;
+  params.residual_noise = 0;
+  params.glare.halo = params.glare.veil = 0;
+  params.exposure.metering = npsim::Metering::fixed;
+  params.motion.velocity_m_s = {6, 0, 0};  // 10 px
+  const npsim::PhotographedStreet street{
+      depth.view(), labels.view(), {}, index.view(), npsim::Span<const npsim::LightMark>(&mark, 1)};
+  const auto taken = [&](const PhotographParams& p, std::uint32_t number, const Image& light) {
+    Picture out(shape);
+    npsim_test::Scratch scratch(npsim::photograph_workspace_bytes(p, shape, 1));
+    const npsim::SerialExecutor executor;
+    CameraExposure exposure;
+    REQUIRE(npsim::photograph(p, {500, 500, 80, 45}, 3, number, light.view(), out.view(), exposure, scratch.workspace(),
+                              executor, street)
+                .ok());
+    return out;
+  };
+  const Picture out = taken(params, 0, image);
+  const auto contrast = [](const Picture& p, int y) {
+    int low = 255;
+    int high = 0;
+    for (int x = 48; x < 112; ++x) {
+      low = std::min<int>(low, p(x, y).g);
+      high = std::max<int>(high, p(x, y).g);
+    }
+    return high - low;
+  };
+  PhotographParams at_rest = params;
+  at_rest.motion = {};
+  const int sharp = contrast(photographed(at_rest, image), 50);
+  CHECK(contrast(out, 85) > sharp / 2);
+  CHECK(contrast(out, 50) < sharp / 2);
+  // Without depth there is nothing to move.
+  CameraExposure exposure;
+  const npsim::SerialExecutor executor;
+  Picture refused(shape);
+  npsim_test::Scratch scratch(npsim::photograph_workspace_bytes(params, shape));
+  CHECK(npsim::photograph(params, {500, 500, 80, 45}, 0, 0, image.view(), refused.view(), exposure, scratch.workspace(),
+                          executor)
+            .code() == npsim::StatusCode::shape_mismatch);
+
+  // A signal in exposures of .5 ms: on or off, by variant.
+  params.motion.velocity_m_s = {};
+  params.flicker.on = true;
+  params.exposure.camera.time_s = 0.0005F;
+  params.exposure.camera.iso = 50000;
+  int lit = 0;
+  for (std::uint32_t v = 0; v < 24; ++v) lit += taken(params, v, image)(80, 10).r > 100;
+  CHECK(lit > 4);
+  CHECK(lit < 20);
 }
 
 TEST_CASE("sensor: displayed noise of the action camera lies within half and twice that of real nights") {

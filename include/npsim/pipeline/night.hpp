@@ -101,7 +101,7 @@ struct Night {
   const std::size_t mesh = mesh_workspace_bytes(params.mesh, shape, most);
   const std::size_t nights = allocation_bytes<Rgb8>(pixels) + light_images_bytes(params.relight, shape, marks) +
                              std::max(relight_workspace_bytes(params.relight, params.mesh.traced, shape, light),
-                                      photograph_workspace_bytes(params.camera, shape));
+                                      photograph_workspace_bytes(params.camera, shape, marks));
   return refine_depth_workspace_bytes(params.depth, shape) + layers_workspace_bytes(params.mesh, shape) + mesh + nights;
 }
 
@@ -143,17 +143,19 @@ Status make_nights_of_depth(const NightParams& params, const SceneView& scene, c
   NPSIM_RETURN_IF_ERROR(sink.reconstructed(refined, mesh, light));
 
   const ImageView<Vec3f> linear = refined.normals;  // they have served; nights are made in their memory
-  NPSIM_RETURN_IF_ERROR(workspace.ensure(kWorkspaceAlignment + allocation_bytes<Rgb8>(shape.pixels()) +
-                                         std::max(variant_workspace_bytes(shape, light.emitters.size()),
-                                                  photograph_workspace_bytes(params.camera, shape))));
+  NPSIM_RETURN_IF_ERROR(
+      workspace.ensure(kWorkspaceAlignment + allocation_bytes<Rgb8>(shape.pixels()) +
+                       std::max(variant_workspace_bytes(shape, light.emitters.size()),
+                                photograph_workspace_bytes(params.camera, shape, scene.lights.size()))));
   ImageView<Rgb8> picture;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, picture));
+  const PhotographedStreet street{refined.depth, refined.labels, scene.instances, scene.light_index, scene.lights};
   for (int variant = 0; variant < params.variants; ++variant) {
     NPSIM_RETURN_IF_ERROR(relight(params.relight, scene, light, variant, linear, workspace, executor, observer));
     Night night;
     observer.begin(Stage::camera);
     NPSIM_RETURN_IF_ERROR(photograph(params.camera, scene.camera, key, static_cast<std::uint32_t>(variant), linear,
-                                     picture, night.exposure, workspace, executor));
+                                     picture, night.exposure, workspace, executor, street));
     observer.end(Stage::camera);
     night.variant = variant;
     night.luminance = linear;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Section 3.6.3: the camera that looks at the night. Linear scene luminance in, an 8-bit picture out.
 //
-// glare -> exposure -> filters of the sensor, full well, shot and read noise (3.10), converter -> white balance ->
+// motion -> glare -> exposure -> filters of the sensor, full well, shot and read noise (3.10), converter -> white balance ->
 // denoise -> demosaic -> highlights, colour matrix, tone curve, sRGB. docs/camera.md draws the chain and shows the cameras.
 // Exposure is metered on what the sensor sees, glare included.
+// Motion needs depth, and instances and lamps where they are to move and to flicker: what the street is made of.
 // Memory: an image and two floats per pixel besides what the steps take; an image for the thesis' sensor.
 #ifndef NPSIM_PIPELINE_PHOTOGRAPH_HPP
 #define NPSIM_PIPELINE_PHOTOGRAPH_HPP
@@ -14,14 +15,18 @@
 
 #include "npsim/color/srgb.hpp"
 #include "npsim/core/algorithm.hpp"
+#include "npsim/core/annotation.hpp"
 #include "npsim/core/camera.hpp"
+#include "npsim/core/random.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/labels/cityscapes.hpp"
 #include "npsim/sensor/denoise.hpp"
 #include "npsim/sensor/exposure.hpp"
 #include "npsim/sensor/glare.hpp"
 #include "npsim/sensor/isp.hpp"
+#include "npsim/sensor/motion.hpp"
 #include "npsim/sensor/noise.hpp"
 #include "npsim/sensor/raw.hpp"
 #include "npsim/sensor/white_balance.hpp"
@@ -29,10 +34,42 @@
 namespace npsim {
 inline namespace NPSIM_ABI {
 
+// How LED lamps are driven. Lamps of vehicles are dimmed by switching them, some hundred times a second so that no eye
+// sees it; signals on the mains shine twice a period of it. Which share is so, and how deep signals go, is assumed.
+struct FlickerParams {
+  bool on = false;
+  float vehicle_hz[2] = {90.0F, 400.0F};  // drawn for each vehicle
+  float vehicle_duty[2] = {0.1F, 0.5F};
+  float signal_hz = 100.0F;
+  float signal_duty = 0.5F;
+};
+
+[[nodiscard]] inline Status validate(const FlickerParams& p) noexcept {
+  const auto range = [](float low, float high, float most) noexcept {
+    return low > 0.0F && low <= high && high <= most;
+  };
+  if (range(p.vehicle_hz[0], p.vehicle_hz[1], 1e5F) && range(p.vehicle_duty[0], p.vehicle_duty[1], 1.0F) &&
+      range(p.signal_hz, p.signal_hz, 1e5F) && range(p.signal_duty, p.signal_duty, 1.0F)) {
+    return {};
+  }
+  return {StatusCode::invalid_argument, "flicker: frequencies in (0, 1e5] Hz, duties in (0, 1], ranges ascending"};
+}
+
+// What the picture shows, as far as motion needs it; empty planes where it is not known.
+struct PhotographedStreet {
+  ImageView<const float> depth;  // m
+  ImageView<const Label> labels;
+  ImageView<const std::uint16_t> instances;
+  ImageView<const std::uint16_t> light_index;  // position + 1 in lights
+  Span<const LightMark> lights;
+};
+
 // Defaults are those of an action camera: a wide lens behind a cover, 12 megapixels binned to video and frames averaged
 // (16 read-outs a sample), colours stronger than life.
 struct PhotographParams {
   AutoExposureParams exposure;
+  MotionParams motion = rolling(0.016F);  // at rest, until its speed is given
+  FlickerParams flicker;
   GlareParams glare;
   // Three linear sRGB channels in every pixel, neither filters nor full well nor converter: equation (3.10) and
   // clipping alone. sensor, white_balance and isp are not used then.
@@ -45,10 +82,18 @@ struct PhotographParams {
   IspParams isp;              // but its gains and where it withdraws colour
   float colour_noise = 3.0F;  // standard deviations of the read noise below which colour is withdrawn
 
+  // Sensors of video read a frame in half to all of its time. Assumed, not measured.
+  [[nodiscard]] static constexpr MotionParams rolling(float readout_s) noexcept {
+    MotionParams motion;
+    motion.readout_s = readout_s;
+    return motion;
+  }
+
   // The text knows exposure and noise only: raw noise, no glare, no white balance, no tone curve.
   [[nodiscard]] static constexpr PhotographParams thesis() noexcept {
     PhotographParams params;
     params.exposure.compensation = 1.0F;
+    params.motion.readout_s = 0.0F;
     params.glare.halo = params.glare.veil = 0.0F;
     params.ideal_sensor = true;
     params.residual_noise = 1.0F;
@@ -60,6 +105,7 @@ struct PhotographParams {
     PhotographParams params;
     params.exposure.camera.f_number = 1.8F;
     params.exposure.iso_max = 12800.0F;
+    params.motion.readout_s = 0.025F;
     params.glare.halo = 0.8F;
     params.glare.veil = 0.4F;
     params.sensor.bits = 12;
@@ -110,6 +156,8 @@ struct PhotographParams {
 
 [[nodiscard]] inline Status validate(const PhotographParams& params) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(params.exposure));
+  NPSIM_RETURN_IF_ERROR(validate(params.motion));
+  NPSIM_RETURN_IF_ERROR(validate(params.flicker));
   NPSIM_RETURN_IF_ERROR(validate(params.glare));
   NPSIM_RETURN_IF_ERROR(validate(params.sensor));
   NPSIM_RETURN_IF_ERROR(validate(params.noise_table));
@@ -124,28 +172,98 @@ struct PhotographParams {
   return validate(params.isp);
 }
 
-[[nodiscard]] constexpr std::size_t photograph_workspace_bytes(const PhotographParams& params, Shape shape) noexcept {
-  const bool image = params.ideal_sensor || has_glare(params.glare);
+namespace photograph_detail {
+
+// Whether the light is changed before it is metered, which takes an image.
+[[nodiscard]] constexpr bool moves(const PhotographParams& params) noexcept {
+  return has_motion(params.motion) || params.flicker.on;
+}
+
+// The waves of marked lamps: one for each vehicle, in step where lamps belong together.
+inline void draw_flicker(const FlickerParams& params, std::uint64_t seed, std::uint32_t image,
+                         Span<const LightMark> lights, Span<LampFlicker> out) noexcept {
+  for (std::size_t i = 0; i < lights.size(); ++i) {
+    const LightMark& mark = lights[i];
+    const auto wave = static_cast<std::uint32_t>(mark.group != 0 ? mark.group : i + 1);
+    RandomStream random(seed, RandomPurpose::sensor, image, wave, 0, 0);
+    LampFlicker lamp;
+    lamp.phase = random.uniform();
+    if (mark.cls == LightClass::moving_rear || mark.cls == LightClass::parked_rear) {
+      lamp.frequency_hz = random.uniform(params.vehicle_hz[0], params.vehicle_hz[1]);
+      lamp.duty = random.uniform(params.vehicle_duty[0], params.vehicle_duty[1]);
+    } else if (mark.cls == LightClass::inferred_object) {
+      lamp.frequency_hz = params.signal_hz;
+      lamp.duty = params.signal_duty;
+    }
+    out[i] = lamp;
+  }
+}
+
+[[nodiscard]] constexpr std::size_t motion_bytes(const PhotographParams& params, Shape shape,
+                                                 std::size_t lights) noexcept {
+  if (!moves(params)) return 0;
+  return allocation_bytes<PixelMotion>(shape.pixels()) + allocation_bytes<LampFlicker>(lights) +
+         motion_workspace_bytes(shape);
+}
+
+template <class Executor>
+[[nodiscard]] Status move(const PhotographParams& params, const Intrinsics& intrinsics, std::uint64_t seed,
+                          std::uint32_t image, const PhotographedStreet& street, ImageView<const Vec3f> in,
+                          ImageView<Vec3f> out, Workspace& workspace, Executor& executor) {
+  const WorkspaceScope scope(workspace);
+  ImageView<PixelMotion> motion;
+  Span<LampFlicker> flicker;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(in.shape(), motion));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(street.lights.size(), flicker));
+  NPSIM_RETURN_IF_ERROR(motion_field(params.motion, intrinsics, street.depth, street.instances, motion, executor));
+  // The own car stands still in its picture, in front of everything.
+  for_rows(street.labels.shape(), executor, [&](int y) {
+    for (int x = 0; x < street.labels.width(); ++x) {
+      if (street.labels(x, y) == label::ego_vehicle) motion(x, y) = {0.0F, 0.0F, 10.0F};
+    }
+  });
+  if (params.flicker.on) {
+    draw_flicker(params.flicker, seed, image, street.lights, flicker);
+  } else {
+    flicker = {};
+  }
+  return add_motion(params.motion, params.exposure.camera.time_s, motion, street.light_index, flicker, in, out,
+                    workspace, executor);
+}
+
+}  // namespace photograph_detail
+
+// lights: marks of the street that is photographed, if it moves or flickers.
+[[nodiscard]] constexpr std::size_t photograph_workspace_bytes(const PhotographParams& params, Shape shape,
+                                                               std::size_t lights = 0) noexcept {
+  const bool image = params.ideal_sensor || has_glare(params.glare) || photograph_detail::moves(params);
   return (image ? allocation_bytes<Vec3f>(shape.pixels()) : 0) +
-         (params.ideal_sensor ? 0 : 2 * allocation_bytes<float>(mosaic_shape(shape).pixels())) +
-         max_of(glare_workspace_bytes(params.glare, shape), auto_exposure_workspace_bytes(shape),
-                white_balance_workspace_bytes(shape)) +
+         max_of((params.ideal_sensor ? 0 : 2 * allocation_bytes<float>(mosaic_shape(shape).pixels())) +
+                    max_of(glare_workspace_bytes(params.glare, shape), auto_exposure_workspace_bytes(shape),
+                           white_balance_workspace_bytes(shape)),
+                photograph_detail::motion_bytes(params, shape, lights)) +
          kWorkspaceAlignment;
 }
 
-// `image` keeps the noise of two pictures apart.
+// `image` keeps the noise of two pictures apart. street: where there is motion, with depth.
 template <class Executor>
 Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, std::uint64_t seed, std::uint32_t image,
                   ImageView<const Vec3f> luminance_cd_m2, ImageView<Rgb8> picture, CameraExposure& exposure,
-                  Workspace& workspace, Executor& executor) {
+                  Workspace& workspace, Executor& executor, const PhotographedStreet& street = {}) {
   NPSIM_RETURN_IF_ERROR(validate(params));
   NPSIM_RETURN_IF_ERROR(check_images(luminance_cd_m2, picture));
   const Shape shape = luminance_cd_m2.shape();
+  const bool moves = photograph_detail::moves(params);
   const WorkspaceScope scope(workspace);
   ImageView<const Vec3f> light = luminance_cd_m2;
   ImageView<Vec3f> own;
-  if (params.ideal_sensor || has_glare(params.glare)) {
+  if (params.ideal_sensor || has_glare(params.glare) || moves) {
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, own));
+  }
+  if (moves) {
+    NPSIM_RETURN_IF_ERROR(
+        photograph_detail::move(params, intrinsics, seed, image, street, light, own, workspace, executor));
+    light = own;
   }
   if (has_glare(params.glare)) {
     NPSIM_RETURN_IF_ERROR(add_glare(params.glare, intrinsics.fx, light, own, workspace, executor));
