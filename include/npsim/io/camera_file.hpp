@@ -150,7 +150,8 @@ inline Outcome read_exposure(const JsonObject& o, AutoExposureParams& p) {
 }
 
 inline Outcome read_sensor(const JsonObject& o, SensorParams& p) {
-  if (auto k = o.allow_only({"mosaic", "response", "bits", "black", "vignetting", "blur_px", "exposures", "ratio"});
+  if (auto k = o.allow_only({"mosaic", "response", "bits", "black", "vignetting", "blur_px", "exposures", "ratio",
+                             "row_noise", "hot_pixels", "hot_rate", "serial"});
       !k) {
     return k;
   }
@@ -164,13 +165,19 @@ inline Outcome read_sensor(const JsonObject& o, SensorParams& p) {
       p.response[i] = vec_cast<float>(Vec3d{row.value()[0], row.value()[1], row.value()[2]});
     }
   }
-  if (auto r = read_numbers(
-          o, {{"black", &p.black}, {"vignetting", &p.vignetting}, {"blur_px", &p.blur_px}, {"ratio", &p.ratio}});
+  if (auto r = read_numbers(o, {{"black", &p.black},
+                                {"vignetting", &p.vignetting},
+                                {"blur_px", &p.blur_px},
+                                {"ratio", &p.ratio},
+                                {"row_noise", &p.row_noise},
+                                {"hot_pixels", &p.hot_pixels},
+                                {"hot_rate", &p.hot_rate}});
       !r) {
     return r;
   }
   if (auto r = read_whole(o, "bits", p.bits); !r) return r;
   if (auto r = read_whole(o, "exposures", p.exposures); !r) return r;
+  if (auto r = read_whole(o, "serial", p.serial); !r) return r;
   return read_word(o, "mosaic", {"rggb", "bggr", "grbg", "gbrg"}, p.mosaic);
 }
 

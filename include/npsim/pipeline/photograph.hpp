@@ -64,6 +64,13 @@ struct PhotographedStreet {
   Span<const LightMark> lights;
 };
 
+// The picture before it is developed.
+struct RawPicture {
+  ImageView<std::uint16_t> levels;  // the caller's; left alone where it is empty
+  Vec3f gains;                      // of white balance
+  NoiseLevel noise;                 // of the samples, residual included
+};
+
 // Defaults are those of an action camera: a wide lens behind a cover, 12 megapixels binned to video and frames averaged
 // (16 read-outs a sample), colours stronger than life.
 struct PhotographParams {
@@ -143,6 +150,8 @@ struct PhotographParams {
     params.sensor.bits = 12;
     params.sensor.black = 64.0F;
     params.sensor.vignetting = 0.2F;
+    params.sensor.row_noise = 0.1F;  // these two: assumed; the other cameras are taken to have corrected theirs
+    params.sensor.hot_pixels = 1e-5F;
     params.residual_noise = 1.0F;
     params.white_balance.fixed_k = 5000.0F;
     params.denoise.strength = 0.0F;
@@ -245,14 +254,19 @@ template <class Executor>
          kWorkspaceAlignment;
 }
 
-// `image` keeps the noise of two pictures apart. street: where there is motion, with depth.
+// `image` keeps the noise of two pictures apart. street: where there is motion, with depth. raw: of one exposure, not of
+// an ideal sensor.
 template <class Executor>
 Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, std::uint64_t seed, std::uint32_t image,
                   ImageView<const Vec3f> luminance_cd_m2, ImageView<Rgb8> picture, CameraExposure& exposure,
-                  Workspace& workspace, Executor& executor, const PhotographedStreet& street = {}) {
+                  Workspace& workspace, Executor& executor, const PhotographedStreet& street = {},
+                  RawPicture* raw = nullptr) {
   NPSIM_RETURN_IF_ERROR(validate(params));
   NPSIM_RETURN_IF_ERROR(check_images(luminance_cd_m2, picture));
   const Shape shape = luminance_cd_m2.shape();
+  if (raw != nullptr && !raw->levels.empty() && (params.ideal_sensor || params.sensor.exposures != 1)) {
+    return {StatusCode::invalid_argument, "photograph: raw levels are those of a sensor with filters and one exposure"};
+  }
   const bool moves = photograph_detail::moves(params);
   const WorkspaceScope scope(workspace);
   ImageView<const Vec3f> light = luminance_cd_m2;
@@ -285,12 +299,18 @@ Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, 
   ImageView<float> clean;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(mosaic_shape(shape), plane));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(mosaic_shape(shape), clean));
-  NPSIM_RETURN_IF_ERROR(
-      capture(params.sensor, signal_per_luminance(exposure), noise, intrinsics, seed, image, light, plane, executor));
+  NPSIM_RETURN_IF_ERROR(capture(params.sensor, signal_per_luminance(exposure), noise, intrinsics, seed, image, light,
+                                plane, executor, hot_signal(params.sensor, exposure.time_s, exposure.iso)));
   IspParams isp = params.isp;
   isp.colourless = clamp_to(
       params.colour_noise * noise.residual * std::sqrt(noise.level.beta2) / raw_range(params.sensor), 0.0F, 1.0F);
   NPSIM_RETURN_IF_ERROR(white_balance(params.white_balance, params.sensor, plane, isp.gains, workspace, executor));
+  if (raw != nullptr && !raw->levels.empty()) {
+    NPSIM_RETURN_IF_ERROR(raw_levels(params.sensor, plane, raw->levels, executor));
+    const float r2 = noise.residual * noise.residual;
+    raw->gains = isp.gains;
+    raw->noise = {noise.level.beta1 * r2, noise.level.beta2 * r2};
+  }
   NPSIM_RETURN_IF_ERROR(denoise_raw(params.denoise, params.sensor, noise, plane, clean, executor));
   return develop(isp, params.sensor, clean, picture, executor);
 }
