@@ -119,6 +119,7 @@
 #include "npsim/sensor/isp.hpp"
 #include "npsim/sensor/motion.hpp"
 #include "npsim/sensor/noise.hpp"
+#include "npsim/sensor/noise_fit.hpp"
 #include "npsim/sensor/raw.hpp"
 #include "npsim/sensor/white_balance.hpp"
 

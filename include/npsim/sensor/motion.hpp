@@ -217,15 +217,15 @@ struct Pixel {
 
 namespace motion_detail {
 
-// shutter_source() of kBlock pixels from (x, y) on, where they come from a run of pixels as well: its first. False where
-// they do not, or come from outside.
+// shutter_source() of kBlock pixels from (x, y) on: the first one's, where the others' lie beside it as the pixels do,
+// give or take one. False where they do not, or come from outside.
 [[nodiscard]] inline bool shutter_run(float readout_s, ImageView<const PixelMotion> motion, int x, int y,
                                       Pixel& first) noexcept {
   using F = simd::F32;
   using I = F::Int;
   const F t(row_time_s(readout_s, y, motion.height()));
   const auto nearest_of = [](F v) { return trunc_to_int(v + simd::copysign(F(0.5F), v)); };
-  I apart(0);
+  bool together = true;
   for (int i = 0; i < kBlock; i += F::lanes) {
     const I column = min(I::iota() + I(x + i), I(x + kBlock - 1));
     I qx = column;
@@ -237,13 +237,15 @@ namespace motion_detail {
       if (any((qx < I(0)) | (qx >= I(motion.width())) | (qy < I(0)) | (qy >= I(motion.height())))) return false;
     }
     if (i == 0) first = {qx.lane(0), qy.lane(0)};
-    apart = apart | ((qx - column) ^ I(first.x - x)) | (qy ^ I(first.y));
+    const I dx = qx - column - I(first.x - x);
+    const I dy = qy - I(first.y);
+    together = together && !any((dx > I(1)) | (dx < I(-1)) | (dy > I(1)) | (dy < I(-1)));
   }
-  return !any(apart != I(0));
+  return together;
 }
 
-// Whether the paths of kBlock pixels from `first` on end within half a pixel of that of the middle one.
-[[nodiscard]] inline bool moves_as_one(ImageView<const PixelMotion> motion, const Pixel& first, float half_s) noexcept {
+// Whether the paths of kBlock pixels from `first` on keep within half a pixel of that of the middle one for so long.
+[[nodiscard]] inline bool moves_as_one(ImageView<const PixelMotion> motion, const Pixel& first, float time_s) noexcept {
   using F = simd::F32;
   constexpr int n = F::lanes < kBlock ? F::lanes : kBlock;
   if (first.x + kBlock > motion.width()) return false;
@@ -254,7 +256,7 @@ namespace motion_detail {
     const simd::F32x3<F> m = simd::load3<F>(&row[i].x, n);
     apart = max(apart, select(F::MaskType::first(n), max(abs(m.x - F(middle.x)), abs(m.y - F(middle.y))), F(0.0F)));
   }
-  return !any(apart * F(half_s) > F(0.5F));
+  return !any(apart * F(time_s) > F(0.5F));
 }
 
 // Means along paths.
@@ -268,50 +270,53 @@ struct Gather {
   struct Path {
     float x, y;  // half of it
     int pairs;
+    float from_x,
+        from_y;  // its middle, against the pixel that shows it; not rounded, or slanted edges would have steps
   };
-  [[nodiscard]] Path path(const PixelMotion& m) const noexcept {
+  [[nodiscard]] Path path(const PixelMotion& m, float row_s) const noexcept {
     const float x = clamp_to(m.x * half_s, -most, most);
     const float y = clamp_to(m.y * half_s, -most, most);
     const float length = max_of(std::fabs(x), std::fabs(y));
     const int wanted = length < 1.0F ? nearest(2.0F * length) : nearest(length);
-    return {x, y, wanted < most_pairs ? wanted : most_pairs};
+    return {x, y, wanted < most_pairs ? wanted : most_pairs, clamp_to(-m.x * row_s, -most, most),
+            clamp_to(-m.y * row_s, -most, most)};
   }
   // Calls f(dx, dy) for samples at either end in turn, so that they are symmetrical and no light is lost by rounding.
   template <class F>
   static void for_samples(const Path& path, const F& f) noexcept {
-    if (path.pairs == 0) f(0, 0);
+    if (path.pairs == 0) f(nearest(path.from_x), nearest(path.from_y));
     const float step = path.pairs > 0 ? 1.0F / static_cast<float>(path.pairs) : 0.0F;
     for (int k = 0; k < path.pairs; ++k) {
       const float at = (static_cast<float>(k) + 0.5F) * step;
-      const int dx = nearest(path.x * at);
-      const int dy = nearest(path.y * at);
-      f(dx, dy);
-      f(-dx, -dy);
+      f(nearest(path.from_x + path.x * at), nearest(path.from_y + path.y * at));
+      f(nearest(path.from_x - path.x * at), nearest(path.from_y - path.y * at));
     }
   }
 
-  [[nodiscard]] Vec3f pixel(const PixelMotion& m, const Pixel& q) const noexcept {
+  // Of the pixel that shows what is at `source` in the photograph's moment.
+  [[nodiscard]] Vec3f pixel(const PixelMotion& m, const Pixel& shown, const Pixel& source, float row_s) const noexcept {
     const float limit = hidden_from(m.z);
     Vec3f sum;
     float count = 0.0F;
-    const auto add = [&](int dx, int dy) {
-      const int x = mirrored(q.x + dx, shape.width);
-      const int y = mirrored(q.y + dy, shape.height);
+    const auto add = [&](int column, int row) {
+      const int x = mirrored(column, shape.width);
+      const int y = mirrored(row, shape.height);
       if (light.channel[3](x, y) > limit) return;
       sum += Vec3f{light.channel[0](x, y), light.channel[1](x, y), light.channel[2](x, y)};
       count += 1.0F;
     };
-    for_samples(path(m), add);
-    if (count == 0.0F) add(0, 0);
+    for_samples(path(m, row_s), [&](int dx, int dy) { add(shown.x + dx, shown.y + dy); });
+    if (count == 0.0F) add(source.x, source.y);
     return sum * (1.0F / count);
   }
 
-  // Of kBlock pixels that share a path; false where it leaves the picture.
-  [[nodiscard]] bool block(const PixelMotion& m, const Pixel& first, float* out) const noexcept {
+  // Of kBlock pixels that share a path; false where it leaves the picture. first: the first of them.
+  [[nodiscard]] bool block(const PixelMotion& m, const Pixel& first, const Pixel& source, float row_s,
+                           float* out) const noexcept {
     using F = simd::F32;
-    const Path p = path(m);
-    const int reach_x = nearest(std::fabs(p.x));
-    const int reach_y = nearest(std::fabs(p.y));
+    const Path p = path(m, row_s);
+    const int reach_x = nearest(std::fabs(p.x) + std::fabs(p.from_x));
+    const int reach_y = nearest(std::fabs(p.y) + std::fabs(p.from_y));
     if (first.x < reach_x || first.x + kBlock + reach_x > shape.width || first.y < reach_y ||
         first.y + reach_y >= shape.height) {
       return false;
@@ -321,7 +326,8 @@ struct Gather {
       const auto at = [&](int c, int dx, int dy) {
         return load_first<F>(light.channel[c].row(first.y + dy) + (first.x + i + dx), n);
       };
-      const F limit = F(1.25F) * at(3, 0, 0) + F(0.005F);
+      const auto own = [&](int c) { return at(c, source.x - first.x, source.y - first.y); };
+      const F limit = F(1.25F) * own(3) + F(0.005F);
       F sum[3] = {F(0.0F), F(0.0F), F(0.0F)};
       F count(0.0F);
       for_samples(p, [&](int dx, int dy) {
@@ -331,7 +337,7 @@ struct Gather {
       });
       const auto none = count == F(0.0F);
       const F scale = F(1.0F) / select(none, F(1.0F), count);
-      const auto mean = [&](int c) { return select(none, at(c, 0, 0), sum[c] * scale); };
+      const auto mean = [&](int c) { return select(none, own(c), sum[c] * scale); };
       simd::store3<F>(out + 3 * i, {mean(0), mean(1), mean(2)}, n);
     }
     return true;
@@ -408,17 +414,19 @@ template <class Executor>
   const auto most = static_cast<float>(4 * (shape.width + shape.height));  // px, of half a path
   const Gather gather{shape, light, 0.5F * time_s, most, params.samples / 2};
   for_rows(shape, executor, [&](int y) {
+    const float row_s = row_time_s(params.readout_s, y, shape.height);
     for (int x = 0; x < shape.width; x += kBlock) {
       const int n = shape.width - x < kBlock ? shape.width - x : kBlock;
-      Pixel first{x, y};
-      const bool run = n == kBlock && (params.readout_s == 0.0F || shutter_run(params.readout_s, motion, x, y, first));
-      if (run && moves_as_one(motion, first, gather.half_s) &&
-          gather.block(motion(first.x + kBlock / 2, first.y), first, &out(x, y).x)) {
+      const Pixel first{x, y};
+      Pixel source = first;
+      const bool run = n == kBlock && (params.readout_s == 0.0F || shutter_run(params.readout_s, motion, x, y, source));
+      if (run && moves_as_one(motion, source, gather.half_s + std::fabs(row_s)) &&
+          gather.block(motion(source.x + kBlock / 2, source.y), first, source, row_s, &out(x, y).x)) {
         continue;
       }
       for (int i = 0; i < n; ++i) {
         const Pixel q = shutter_source(params.readout_s, motion, x + i, y);
-        out(x + i, y) = gather.pixel(motion(q.x, q.y), q);
+        out(x + i, y) = gather.pixel(motion(q.x, q.y), {x + i, y}, q, row_s);
       }
     }
   });
