@@ -121,6 +121,7 @@
 #include "npsim/sensor/noise.hpp"
 #include "npsim/sensor/noise_fit.hpp"
 #include "npsim/sensor/raw.hpp"
+#include "npsim/sensor/sharpen.hpp"
 #include "npsim/sensor/white_balance.hpp"
 
 // errors against a known truth

@@ -24,10 +24,12 @@
 #include "mesh_views.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/camera_file.hpp"
+#include "npsim/io/dng.hpp"
 #include "npsim/io/light_set.hpp"
 #include "npsim/io/memory.hpp"
 #include "npsim/io/pfm.hpp"
 #include "npsim/io/png_jpeg.hpp"
+#include "npsim/io/raw_picture.hpp"
 #include "npsim/io/scene_doubts.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "options.hpp"
@@ -45,12 +47,20 @@ namespace {
   return static_cast<std::size_t>(std::count(used.begin(), used.end(), true));
 }
 
-// The files of one night.
-[[nodiscard]] std::array<std::string, 3> night_files(const std::string& folder, int variant) {
+// A night's files without their endings.
+[[nodiscard]] std::string night_stem(const std::string& folder, int variant) {
   std::array<char, 32> stem{};
   std::snprintf(stem.data(), stem.size(), "/night_%03d", variant);
-  const std::string base = folder + stem.data();
-  return {base + ".png", base + ".pfm", base + ".json"};
+  return folder + stem.data();
+}
+
+// The files that one night may have.
+[[nodiscard]] std::vector<std::string> night_files(const std::string& folder, int variant) {
+  std::vector<std::string> files;
+  for (const char* ending : {".png", ".pfm", ".json", ".jpg", ".raw", "_raw.json", ".dng"}) {
+    files.push_back(night_stem(folder, variant) + ending);
+  }
+  return files;
 }
 
 // All 64 bits: JSON's numbers keep 53 of them in most readers.
@@ -119,16 +129,24 @@ class NightWriter {
 
   Status night(const Night& night) {
     return written(console_.timed("write night", [&]() -> io::Outcome {
-      const auto [png, pfm, json] = night_files(options_.output, night.variant);
+      const std::string stem = night_stem(options_.output, night.variant);
       io::Image<Rgb8> picture(night.picture.shape());
       for (int y = 0; y < picture.height(); ++y) {
         std::copy_n(night.picture.row(y), picture.width(), picture.view().row(y));
       }
-      if (auto o = io::write_png(png, night.picture); !o) return o;
-      if (auto o = io::write_pfm(pfm, night.luminance); !o) return o;
+      if (auto o = io::write_png(stem + ".png", night.picture); !o) return o;
+      if (auto o = io::write_pfm(stem + ".pfm", night.luminance); !o) return o;
+      if (options_.jpeg > 0) {
+        if (auto o = io::write_jpeg(stem + ".jpg", night.picture, options_.jpeg); !o) return o;
+      }
+      if (options_.raw) {
+        const SensorParams& sensor = params_.camera.sensor;
+        if (auto o = io::write_raw(stem + ".raw", night.raw, sensor, night.exposure); !o) return o;
+        if (auto o = io::write_dng(stem + ".dng", night.raw, sensor, night.exposure); !o) return o;
+      }
       // The contact sheet shows at most six nights; the files hold all.
       if (night.variant < 6) panels_.push_back({"night " + std::to_string(night.variant), std::move(picture)});
-      return io::write_file(json, describe(night).dump(2) + "\n");
+      return io::write_file(stem + ".json", describe(night).dump(2) + "\n");
     }));
   }
 
@@ -312,11 +330,16 @@ class NightWriter {
                static_cast<float>(std::cos(azimuth * kRadian) * level)};
 }
 
-// Nights that an earlier run with more variants left behind: they do not belong to the report beside them.
-void remove_older_nights(const std::string& folder, int variants, const InputFiles& inputs) {
-  for (int v = variants;; ++v) {
-    bool any = false;
-    for (const std::string& file : night_files(folder, v)) {
+// Files that an earlier run with more variants, or with other files of a night, left behind: they do not belong to the
+// report beside them.
+void remove_older_nights(const NightOptions& options, const InputFiles& inputs) {
+  for (int v = 0;; ++v) {
+    bool any = v < options.variants;
+    for (const std::string& file : night_files(options.output, v)) {
+      const std::string ending = file.substr(night_stem(options.output, v).size());
+      const bool jpeg = ending == ".jpg";
+      const bool raw = ending == ".raw" || ending == "_raw.json" || ending == ".dng";
+      if (v < options.variants && (jpeg ? options.jpeg > 0 : (!raw || options.raw))) continue;
       std::error_code ignored;
       if (!std::filesystem::exists(file, ignored)) continue;
       any = true;
@@ -392,6 +415,12 @@ int run_night(const NightOptions& options) {
   const io::Expected<io::CameraModel> camera = chosen_camera(options);
   if (!camera) return fail(camera.error());
   params.camera = camera.value().params();
+  params.raw = options.raw;
+  if (options.raw && (params.camera.ideal_sensor || params.camera.sensor.exposures != 1)) {
+    return fail(io::Error{
+        "", "--raw",
+        "camera '" + camera.value().name + "' has no single raw picture, expected one with filters and one exposure"});
+  }
   InputFiles inputs(scene);
   if (camera.value().from_file()) inputs.add(options.camera, "--camera");
   io::LightSet light_set;
@@ -428,7 +457,7 @@ int run_night(const NightOptions& options) {
   if (const io::Outcome finished = writer.finish(params, memory, workspace, threads); !finished) {
     return fail(finished.error());
   }
-  remove_older_nights(options.output, options.variants, inputs);
+  remove_older_nights(options, inputs);
   std::printf("%s\n", (options.output + "/overview.png").c_str());
   return kExitDone;
 }

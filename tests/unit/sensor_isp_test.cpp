@@ -326,6 +326,74 @@ TEST_CASE(
   CHECK(lit < 20);
 }
 
+TEST_CASE("sensor: sharpening leaves flat areas, raises sinusoids by its strength, clips, and takes one pixel") {
+  const npsim::SerialExecutor executor;
+  for (const float strength : {0.0F, 0.5F, 1.0F}) {
+    for (const int period : {2, 4}) {
+      Picture picture({64, 5});
+      for (int y = 0; y < 5; ++y) {
+        for (int x = 0; x < 64; ++x) {
+          const int wave = period == 2 ? (x % 2 == 0 ? 20 : -20) : (x % 4 < 2 ? 20 : -20);
+          const auto code = static_cast<std::uint8_t>(x < 32 ? 100 : 100 + wave);
+          picture(x, y) = {code, code, static_cast<std::uint8_t>(code / 2)};
+        }
+      }
+      npsim_test::Image<float> luma({68, 5});
+      REQUIRE(npsim::sharpen(strength, picture.view(), luma.view(), executor).ok());
+      CHECK(picture(10, 2).g == 100);
+      const double grown = (picture(48, 2).r - 100) / 20.0;
+      // Of blue at half its amplitude the luma has a 27th less.
+      CHECK(grown == doctest::Approx(1 + static_cast<double>(strength) * (period == 2 ? 0.963 : 0.48)).epsilon(0.03));
+    }
+  }
+  Picture edge({4, 1}, Rgb8{0, 0, 0});
+  edge(2, 0) = edge(3, 0) = {255, 255, 255};
+  npsim_test::Image<float> luma({4, 1});
+  REQUIRE(npsim::sharpen(4.0F, edge.view(), luma.view(), executor).ok());
+  CHECK(edge(1, 0).g == 0);
+  CHECK(edge(2, 0).g == 255);
+  CHECK(npsim::sharpen(5.0F, edge.view(), luma.view(), executor).code() == npsim::StatusCode::invalid_argument);
+  Picture other({5, 1});
+  CHECK(npsim::sharpen(1.0F, other.view(), luma.view(), executor).code() == npsim::StatusCode::shape_mismatch);
+  PhotographParams params;
+  params.sharpening = 1;
+  photographed(params, Image({1, 1}, {1, 1, 1}));
+}
+
+TEST_CASE("sensor: raw levels of a photograph are what the sensor read, before anything is developed") {
+  PhotographParams params = PhotographParams::automotive_raw();
+  const Shape shape{40, 24};
+  const Image image(shape, {0.5F, 0.4F, 0.2F});
+  npsim_test::Image<std::uint16_t> levels(shape);
+  npsim::RawPicture raw;
+  raw.levels = levels.view();
+  Picture out(shape);
+  npsim_test::Scratch scratch(npsim::photograph_workspace_bytes(params, shape));
+  CameraExposure exposure;
+  const npsim::SerialExecutor executor;
+  const npsim::Intrinsics camera{500, 500, 20, 12};
+  const auto take = [&] {
+    return npsim::photograph(params, camera, 1, 0, image.view(), out.view(), exposure, scratch.workspace(), executor,
+                             {}, &raw)
+        .code();
+  };
+  REQUIRE(take() == npsim::StatusCode::ok);
+  double green = 0;
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 1 - y % 2; x < 40; x += 2) green += levels(x, y) / 480.0;
+  }
+  const Vec3f response = params.sensor.response[1];
+  const double signal =
+      static_cast<double>(dot(response, Vec3f{0.5F, 0.4F, 0.2F}) * npsim::signal_per_luminance(exposure));
+  CHECK((green - 64) / (4095 - 64) == doctest::Approx(signal).epsilon(0.02));
+  CHECK(raw.gains.x >= 1);
+  CHECK(raw.noise.beta1 == doctest::Approx(static_cast<double>(npsim::noise_level(exposure.iso).value().beta1)));
+  params.sensor.exposures = 3;
+  CHECK(take() == npsim::StatusCode::invalid_argument);
+  params = PhotographParams::thesis();
+  CHECK(take() == npsim::StatusCode::invalid_argument);
+}
+
 TEST_CASE("sensor: displayed noise of the action camera lies within half and twice that of real nights") {
   // Real: .64 .60 .69 .97 .99 1.15 of 255 at displayed levels 0-4, 4-8, 8-16, 16-32, 32-64, 64-128.
   const double real[] = {0.64, 0.60, 0.69, 0.97, 0.99, 1.15};

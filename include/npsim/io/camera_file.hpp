@@ -261,15 +261,19 @@ inline Outcome read_white_balance(const JsonObject& o, WhiteBalanceParams& p) {
                           {"fixed_k", &p.fixed_k}});
 }
 
-inline Outcome read_isp(const JsonObject& o, IspParams& p) {
-  if (auto k = o.allow_only({"demosaic", "pale_from", "pale", "saturation", "tone", "toe", "knee", "lift"}); !k)
+inline Outcome read_isp(const JsonObject& o, IspParams& p, float& sharpening) {
+  if (auto k =
+          o.allow_only({"demosaic", "pale_from", "pale", "saturation", "tone", "toe", "knee", "lift", "sharpening"});
+      !k) {
     return k;
+  }
   if (auto r = read_numbers(o, {{"pale_from", &p.pale_from},
                                 {"pale", &p.pale},
                                 {"saturation", &p.saturation},
                                 {"toe", &p.tone.toe},
                                 {"knee", &p.tone.knee},
-                                {"lift", &p.tone.lift}});
+                                {"lift", &p.tone.lift},
+                                {"sharpening", &sharpening}});
       !r) {
     return r;
   }
@@ -364,7 +368,9 @@ Outcome read_part(const JsonObject& whole, const char* key, const Part& part, co
       !r) {
     return r.error();
   }
-  if (auto r = read_part(whole, "isp", p.isp, [&](const JsonObject& o) { return detail::read_isp(o, p.isp); }); !r) {
+  if (auto r =
+          read_part(whole, "isp", p, [&](const JsonObject& o) { return detail::read_isp(o, p.isp, p.sharpening); });
+      !r) {
     return r.error();
   }
   return camera;

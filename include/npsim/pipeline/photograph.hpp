@@ -2,7 +2,7 @@
 // Section 3.6.3: the camera that looks at the night. Linear scene luminance in, an 8-bit picture out.
 //
 // motion -> glare -> exposure -> filters of the sensor, full well, shot and read noise (3.10), converter -> white balance ->
-// denoise -> demosaic -> highlights, colour matrix, tone curve, sRGB. docs/camera.md draws the chain and shows the cameras.
+// denoise -> demosaic -> highlights, colour matrix, tone curve, sRGB -> sharpening. docs/camera.md draws the chain and shows the cameras.
 // Exposure is metered on what the sensor sees, glare included.
 // Motion needs depth, and instances and lamps where they are to move and to flicker: what the street is made of.
 // Memory: an image and two floats per pixel besides what the steps take; an image for the thesis' sensor.
@@ -29,6 +29,7 @@
 #include "npsim/sensor/motion.hpp"
 #include "npsim/sensor/noise.hpp"
 #include "npsim/sensor/raw.hpp"
+#include "npsim/sensor/sharpen.hpp"
 #include "npsim/sensor/white_balance.hpp"
 
 namespace npsim {
@@ -87,6 +88,7 @@ struct PhotographParams {
   WhiteBalanceParams white_balance;
   RawDenoiseParams denoise;
   IspParams isp;              // but its gains and where it withdraws colour
+  float sharpening = 0.0F;    // strength of sharpen(); cameras use .5 to 1 [assumed], and their noise grows with it
   float colour_noise = 3.0F;  // standard deviations of the read noise below which colour is withdrawn
 
   // Sensors of video read a frame in half to all of its time. Assumed, not measured.
@@ -177,6 +179,9 @@ struct PhotographParams {
   }
   if (!(params.colour_noise >= 0.0F && params.colour_noise <= 1000.0F)) {
     return {StatusCode::invalid_argument, "photograph: colour noise in [0, 1000]"};
+  }
+  if (!(params.sharpening >= 0.0F && params.sharpening <= 4.0F)) {
+    return {StatusCode::invalid_argument, "photograph: sharpening in [0, 4]"};
   }
   return validate(params.isp);
 }
@@ -312,7 +317,8 @@ Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, 
     raw->noise = {noise.level.beta1 * r2, noise.level.beta2 * r2};
   }
   NPSIM_RETURN_IF_ERROR(denoise_raw(params.denoise, params.sensor, noise, plane, clean, executor));
-  return develop(isp, params.sensor, clean, picture, executor);
+  NPSIM_RETURN_IF_ERROR(develop(isp, params.sensor, clean, picture, executor));
+  return sharpen(params.sharpening, picture, plane, executor);
 }
 
 }  // namespace NPSIM_ABI
