@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Section 3.6.3: the camera that looks at the night. Linear scene luminance in, an 8-bit picture out.
 //
-// motion -> glare -> exposure -> filters of the sensor, full well, shot and read noise (3.10), converter -> white balance ->
-// denoise -> demosaic -> highlights, colour matrix, tone curve, sRGB -> sharpening. docs/camera.md draws the chain and shows the cameras.
+// motion -> glare -> exposure -> filters of the sensor, full well, shot and read noise (3.10), converter -> white
+// balance -> denoise -> demosaic -> highlights, colour matrix, tone curve, sRGB -> sharpening. docs/camera.md draws the
+// chain and shows the cameras.
 // Exposure is metered on what the sensor sees, glare included.
 // Motion needs depth, and instances and lamps where they are to move and to flicker: what the street is made of.
 // Memory: an image and two floats per pixel besides what the steps take; an image for the thesis' sensor.
@@ -259,8 +260,8 @@ template <class Executor>
          kWorkspaceAlignment;
 }
 
-// `image` keeps the noise of two pictures apart. street: where there is motion, with depth. raw: of one exposure, not of
-// an ideal sensor.
+// `image` keeps the noise of two pictures apart. street: where there is motion, with depth. raw: of one exposure, not
+// of an ideal sensor.
 template <class Executor>
 Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, std::uint64_t seed, std::uint32_t image,
                   ImageView<const Vec3f> luminance_cd_m2, ImageView<Rgb8> picture, CameraExposure& exposure,

@@ -4,27 +4,28 @@
 //
 // A camera that moves at v and turns at w (its own frame: x right, y down, z ahead) sees a point at P move by
 //   dP/dt = u - v - w x P,   u the velocity of the object that it belongs to, over the street;
-// its image moves at (dX - x dZ) fx / Z, (dY - y dZ) fy / Z with x = X / Z, y = Y / Z (Longuet-Higgins and Prazdny, "The
-// interpretation of a moving retinal image", 1980). Where there is no depth, at the sky, only the turn counts.
+// its image moves at (dX - x dZ) fx / Z, (dY - y dZ) fy / Z with x = X / Z, y = Y / Z (Longuet-Higgins and Prazdny,
+// "The interpretation of a moving retinal image", 1980). Where there is no depth, at the sky, only the turn counts.
 // Over the time of one picture this velocity is taken for constant: a path is a straight segment.
 // The photograph is the moment at which its middle row is half exposed; row y is exposed for `time` seconds about
 //   t_y = readout ((y + 1/2) / height - 1/2).
 //
 // Light up to `lamp_cd_m2` is gathered: a pixel takes the mean of n samples along the path of what stands there at t_y,
-// nearest pixels at equal steps, n about the length, even, and at most `samples`; 8 pixels of a row whose paths end within
-// half a pixel of each other share one. Samples on something clearly nearer are left out:
-// a pole does not smear over the houses behind it, whose own motion is another. So edges of near things stay sharp
-// towards the outside.
+// nearest pixels at equal steps, n about the length, even, and at most `samples`; 8 pixels of a row whose paths end
+// within half a pixel of each other share one. Samples on something clearly nearer are left out: a pole does not smear
+// over the houses behind it, whose own motion is another. So edges of near things stay sharp towards the outside, and
+// what moves against its background by rows is narrowed by that, not shifted.
 // What is brighter is a lamp, which would be lost among pixels that move otherwise: the light above lamp_cd_m2 is laid
-// down along the lamp's own path, half a pixel at a time, and none is lost. A lamp that flickers lays down all its
+// down along the lamp's own path, at most a pixel at a time, and none is lost. A lamp that flickers lays down all its
 // light so, by its square wave 1 / duty for `duty` of each period: over many periods its mean is 1, in a short exposure
-// it is dark or brighter than it seems, and its streak is dashed.
+// it is dark or brighter than it seems, and its streak is dashed. What hides a lamp on its way is not looked for.
 // Paths are mirrored at the borders: what leaves the picture is replaced by what enters.
-// Invariants: a constant stays; streaks of lamps keep the sum within 1e-5, and so does a motion along rows or columns that
-// all pixels share (a slanted one but for the corners, and a street that is driven through within 1 %); time 0 is the
-// rows' moments.
+// Invariants: a constant stays; streaks of lamps keep the sum within 1e-5, and so does a motion along rows or columns
+// that all pixels share (a slanted one but for the corners, and a street that is driven through within 1 %); time 0 is
+// the rows' moments.
 // Error of what is gathered, against the integral along the path: at most g (1 + length / (4 n)) for light that changes
-// by at most g a pixel. Not modelled: shorter exposures of several, light of headlamps that moves with the car.
+// by at most g a pixel; g more where rows are read one by one. Not modelled: shorter exposures of several, light of
+// headlamps that moves with the car.
 // Cost: about 10 ns a pixel and .8 ns a sample. Memory: 16 bytes a pixel, and 12 for the motion itself.
 #ifndef NPSIM_SENSOR_MOTION_HPP
 #define NPSIM_SENSOR_MOTION_HPP
@@ -58,7 +59,7 @@ struct MotionParams {
   Span<const ObjectMotion> objects;
   float readout_s = 0.0F;  // from the first row to the last; 0: all at once
   float lamp_cd_m2 = 20.0F;
-  int samples = 16;  // 2 to 256
+  int samples = 12;  // 2 to 256; even
 };
 
 [[nodiscard]] inline Status validate(const MotionParams& p) noexcept {
@@ -154,10 +155,21 @@ namespace motion_detail {
 
 inline constexpr int kBlock = 8;  // pixels of a row that share a path, where they move alike
 
-// The light that is gathered, by channel, and how near it is.
-struct Planes {
-  ImageView<float> channel[4];
+inline constexpr int kSegment = 64;  // pixels of a row that are searched for lamps together
+
+// The light that is gathered and how near it is; rows have room for a batch more. Beside each other, so that samples of
+// a path lie in few pages of memory.
+struct Sample {
+  float rgb[3];
+  float nearness;
 };
+
+[[nodiscard]] constexpr Shape light_shape(Shape shape) noexcept {
+  return {shape.width + simd::kMaxLanes, shape.height};
+}
+[[nodiscard]] constexpr Shape segment_shape(Shape shape) noexcept {
+  return {(shape.width + kSegment - 1) / kSegment, shape.height};
+}
 
 [[nodiscard]] constexpr float row_time_s(float readout_s, int y, int height) noexcept {
   return readout_s * ((static_cast<float>(y) + 0.5F) / static_cast<float>(height) - 0.5F);
@@ -217,44 +229,16 @@ struct Pixel {
 
 namespace motion_detail {
 
-// shutter_source() of kBlock pixels from (x, y) on: the first one's, where the others' lie beside it as the pixels do,
-// give or take one. False where they do not, or come from outside.
-[[nodiscard]] inline bool shutter_run(float readout_s, ImageView<const PixelMotion> motion, int x, int y,
-                                      Pixel& first) noexcept {
-  using F = simd::F32;
-  using I = F::Int;
-  const F t(row_time_s(readout_s, y, motion.height()));
-  const auto nearest_of = [](F v) { return trunc_to_int(v + simd::copysign(F(0.5F), v)); };
-  bool together = true;
-  for (int i = 0; i < kBlock; i += F::lanes) {
-    const I column = min(I::iota() + I(x + i), I(x + kBlock - 1));
-    I qx = column;
-    I qy(y);
-    for (int step = 0; step < 3; ++step) {
-      const I at = (qy * I(static_cast<std::int32_t>(motion.stride())) + qx) * I(3);
-      qx = column - nearest_of(F::gather(&motion.data()->x, at) * t);
-      qy = I(y) - nearest_of(F::gather(&motion.data()->y, at) * t);
-      if (any((qx < I(0)) | (qx >= I(motion.width())) | (qy < I(0)) | (qy >= I(motion.height())))) return false;
-    }
-    if (i == 0) first = {qx.lane(0), qy.lane(0)};
-    const I dx = qx - column - I(first.x - x);
-    const I dy = qy - I(first.y);
-    together = together && !any((dx > I(1)) | (dx < I(-1)) | (dy > I(1)) | (dy < I(-1)));
-  }
-  return together;
-}
-
-// Whether the paths of kBlock pixels from `first` on keep within half a pixel of that of the middle one for so long.
-[[nodiscard]] inline bool moves_as_one(ImageView<const PixelMotion> motion, const Pixel& first, float time_s) noexcept {
+// Whether kBlock pixels from `first` on keep within half a pixel of a motion for so long.
+[[nodiscard]] inline bool moves_as(const PixelMotion& motion, ImageView<const PixelMotion> of, const Pixel& first,
+                                   float time_s) noexcept {
   using F = simd::F32;
   constexpr int n = F::lanes < kBlock ? F::lanes : kBlock;
-  if (first.x + kBlock > motion.width()) return false;
-  const PixelMotion* row = motion.row(first.y) + first.x;
-  const PixelMotion& middle = row[kBlock / 2];
   F apart(0.0F);
   for (int i = 0; i < kBlock; i += F::lanes) {
-    const simd::F32x3<F> m = simd::load3<F>(&row[i].x, n);
-    apart = max(apart, select(F::MaskType::first(n), max(abs(m.x - F(middle.x)), abs(m.y - F(middle.y))), F(0.0F)));
+    const simd::F32x3<F> m = simd::load3<F>(&of(first.x + i, first.y).x, n);
+    const F most = max(abs(m.x - F(motion.x)), abs(m.y - F(motion.y)));
+    apart = max(apart, select(F::MaskType::first(n), most, F(0.0F)));
   }
   return !any(apart * F(time_s) > F(0.5F));
 }
@@ -262,7 +246,7 @@ namespace motion_detail {
 // Means along paths.
 struct Gather {
   Shape shape;
-  Planes light;
+  ImageView<const Sample> light;
   float half_s;
   float most;  // px, of half a path
   int most_pairs;
@@ -301,8 +285,9 @@ struct Gather {
     const auto add = [&](int column, int row) {
       const int x = mirrored(column, shape.width);
       const int y = mirrored(row, shape.height);
-      if (light.channel[3](x, y) > limit) return;
-      sum += Vec3f{light.channel[0](x, y), light.channel[1](x, y), light.channel[2](x, y)};
+      const Sample& s = light(x, y);
+      if (s.nearness > limit) return;
+      sum += Vec3f{s.rgb[0], s.rgb[1], s.rgb[2]};
       count += 1.0F;
     };
     for_samples(path(m, row_s), [&](int dx, int dy) { add(shown.x + dx, shown.y + dy); });
@@ -310,35 +295,33 @@ struct Gather {
     return sum * (1.0F / count);
   }
 
-  // Of kBlock pixels that share a path; false where it leaves the picture. first: the first of them.
+  // Of kBlock pixels that share a path; false where it leaves the picture sideways. first: the first of them.
   [[nodiscard]] bool block(const PixelMotion& m, const Pixel& first, const Pixel& source, float row_s,
                            float* out) const noexcept {
     using F = simd::F32;
     const Path p = path(m, row_s);
     const int reach_x = nearest(std::fabs(p.x) + std::fabs(p.from_x));
-    const int reach_y = nearest(std::fabs(p.y) + std::fabs(p.from_y));
-    if (first.x < reach_x || first.x + kBlock + reach_x > shape.width || first.y < reach_y ||
-        first.y + reach_y >= shape.height) {
-      return false;
-    }
+    if (first.x < reach_x || first.x + kBlock + reach_x > shape.width) return false;
     for (int i = 0; i < kBlock; i += F::lanes) {
-      constexpr int n = F::lanes < kBlock ? F::lanes : kBlock;
-      const auto at = [&](int c, int dx, int dy) {
-        return load_first<F>(light.channel[c].row(first.y + dy) + (first.x + i + dx), n);
+      const auto load = [&](int x, int y, F(&channel)[4]) {
+        simd::load_columns<F>(light.row(y)[x + i].rgb, 16, 0, channel);
       };
-      const auto own = [&](int c) { return at(c, source.x - first.x, source.y - first.y); };
-      const F limit = F(1.25F) * own(3) + F(0.005F);
+      F own[4];
+      load(source.x, source.y, own);
+      const F limit = F(1.25F) * own[3] + F(0.005F);
       F sum[3] = {F(0.0F), F(0.0F), F(0.0F)};
       F count(0.0F);
       for_samples(p, [&](int dx, int dy) {
-        const auto seen = at(3, dx, dy) <= limit;
-        for (int c = 0; c < 3; ++c) sum[c] = sum[c] + select(seen, at(c, dx, dy), F(0.0F));
+        F s[4];
+        load(first.x + dx, mirrored(first.y + dy, shape.height), s);
+        const auto seen = s[3] <= limit;
+        for (int c = 0; c < 3; ++c) sum[c] = sum[c] + select(seen, s[c], F(0.0F));
         count = count + select(seen, F(1.0F), F(0.0F));
       });
       const auto none = count == F(0.0F);
       const F scale = F(1.0F) / select(none, F(1.0F), count);
-      const auto mean = [&](int c) { return select(none, own(c), sum[c] * scale); };
-      simd::store3<F>(out + 3 * i, {mean(0), mean(1), mean(2)}, n);
+      const auto mean = [&](int c) { return select(none, own[c], sum[c] * scale); };
+      simd::store3<F>(out + 3 * i, {mean(0), mean(1), mean(2)}, F::lanes < kBlock ? F::lanes : kBlock);
     }
     return true;
   }
@@ -347,12 +330,13 @@ struct Gather {
 }  // namespace motion_detail
 
 [[nodiscard]] constexpr std::size_t motion_workspace_bytes(Shape shape) noexcept {
-  return 4 * allocation_bytes<float>(shape.pixels()) +
-         allocation_bytes<std::uint8_t>(static_cast<std::size_t>(shape.empty() ? 0 : shape.height)) +
-         kWorkspaceAlignment;
+  if (shape.empty()) return kWorkspaceAlignment;
+  return allocation_bytes<motion_detail::Sample>(motion_detail::light_shape(shape).pixels()) +
+         allocation_bytes<std::uint8_t>(motion_detail::segment_shape(shape).pixels()) + kWorkspaceAlignment;
 }
 
-// motion: of motion_field(). in, out: not the same. lamps: position + 1 in `flicker` of the lamp that a pixel shows, 0 for none; may be empty.
+// motion: of motion_field(). in, out: not the same. lamps: position + 1 in `flicker` of the lamp that a pixel shows, 0
+// for none; may be empty.
 template <class Executor>
 [[nodiscard]] Status add_motion(const MotionParams& params, float time_s, ImageView<const PixelMotion> motion,
                                 ImageView<const std::uint16_t> lamps, Span<const LampFlicker> flicker,
@@ -373,42 +357,30 @@ template <class Executor>
     }
   }
   const WorkspaceScope scope(workspace);
-  Planes light;
-  Span<std::uint8_t> has_lamps;  // by row
-  for (ImageView<float>& plane : light.channel) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, plane));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(shape.height), has_lamps));
+  ImageView<Sample> light;
+  ImageView<std::uint8_t> has_lamps;  // by segment
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(light_shape(shape), light));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(segment_shape(shape), has_lamps));
 
-  using F = simd::F32;
   const auto flicker_at = [&](int x, int y) -> const LampFlicker* {
     if (lamps.empty() || lamps(x, y) == 0 || lamps(x, y) > flicker.size()) return nullptr;
     const LampFlicker& lamp = flicker[lamps(x, y) - 1U];
     return lamp.frequency_hz > 0.0F ? &lamp : nullptr;
   };
   for_rows(shape, executor, [&](int y) {
-    typename F::MaskType bright(false);
-    for (int x = 0; x < shape.width; x += F::lanes) {
-      const int n = shape.width - x < F::lanes ? shape.width - x : F::lanes;
-      const simd::F32x3<F> rgb = simd::load3<F>(&in.row(y)[x].x, n);
-      const auto sane = [](F v) { return min(max(v, F(0.0F)), F(kMaxSample)); };
-      const F r = sane(rgb.x);
-      const F g = sane(rgb.y);
-      const F b = sane(rgb.z);
-      const F brightest = max(r, max(g, b));
-      const auto lamp = brightest > F(params.lamp_cd_m2);
-      const F kept = select(lamp, F(params.lamp_cd_m2) / brightest, F(1.0F));
-      bright = bright | lamp;
-      store_first(r * kept, light.channel[0].row(y) + x, n);
-      store_first(g * kept, light.channel[1].row(y) + x, n);
-      store_first(b * kept, light.channel[2].row(y) + x, n);
-      store_first(simd::load3<F>(&motion.row(y)[x].x, n).z, light.channel[3].row(y) + x, n);
+    for (int x = 0; x < has_lamps.width(); ++x) has_lamps(x, y) = 0;
+    Sample* to = light.row(y);
+    for (int x = 0; x < shape.width; ++x) {
+      const Vec3f rgb = sane_sample(in(x, y));
+      to[x] = {{rgb.x, rgb.y, rgb.z}, motion(x, y).z};
+      const float brightest = max_of(rgb.x, rgb.y, rgb.z);
+      const bool flickers = flicker_at(x, y) != nullptr;
+      if (!(brightest > params.lamp_cd_m2) && !flickers) continue;
+      const float kept = flickers ? 0.0F : params.lamp_cd_m2 / brightest;
+      for (float& c : to[x].rgb) c *= kept;
+      has_lamps(x / kSegment, y) = 1;
     }
-    bool has_any = any(bright);
-    for (int x = 0; !lamps.empty() && x < shape.width; ++x) {
-      if (flicker_at(x, y) == nullptr) continue;
-      for (int c = 0; c < 3; ++c) light.channel[c](x, y) = 0.0F;
-      has_any = true;
-    }
-    has_lamps[static_cast<std::size_t>(y)] = has_any ? 1 : 0;
+    for (int x = shape.width; x < light.width(); ++x) to[x] = {};
   });
 
   const auto most = static_cast<float>(4 * (shape.width + shape.height));  // px, of half a path
@@ -417,12 +389,18 @@ template <class Executor>
     const float row_s = row_time_s(params.readout_s, y, shape.height);
     for (int x = 0; x < shape.width; x += kBlock) {
       const int n = shape.width - x < kBlock ? shape.width - x : kBlock;
-      const Pixel first{x, y};
-      Pixel source = first;
-      const bool run = n == kBlock && (params.readout_s == 0.0F || shutter_run(params.readout_s, motion, x, y, source));
-      if (run && moves_as_one(motion, source, gather.half_s + std::fabs(row_s)) &&
-          gather.block(motion(source.x + kBlock / 2, source.y), first, source, row_s, &out(x, y).x)) {
-        continue;
+      if (n == kBlock) {
+        const Pixel first{x, y};
+        const PixelMotion& here = motion(x + kBlock / 2, y);
+        const Pixel source{x - nearest(here.x * row_s), y - nearest(here.y * row_s)};
+        if (source.x >= 0 && source.x + kBlock <= shape.width && source.y >= 0 && source.y < shape.height) {
+          const PixelMotion& m = motion(source.x + kBlock / 2, source.y);
+          if (moves_as(m, motion, source, gather.half_s) &&
+              (row_s == 0.0F || moves_as(m, motion, first, std::fabs(row_s))) &&
+              gather.block(m, first, source, row_s, &out(x, y).x)) {
+            continue;
+          }
+        }
       }
       for (int i = 0; i < n; ++i) {
         const Pixel q = shutter_source(params.readout_s, motion, x + i, y);
@@ -433,11 +411,13 @@ template <class Executor>
 
   // Lamps are few, and their order is part of the sums: one after the other.
   for (int y = 0; y < shape.height; ++y) {
-    if (has_lamps[static_cast<std::size_t>(y)] == 0) continue;
     for (int x = 0; x < shape.width; ++x) {
+      if (has_lamps(x / kSegment, y) == 0) {
+        x += kSegment - 1;  // segments begin at their multiples, and so does x
+        continue;
+      }
       const LampFlicker* lamp = flicker_at(x, y);
-      const Vec3f spread =
-          sane_sample(in(x, y)) - Vec3f{light.channel[0](x, y), light.channel[1](x, y), light.channel[2](x, y)};
+      const Vec3f spread = sane_sample(in(x, y)) - Vec3f{light(x, y).rgb[0], light(x, y).rgb[1], light(x, y).rgb[2]};
       if (spread == Vec3f{}) continue;
       const PixelMotion& m = motion(x, y);
       // A row that is read `a` seconds after the one above sees the lamp while t (1 - a m.y) is within its exposure.
@@ -445,7 +425,7 @@ template <class Executor>
       const float middle = row_time_s(params.readout_s, y, shape.height) / approach;
       const float seen = time_s / approach;
       const float px = clamp_to(max_of(std::fabs(m.x), std::fabs(m.y)) * seen, 0.0F, 2.0F * most);
-      const int steps = static_cast<int>(clamp_to(2.0F * px + 0.5F, 1.0F, static_cast<float>(kMostSteps)));
+      const int steps = static_cast<int>(clamp_to(px + 1.0F, 1.0F, static_cast<float>(kMostSteps)));
       const float weight = 1.0F / (approach * static_cast<float>(steps));
       const float dt = seen / static_cast<float>(steps);
       for (int i = 0; i < steps; ++i) {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // beta1 and beta2 of equation (3.10) from raw pictures: of flat areas, or of two frames of one unmoving scene.
 //
-// An area gives, behind each of the four filters of the mosaic, a mean and a variance of the signal (DN - black) /
-// (white - black). In one picture the variance is half the mean square of the differences between next neighbours
-// behind one filter, each sample used once, so that a slow gradient hardly counts; in two frames it is half the variance
-// of their differences, and any scene will do. A line is fitted to them by weighted least squares: the variance of
-// a variance of n degrees of freedom is 2 v^2 / n, with v of the line itself, so the fit is repeated until it stays.
+// An area gives, behind each of the four filters of the mosaic, a mean and a variance of the signal
+// (DN - black) / (white - black). In one picture the variance is half the mean square of the differences between next
+// neighbours behind one filter, each sample used once, so that a slow gradient hardly counts; in two frames it is half
+// the variance of their differences, and any scene will do. A line is fitted to them by weighted least squares: the
+// variance of a variance of n degrees of freedom is 2 v^2 / n, with v of the line itself, so the fit is repeated.
 // Standard errors are those of the fit, widened where the variances scatter by more than chance (chi2 above 1).
 // beta2 includes the converter's rounding, 1/12 of a level squared. Areas that touch 0 or full scale are no good.
 // Error: unbiased; the true values lie within 1.96 standard errors in 95 of 100 pictures. Cost: a pass over the areas.
