@@ -120,8 +120,11 @@
 #include "npsim/sensor/exposure.hpp"
 #include "npsim/sensor/glare.hpp"
 #include "npsim/sensor/isp.hpp"
+#include "npsim/sensor/motion.hpp"
 #include "npsim/sensor/noise.hpp"
+#include "npsim/sensor/noise_fit.hpp"
 #include "npsim/sensor/raw.hpp"
+#include "npsim/sensor/sharpen.hpp"
 #include "npsim/sensor/signal_masks.hpp"
 #include "npsim/sensor/white_balance.hpp"
 

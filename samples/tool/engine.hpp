@@ -54,10 +54,10 @@ class AnySink {
                                           const RefinedDepth& refined, Workspace& workspace, AnyExecutor executor,
                                           AnyObserver observer, AnySink sink);
 
+// Of what make_nights() hands out.
 [[nodiscard]] Status picture_masks(const SignalMaskParams& params, const PhotographParams& camera,
-                                   const Intrinsics& intrinsics, const CameraExposure& exposure,
-                                   ImageView<const Vec3f> luminance_cd_m2, const SignalMasks& out, Workspace& workspace,
-                                   AnyExecutor executor);
+                                   const Intrinsics& intrinsics, const Night& night, const SignalMasks& out,
+                                   Workspace& workspace, AnyExecutor executor);
 
 }  // namespace npsim::engine
 

@@ -17,9 +17,9 @@ Status make_nights_of_depth(const NightParams& params, const SceneView& scene, c
 }
 
 Status picture_masks(const SignalMaskParams& params, const PhotographParams& camera, const Intrinsics& intrinsics,
-                     const CameraExposure& exposure, ImageView<const Vec3f> luminance_cd_m2, const SignalMasks& out,
-                     Workspace& workspace, AnyExecutor executor) {
-  return npsim::picture_masks(params, camera, intrinsics, exposure, luminance_cd_m2, out, workspace, executor);
+                     const Night& night, const SignalMasks& out, Workspace& workspace, AnyExecutor executor) {
+  return npsim::picture_masks(params, camera, intrinsics, night.key, static_cast<std::uint32_t>(night.variant),
+                              night.exposure, night.luminance, out, workspace, executor, night.street);
 }
 
 }  // namespace npsim::engine

@@ -11,6 +11,7 @@
 #include <string>
 #include <system_error>
 
+#include "calibrate_command.hpp"
 #include "console.hpp"
 #include "evaluate_command.hpp"
 #include "greycard_command.hpp"
@@ -152,6 +153,15 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   night_app->add_option("--meter", night.meter, "What the automatic exposure looks at: mean, centre or highlight")
       ->check(CLI::IsMember({"mean", "centre", "highlight"}));
+  night_app->add_option("--speed", night.speed_m_s, "Of the own car, m/s ahead: motion blur, rolling shutter")
+      ->check(within(-100.0, 100.0));
+  night_app->add_option("--yaw-rate", night.yaw_rate, "At which the own car turns to the right, rad/s")
+      ->check(within(-10.0, 10.0));
+  night_app->add_flag("--raw", night.raw, "Also write what the sensor read: NAME.raw with NAME_raw.json, and NAME.dng");
+  night_app->add_option("--jpeg", night.jpeg, "Also write NAME.jpg of this quality, 1 to 100")
+      ->check(CLI::Range(1, 100));
+  night_app->add_flag("--flicker", night.flicker,
+                      "LED lamps of vehicles and signals are switched, as a camera sees it");
   night_app
       ->add_option("--traffic", night.traffic, "Side of the road on which the own car drives, and its low beam rises")
       ->check(CLI::IsMember({"right", "left"}))
@@ -358,6 +368,27 @@ int main(int argc, char** argv) {
   stats_app->add_option("--json", stats.json, "JSON file for the figures");
   stats_app->add_option("--svg", stats.svg, "Chart of the figures beside the ranges of real nights");
 
+  CalibrateOptions calibrate;
+  CLI::App* calibrate_app = app.add_subcommand(
+      "calibrate-noise", "Measure beta1 and beta2 of a camera's noise, of two frames or of flat patches of one");
+  calibrate_app
+      ->add_option("pictures", calibrate.pictures,
+                   "One raw picture or two of the same scene: .raw with its sidecar, or PNG of one channel")
+      ->required()
+      ->expected(1, 2);
+  calibrate_app
+      ->add_option("--patch", calibrate.patches, "x0,y0,x1,y1 of a flat patch, the last ones outside; several times")
+      ->allow_extra_args(false);
+  calibrate_app
+      ->add_option("--square", calibrate.square, "Side of the squares in which two frames are compared, pixels")
+      ->check(CLI::Range(8, 1024))
+      ->capture_default_str();
+  calibrate_app->add_option("--black", calibrate.black, "Level of black; default: as the sidecar has it")
+      ->check(within(0.0, 65535.0));
+  calibrate_app->add_option("--white", calibrate.white, "Level of full scale")->check(within(1.0, 65535.0));
+  calibrate_app->add_option("--iso", calibrate.iso, "At which the pictures were taken, for the row of the table")
+      ->check(within(1.0, 1e7));
+
   JudgeOptions judge;
   CLI::App* judge_app = app.add_subcommand(
       "judge", "Judge every stage by the true night of generated streets; what the folder has already is kept");
@@ -411,6 +442,7 @@ int main(int argc, char** argv) {
     }
     if (*evaluate_app) return run_evaluate(evaluate);
     if (*judge_app) return run_judge(judge);
+    if (*calibrate_app) return run_calibrate(calibrate);
     if (*greycard_app) return run_greycard(greycard);
     if (*stats_app) return run_stats(stats);
     if (*truth_app) return run_truth(truth);

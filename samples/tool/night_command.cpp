@@ -26,10 +26,12 @@
 #include "night_labels.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/camera_file.hpp"
+#include "npsim/io/dng.hpp"
 #include "npsim/io/light_set.hpp"
 #include "npsim/io/memory.hpp"
 #include "npsim/io/pfm.hpp"
 #include "npsim/io/png_jpeg.hpp"
+#include "npsim/io/raw_picture.hpp"
 #include "npsim/io/scene_doubts.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "options.hpp"
@@ -47,20 +49,20 @@ namespace {
   return static_cast<std::size_t>(std::count(used.begin(), used.end(), true));
 }
 
-[[nodiscard]] std::string night_name(int variant) {
-  std::array<char, 32> name{};
-  std::snprintf(name.data(), name.size(), "night_%03d", variant);
-  return name.data();
+// A night's files without their endings.
+[[nodiscard]] std::string night_stem(const std::string& folder, int variant) {
+  std::array<char, 32> stem{};
+  std::snprintf(stem.data(), stem.size(), "/night_%03d", variant);
+  return folder + stem.data();
 }
 
-// The files of one night, but its labels.
-[[nodiscard]] std::array<std::string, 3> night_files(const std::string& folder, int variant) {
-  const std::string base = folder + "/" + night_name(variant);
-  return {base + ".png", base + ".pfm", base + ".json"};
-}
-
-[[nodiscard]] std::vector<std::string> night_label_files(const std::string& folder, int variant) {
-  return label_files(folder + "/" + night_name(variant));
+// The files that one night may have.
+[[nodiscard]] std::vector<std::string> night_files(const std::string& folder, int variant) {
+  std::vector<std::string> files;
+  for (const char* ending : {".png", ".pfm", ".json", ".jpg", ".raw", "_raw.json", ".dng"}) {
+    files.push_back(night_stem(folder, variant) + ending);
+  }
+  return files;
 }
 
 // All 64 bits: JSON's numbers keep 53 of them in most readers.
@@ -69,6 +71,8 @@ namespace {
   std::snprintf(text.data(), text.size(), "%016llx", static_cast<unsigned long long>(key));
   return text.data();
 }
+
+[[nodiscard]] std::array<float, 3> components(const Vec3f& v) { return {v.x, v.y, v.z}; }
 
 // Everything that a run may write.
 [[nodiscard]] std::vector<std::string> night_outputs(const NightOptions& options) {
@@ -81,7 +85,7 @@ namespace {
   for (int v = 0; v < options.variants; ++v) {
     for (const std::string& file : night_files(options.output, v)) files.push_back(file);
     if (!options.labels) continue;
-    for (const std::string& file : night_label_files(options.output, v)) files.push_back(file);
+    for (const std::string& file : label_files(night_stem(options.output, v))) files.push_back(file);
   }
   if (options.labels) files.push_back(options.output + "/" + kCocoFile);
   return files;
@@ -133,20 +137,28 @@ class NightWriter {
 
   Status night(const Night& night) {
     return written(console_.timed("write night", [&]() -> io::Outcome {
-      const auto [png, pfm, json] = night_files(options_.output, night.variant);
+      const std::string stem = night_stem(options_.output, night.variant);
       io::Image<Rgb8> picture(night.picture.shape());
       for (int y = 0; y < picture.height(); ++y) {
         std::copy_n(night.picture.row(y), picture.width(), picture.view().row(y));
       }
-      if (auto o = io::write_png(png, night.picture); !o) return o;
-      if (auto o = io::write_pfm(pfm, night.luminance); !o) return o;
+      if (auto o = io::write_png(stem + ".png", night.picture); !o) return o;
+      if (auto o = io::write_pfm(stem + ".pfm", night.luminance); !o) return o;
+      if (options_.jpeg > 0) {
+        if (auto o = io::write_jpeg(stem + ".jpg", night.picture, options_.jpeg); !o) return o;
+      }
+      if (options_.raw) {
+        const SensorParams& sensor = params_.camera.sensor;
+        if (auto o = io::write_raw(stem + ".raw", night.raw, sensor, night.exposure); !o) return o;
+        if (auto o = io::write_dng(stem + ".dng", night.raw, sensor, night.exposure); !o) return o;
+      }
       if (labels_) {
-        const std::string name = night_name(night.variant);
-        if (auto o = labels_->write(path(name), name + ".png", night, pool_); !o) return o;
+        const std::string name = std::filesystem::path(stem).filename().string();
+        if (auto o = labels_->write(stem, name + ".png", night, pool_); !o) return o;
       }
       // The contact sheet shows at most six nights; the files hold all.
       if (night.variant < 6) panels_.push_back({"night " + std::to_string(night.variant), std::move(picture)});
-      return io::write_file(json, describe(night).dump(2) + "\n");
+      return io::write_file(stem + ".json", describe(night).dump(2) + "\n");
     }));
   }
 
@@ -287,6 +299,11 @@ class NightWriter {
             {"headlamps", !params_.relight.ego_headlamps ? "off" : (params_.relight.ego.high_beam ? "high" : "low")},
             {"traffic", options_.traffic},
             {"camera", options_.camera.empty() ? options_.preset : options_.camera},
+            {"motion",
+             {{"velocity_m_s", components(params_.camera.motion.velocity_m_s)},
+              {"rotation_rad_s", components(params_.camera.motion.rotation_rad_s)},
+              {"readout_s", params_.camera.motion.readout_s},
+              {"flicker", params_.camera.flicker.on}}},
             {"exposure",
              {{"iso", night.exposure.iso}, {"f_number", night.exposure.f_number}, {"time_s", night.exposure.time_s}}},
             {"sources", std::move(sources)}};
@@ -329,8 +346,8 @@ class NightWriter {
                static_cast<float>(std::cos(azimuth * kRadian) * level)};
 }
 
-// Nights that an earlier run with more variants left behind, and labels of one that wrote them: they do not belong to
-// the report beside them.
+// Files that an earlier run with more variants, or with other files of a night, left behind: they do not belong to the
+// report beside them.
 void remove_older_nights(const NightOptions& options, const InputFiles& inputs) {
   const auto remove_if_there = [&](const std::string& file) {
     std::error_code ignored;
@@ -340,12 +357,17 @@ void remove_older_nights(const NightOptions& options, const InputFiles& inputs) 
   };
   if (!options.labels) remove_if_there(options.output + "/" + kCocoFile);
   for (int v = 0;; ++v) {
-    bool any = v < options.variants;
-    if (v >= options.variants || !options.labels) {
-      for (const std::string& file : night_label_files(options.output, v)) any = remove_if_there(file) || any;
+    const bool made = v < options.variants;
+    bool any = made;
+    if (!made || !options.labels) {
+      for (const std::string& file : label_files(night_stem(options.output, v))) any = remove_if_there(file) || any;
     }
-    if (v >= options.variants) {
-      for (const std::string& file : night_files(options.output, v)) any = remove_if_there(file) || any;
+    for (const std::string& file : night_files(options.output, v)) {
+      const std::string ending = file.substr(night_stem(options.output, v).size());
+      const bool jpeg = ending == ".jpg";
+      const bool raw = ending == ".raw" || ending == "_raw.json" || ending == ".dng";
+      if (made && (jpeg ? options.jpeg > 0 : (!raw || options.raw))) continue;
+      any = remove_if_there(file) || any;
     }
     if (!any) return;
   }
@@ -368,6 +390,10 @@ void remove_older_nights(const NightOptions& options, const InputFiles& inputs) 
   if (options.exposure_s > 0.0F) exposure.camera.time_s = options.exposure_s;
   if (options.f_number > 0.0F) exposure.camera.f_number = options.f_number;
   if (options.ev != 0.0F) exposure.ev = options.ev;
+  PhotographParams& params = read.value().edit();
+  if (options.speed_m_s != 0.0F) params.motion.velocity_m_s = {0.0F, 0.0F, options.speed_m_s};
+  if (options.yaw_rate != 0.0F) params.motion.rotation_rad_s = {0.0F, options.yaw_rate, 0.0F};
+  if (options.flicker) params.flicker.on = true;
   return read;
 }
 
@@ -413,6 +439,12 @@ int run_night(const NightOptions& options) {
   const io::Expected<io::CameraModel> camera = chosen_camera(options);
   if (!camera) return fail(camera.error());
   params.camera = camera.value().params();
+  params.raw = options.raw;
+  if (options.raw && (params.camera.ideal_sensor || params.camera.sensor.exposures != 1)) {
+    return fail(io::Error{
+        "", "--raw",
+        "camera '" + camera.value().name + "' has no single raw picture, expected one with filters and one exposure"});
+  }
   InputFiles inputs(scene);
   if (camera.value().from_file()) inputs.add(options.camera, "--camera");
   io::LightSet light_set;

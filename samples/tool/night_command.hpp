@@ -39,6 +39,11 @@ struct NightOptions {
   std::string meter;
   bool labels = false;
   float least_snr = 1.0F;  // of pixels that are not indiscernible
+  float speed_m_s = 0.0F;  // ahead; 0: as the camera has it, which is at rest unless a file says otherwise
+  float yaw_rate = 0.0F;   // rad/s, to the right
+  bool flicker = false;
+  bool raw = false;
+  int jpeg = 0;  // quality; 0: none
   bool quiet = false;
 };
 

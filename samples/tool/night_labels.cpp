@@ -115,11 +115,33 @@ Status NightLabels::of(const Night& night, AnyExecutor executor, Images& out) co
   out.lamps = scene_.light_index.empty() ? io::Image<std::uint16_t>(shape) : scene_.light_index;
   out.depth = depth_;
   out.normals = normals_;
+  const PhotographParams& camera = params_.camera;
+  if (has_motion(camera.motion) && camera.motion.readout_s > 0.0F) {
+    io::Image<PixelMotion> motion(shape);
+    if (const Status s = picture_motion(camera, scene_.intrinsics, night.street, motion.view(), executor); !s.ok()) {
+      return s;
+    }
+    const auto move = [&](auto& image) {
+      auto moved = image;
+      for (int y = 0; y < shape.height; ++y) {
+        for (int x = 0; x < shape.width; ++x) {
+          const Pixel from = shutter_source(camera.motion.readout_s, std::as_const(motion).view(), x, y);
+          moved(x, y) = image(from.x, from.y);
+        }
+      }
+      image = std::move(moved);
+    };
+    move(out.labels);
+    move(out.instances);
+    move(out.lamps);
+    move(out.depth);
+    move(out.normals);
+  }
   out.saturated = io::Image<std::uint8_t>(shape);
   out.indiscernible = io::Image<std::uint8_t>(shape);
-  std::vector<unsigned char> memory(picture_masks_workspace_bytes(params_.camera, shape));
+  std::vector<unsigned char> memory(picture_masks_workspace_bytes(camera, shape, scene_.lights.size()));
   Workspace workspace(memory.data(), memory.size());
-  return engine::picture_masks(masks_, params_.camera, scene_.intrinsics, night.exposure, night.luminance,
+  return engine::picture_masks(masks_, camera, scene_.intrinsics, night,
                                {out.saturated.view(), out.indiscernible.view()}, workspace, executor);
 }
 

@@ -43,10 +43,11 @@ TEST_CASE("camera file: every part is read, and what is not named is the preset'
   const auto camera = read(R"({"preset": "dashcam",
     "exposure": {"iso": 500, "f_number": 2.8, "time_s": 0.02},
     "glare": {"halo": 0.1},
-    "sensor": {"mosaic": "gbrg", "bits": 10, "black": 32, "response": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
+    "sensor": {"mosaic": "gbrg", "bits": 10, "black": 32, "row_noise": 0.2, "hot_pixels": 1e-4, "serial": 9,
+    "response": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
     "noise": {"residual": 0.5, "table": [[100, 1e-4, 1e-7], [200, 2e-4, 4e-7]]},
     "white_balance": {"fixed_k": 4000}, "denoise": {"strength": 0},
-    "isp": {"demosaic": "bilinear", "tone": "log", "lift": 50}})");
+    "isp": {"demosaic": "bilinear", "tone": "log", "lift": 50, "sharpening": 0.7}})");
   REQUIRE(camera.ok());
   const PhotographParams p = camera.value().params();
   CHECK(p.exposure.metering == Metering::fixed);
@@ -55,12 +56,45 @@ TEST_CASE("camera file: every part is read, and what is not named is the preset'
   CHECK(p.glare.veil == PhotographParams::dashcam().glare.veil);
   CHECK(p.sensor.mosaic == Mosaic::gbrg);
   CHECK(p.sensor.bits == 10);
+  CHECK(p.sensor.row_noise == 0.2F);
+  CHECK(p.sensor.hot_pixels == 1e-4F);
+  CHECK(p.sensor.serial == 9);
+  CHECK(p.sharpening == 0.7F);
   CHECK(p.sensor.response[2] == Vec3f{0, 0, 1});
   CHECK(noise_level(200.0F, p.noise_table).value().beta2 == doctest::Approx(4e-7));
   CHECK(p.white_balance.fixed_k == 4000.0F);
   CHECK(p.isp.demosaic == Demosaic::bilinear);
   CHECK(p.isp.tone.kind == ToneKind::log);
   CHECK(camera.value().from_file());
+}
+
+TEST_CASE("camera file: motion of camera and objects, readout, flicker; presets are at rest") {
+  for (const char* name : {"action-camera", "dashcam", "automotive-hdr", "automotive-raw", "thesis"}) {
+    const PhotographParams p = io::read_camera(name).value().params();
+    CHECK_FALSE(has_motion(p.motion));
+    CHECK_FALSE(p.flicker.on);
+  }
+  const auto camera =
+      read(R"({"motion": {"velocity_m_s": [0.5, 0, 14], "rotation_rad_s": [0, 0.2, 0], "readout_s": 0.01,
+    "objects": [[26001, -1, 0, 10], [7, 0, 0, 3]]}, "flicker": {"vehicle_hz": [100, 200], "signal_duty": 0.25}})");
+  REQUIRE(camera.ok());
+  const io::CameraModel copy = camera.value();
+  const PhotographParams p = copy.params();
+  CHECK(p.motion.velocity_m_s == Vec3f{0.5F, 0, 14});
+  CHECK(p.motion.rotation_rad_s == Vec3f{0, 0.2F, 0});
+  CHECK(p.motion.readout_s == 0.01F);
+  REQUIRE(p.motion.objects.size() == 2);
+  CHECK(p.motion.objects[0].instance == 26001);
+  CHECK(p.motion.objects[1].velocity_m_s == Vec3f{0, 0, 3});
+  CHECK(p.flicker.on);
+  CHECK(p.flicker.vehicle_hz[1] == 200.0F);
+  CHECK(p.flicker.vehicle_duty[1] == FlickerParams{}.vehicle_duty[1]);
+  CHECK(p.flicker.signal_duty == 0.25F);
+  CHECK(has(fault(R"({"motion": {"speed": 3}})"), "motion.speed"));
+  CHECK(has(fault(R"({"motion": {"velocity_m_s": [1, 2]}})"), "motion.velocity_m_s"));
+  CHECK(has(fault(R"({"motion": {"objects": [[1.5, 0, 0, 0]]}})"), "motion.objects"));
+  CHECK(has(fault(R"({"motion": {"readout_s": -1}})"), "readout in [0, 1] s"));
+  CHECK(has(fault(R"({"flicker": {"vehicle_hz": [400, 90]}})"), "ranges ascending"));
 }
 
 TEST_CASE("camera file: a noise table with the black level folded in is converted") {
@@ -78,6 +112,8 @@ TEST_CASE("camera file: each fault is named by file and field") {
   CHECK(has(fault(R"({"exposure": {"time_s": 0}})"), "time in (0, 3600] s"));
   CHECK(has(fault(R"({"exposure": {"meter": "spot"}})"), "exposure.meter"));
   CHECK(has(fault(R"({"sensor": {"mosaic": "xtrans"}})"), "sensor.mosaic"));
+  CHECK(has(fault(R"({"sensor": {"hot_pixels": 0.5}})"), "hot pixels in [0, .1]"));
+  CHECK(has(fault(R"({"isp": {"sharpening": 9}})"), "sharpening in [0, 4]"));
   CHECK(has(fault(R"({"sensor": {"bits": 99}})"), "bits in 8..16"));
   CHECK(has(fault(R"({"sensor": {"response": [[1, 0], [0, 1], [0, 0]]}})"), "sensor.response"));
   CHECK(has(fault(R"({"noise": {"table": []}})"), "noise.table"));

@@ -395,3 +395,32 @@ TEST_CASE("an error stays one line whatever the file is called") {
   const io::Error error{"a\nb\t.png", "field", "problem"};
   CHECK(error.line() == "a b .png: field: problem");
 }
+
+TEST_CASE("jpeg: what is written is read as it was, the closer the higher the quality; other qualities are refused") {
+  const TemporaryFolder folder;
+  npsim::io::Image<Rgb8> picture({61, 37});
+  for (int y = 0; y < 37; ++y) {
+    for (int x = 0; x < 61; ++x) {
+      picture(x, y) = {static_cast<std::uint8_t>(4 * x), static_cast<std::uint8_t>(6 * y),
+                       static_cast<std::uint8_t>((x + y) % 16 < 8 ? 60 : 120)};
+    }
+  }
+  double before = 1e9;
+  for (const int quality : {20, 60, 95}) {
+    REQUIRE(npsim::io::write_jpeg(folder / "night.jpg", picture.view(), quality).ok());
+    const auto read = npsim::io::read_rgb8(folder / "night.jpg");
+    REQUIRE(read.ok());
+    double error = 0;
+    for (std::size_t i = 0; i < picture.shape().pixels(); ++i) {
+      const Rgb8& a = picture.data()[i];
+      const Rgb8& b = read.value().data()[i];
+      error += std::pow(a.r - b.r, 2) + std::pow(a.g - b.g, 2) + std::pow(a.b - b.b, 2);
+    }
+    error = std::sqrt(error / (3.0 * 61 * 37));
+    CHECK(error < before);
+    before = error;
+  }
+  CHECK(before < 4);
+  CHECK_FALSE(npsim::io::write_jpeg(folder / "night.jpg", picture.view(), 0).ok());
+  CHECK_FALSE(npsim::io::write_jpeg(folder / "night.jpg", npsim::ImageView<const Rgb8>(), 90).ok());
+}

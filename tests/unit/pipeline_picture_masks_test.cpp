@@ -34,7 +34,7 @@ Taken taken(const PhotographParams& camera, const Light& light, Executor executo
   REQUIRE(photograph(camera, kIntrinsics, 1, 0, light.view(), out.picture.view(), exposure, first.workspace(), executor)
               .ok());
   npsim_test::Scratch second(picture_masks_workspace_bytes(camera, shape));
-  REQUIRE(picture_masks({}, camera, kIntrinsics, exposure, light.view(),
+  REQUIRE(picture_masks({}, camera, kIntrinsics, 1, 0, exposure, light.view(),
                         {out.saturated.view(), out.indiscernible.view()}, second.workspace(), executor)
               .ok());
   return out;
@@ -140,4 +140,59 @@ TEST_CASE("picture masks: more light, less is indiscernible; the order of work c
     CHECK(t.indiscernible == backward.indiscernible);
   }
   CHECK(before > 0);
+}
+
+TEST_CASE("labels and masks on a blurred edge: a rolling shutter moves them with the picture while the car turns") {
+  const Shape shape{160, 90};
+  PhotographParams camera = PhotographParams::thesis();
+  camera.motion.rotation_rad_s = {0, 2.0F, 0};
+  camera.motion.readout_s = 0.03F;
+  camera.motion.lamp_cd_m2 = 1e5F;  // no lamp: a wall
+  camera.exposure.ev = 6.0F;
+  camera.exposure.camera.time_s = 1e-4F;  // next to no blur, and the edge can be found
+  Light light(shape, Vec3f{0.01F, 0.01F, 0.01F});
+  npsim_test::Image<Label> labels(shape, 7);
+  npsim_test::Image<float> depth(shape, 10.0F);
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 80; x < shape.width; ++x) {
+      light.view()(x, y) = {1e4F, 1e4F, 1e4F};  // saturated
+      labels.view()(x, y) = 11;
+    }
+  }
+  PhotographedStreet street;
+  street.depth = depth.view();
+  street.labels = labels.view();
+  SerialExecutor serial;
+  npsim_test::Image<Rgb8> picture(shape);
+  Mask saturated(shape, 9), indiscernible(shape, 9);
+  CameraExposure exposure;
+  npsim_test::Scratch first(photograph_workspace_bytes(camera, shape));
+  REQUIRE(
+      photograph(camera, kIntrinsics, 1, 0, light.view(), picture.view(), exposure, first.workspace(), serial, street)
+          .ok());
+  npsim_test::Scratch second(picture_masks_workspace_bytes(camera, shape));
+  REQUIRE(picture_masks({}, camera, kIntrinsics, 1, 0, exposure, light.view(), {saturated.view(), indiscernible.view()},
+                        second.workspace(), serial, street)
+              .ok());
+  std::vector<PixelMotion> fields(shape.pixels());
+  const ImageView<PixelMotion> motion(fields.data(), shape, shape.width);
+  REQUIRE(picture_motion(camera, kIntrinsics, street, motion, serial).ok());
+  int least = shape.width;
+  int most = 0;
+  for (int y = 0; y < shape.height; ++y) {
+    int seen = 0;
+    int named = 0;
+    int masked = 0;
+    for (int x = 0; x < shape.width; ++x) {
+      const Pixel source = shutter_source(camera.motion.readout_s, motion, x, y);
+      seen += brightest(picture.view()(x, y)) < 128 ? 1 : 0;
+      named += labels.view()(source.x, source.y) == 7 ? 1 : 0;
+      masked += saturated.view()(x, y) == 0 ? 1 : 0;
+    }
+    CHECK(std::abs(seen - named) <= 1);
+    CHECK(std::abs(masked - named) <= 2);  // blur within a pixel
+    least = std::min(least, named);
+    most = std::max(most, named);
+  }
+  CHECK(most - least > 4);  // else nothing moved
 }

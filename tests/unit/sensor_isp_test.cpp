@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <vector>
 
@@ -253,6 +255,143 @@ TEST_CASE("sensor: a photograph has the same bits for any order of the chunks; i
     CHECK_FALSE(same(a, photographed(camera.params, image, 0, 1)));
     CHECK_FALSE(same(a, photographed(camera.params, image, 1, 0)));
   }
+}
+
+TEST_CASE(
+    "sensor: a photograph of a moving car: the street is blurred, its bonnet is not, signals flicker by variant") {
+  const Shape shape{160, 90};
+  Image image(shape, {0.02F, 0.02F, 0.02F});
+  npsim_test::Image<float> depth(shape, 10.0F);
+  npsim_test::Image<npsim::Label> labels(shape, npsim::label::road);
+  npsim_test::Image<std::uint16_t> index(shape);
+  for (int y = 0; y < 90; ++y) {
+    for (int x = 0; x < 160; ++x) {
+      if (x % 16 < 2 && y > 20) image(x, y) = {1, 1, 1};
+      if (y >= 75) labels(x, y) = npsim::label::ego_vehicle;
+    }
+  }
+  image(80, 10) = {300, 20, 10};
+  index(80, 10) = 1;
+  npsim::LightMark mark;
+  mark.cls = npsim::LightClass::inferred_object;
+  PhotographParams params;
+  params.residual_noise = 0;
+  params.glare.halo = params.glare.veil = 0;
+  params.exposure.metering = npsim::Metering::fixed;
+  params.motion.velocity_m_s = {6, 0, 0};  // 10 px
+  const npsim::PhotographedStreet street{
+      depth.view(), labels.view(), {}, index.view(), npsim::Span<const npsim::LightMark>(&mark, 1)};
+  const auto taken = [&](const PhotographParams& p, std::uint32_t number, const Image& light) {
+    Picture out(shape);
+    npsim_test::Scratch scratch(npsim::photograph_workspace_bytes(p, shape, 1));
+    const npsim::SerialExecutor executor;
+    CameraExposure exposure;
+    REQUIRE(npsim::photograph(p, {500, 500, 80, 45}, 3, number, light.view(), out.view(), exposure, scratch.workspace(),
+                              executor, street)
+                .ok());
+    return out;
+  };
+  const Picture out = taken(params, 0, image);
+  const auto contrast = [](const Picture& p, int y) {
+    int low = 255;
+    int high = 0;
+    for (int x = 48; x < 112; ++x) {
+      low = std::min<int>(low, p(x, y).g);
+      high = std::max<int>(high, p(x, y).g);
+    }
+    return high - low;
+  };
+  PhotographParams at_rest = params;
+  at_rest.motion = {};
+  const int sharp = contrast(photographed(at_rest, image), 50);
+  CHECK(contrast(out, 85) > sharp / 2);
+  CHECK(contrast(out, 50) < sharp / 2);
+  // Without depth there is nothing to move.
+  CameraExposure exposure;
+  const npsim::SerialExecutor executor;
+  Picture refused(shape);
+  npsim_test::Scratch scratch(npsim::photograph_workspace_bytes(params, shape));
+  CHECK(npsim::photograph(params, {500, 500, 80, 45}, 0, 0, image.view(), refused.view(), exposure, scratch.workspace(),
+                          executor)
+            .code() == npsim::StatusCode::shape_mismatch);
+
+  // A signal in exposures of .5 ms: on or off, by variant.
+  params.motion.velocity_m_s = {};
+  params.flicker.on = true;
+  params.exposure.camera.time_s = 0.0005F;
+  params.exposure.camera.iso = 50000;
+  int lit = 0;
+  for (std::uint32_t v = 0; v < 24; ++v) lit += taken(params, v, image)(80, 10).r > 100;
+  CHECK(lit > 4);
+  CHECK(lit < 20);
+}
+
+TEST_CASE("sensor: sharpening leaves flat areas, raises sinusoids by its strength, clips, and takes one pixel") {
+  const npsim::SerialExecutor executor;
+  for (const float strength : {0.0F, 0.5F, 1.0F}) {
+    for (const int period : {2, 4}) {
+      Picture picture({64, 5});
+      for (int y = 0; y < 5; ++y) {
+        for (int x = 0; x < 64; ++x) {
+          const int wave = period == 2 ? (x % 2 == 0 ? 20 : -20) : (x % 4 < 2 ? 20 : -20);
+          const auto code = static_cast<std::uint8_t>(x < 32 ? 100 : 100 + wave);
+          picture(x, y) = {code, code, static_cast<std::uint8_t>(code / 2)};
+        }
+      }
+      npsim_test::Image<float> luma({68, 5});
+      REQUIRE(npsim::sharpen(strength, picture.view(), luma.view(), executor).ok());
+      CHECK(picture(10, 2).g == 100);
+      const double grown = (picture(48, 2).r - 100) / 20.0;
+      // Of blue at half its amplitude the luma has a 27th less.
+      CHECK(grown == doctest::Approx(1 + static_cast<double>(strength) * (period == 2 ? 0.963 : 0.48)).epsilon(0.03));
+    }
+  }
+  Picture edge({4, 1}, Rgb8{0, 0, 0});
+  edge(2, 0) = edge(3, 0) = {255, 255, 255};
+  npsim_test::Image<float> luma({4, 1});
+  REQUIRE(npsim::sharpen(4.0F, edge.view(), luma.view(), executor).ok());
+  CHECK(edge(1, 0).g == 0);
+  CHECK(edge(2, 0).g == 255);
+  CHECK(npsim::sharpen(5.0F, edge.view(), luma.view(), executor).code() == npsim::StatusCode::invalid_argument);
+  Picture other({5, 1});
+  CHECK(npsim::sharpen(1.0F, other.view(), luma.view(), executor).code() == npsim::StatusCode::shape_mismatch);
+  PhotographParams params;
+  params.sharpening = 1;
+  photographed(params, Image({1, 1}, {1, 1, 1}));
+}
+
+TEST_CASE("sensor: raw levels of a photograph are what the sensor read, before anything is developed") {
+  PhotographParams params = PhotographParams::automotive_raw();
+  const Shape shape{40, 24};
+  const Image image(shape, {0.5F, 0.4F, 0.2F});
+  npsim_test::Image<std::uint16_t> levels(shape);
+  npsim::RawPicture raw;
+  raw.levels = levels.view();
+  Picture out(shape);
+  npsim_test::Scratch scratch(npsim::photograph_workspace_bytes(params, shape));
+  CameraExposure exposure;
+  const npsim::SerialExecutor executor;
+  const npsim::Intrinsics camera{500, 500, 20, 12};
+  const auto take = [&] {
+    return npsim::photograph(params, camera, 1, 0, image.view(), out.view(), exposure, scratch.workspace(), executor,
+                             {}, &raw)
+        .code();
+  };
+  REQUIRE(take() == npsim::StatusCode::ok);
+  double green = 0;
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 1 - y % 2; x < 40; x += 2) green += levels(x, y) / 480.0;
+  }
+  const Vec3f response = params.sensor.response[1];
+  const double signal =
+      static_cast<double>(dot(response, Vec3f{0.5F, 0.4F, 0.2F}) * npsim::signal_per_luminance(exposure));
+  CHECK((green - 64) / (4095 - 64) == doctest::Approx(signal).epsilon(0.02));
+  CHECK(raw.gains.x >= 1);
+  CHECK(raw.noise.beta1 == doctest::Approx(static_cast<double>(npsim::noise_level(exposure.iso).value().beta1)));
+  params.sensor.exposures = 3;
+  CHECK(take() == npsim::StatusCode::invalid_argument);
+  params = PhotographParams::thesis();
+  CHECK(take() == npsim::StatusCode::invalid_argument);
 }
 
 TEST_CASE("sensor: displayed noise of the action camera lies within half and twice that of real nights") {

@@ -211,6 +211,95 @@ TEST_CASE("sensor: the lens' blur keeps the light and has its variance, vignetti
   CHECK(at(fading, 200, 1) == doctest::Approx(0.5 * (1 - 0.5 * 0.75)).epsilon(1e-3));  // 45 degrees
 }
 
+TEST_CASE("sensor: row noise adds one number to a row, of its standard deviation, another in every picture") {
+  SensorParams params = plain();
+  params.black = 8192;
+  params.row_noise = 0.5F;
+  const NoiseParams noise{{0.0F, 1e-4F}, 1.0F};
+  const int rows = 2000;
+  const Image grey({64, rows}, {0.3F, 0.3F, 0.3F});
+  const auto means = [&](std::uint32_t index) {
+    const Plane plane = captured(params, grey, noise, 1, 0, index);
+    std::vector<double> mean(rows);
+    for (int y = 0; y < rows; ++y) {
+      for (int x = 0; x < 64; ++x) {
+        const double expected = 0.3 * (npsim::filter_at(params.mosaic, x, y) == 0   ? 0.52
+                                       : npsim::filter_at(params.mosaic, x, y) == 1 ? 1.0
+                                                                                    : 0.62);
+        mean[static_cast<std::size_t>(y)] += (static_cast<double>(at(plane, x, y)) - expected) / 64;
+      }
+    }
+    return mean;
+  };
+  const std::vector<double> a = means(0);
+  const std::vector<double> b = means(1);
+  double power = 0;
+  double shared = 0;
+  double beside = 0;
+  for (std::size_t y = 0; y < rows; ++y) {
+    power += a[y] * a[y] / rows;
+    shared += a[y] * b[y] / rows;
+    if (y > 0) beside += a[y] * a[y - 1] / rows;
+  }
+  const double variance = 1e-4 * (0.25 + 1.0 / 64);  // what 64 samples' own noise leaves of it
+  CHECK(power == doctest::Approx(variance).epsilon(4 * std::sqrt(2.0 / rows)));
+  CHECK(std::fabs(shared / power) < 4 / std::sqrt(rows));
+  CHECK(std::fabs(beside / power) < 4 / std::sqrt(rows));
+}
+
+TEST_CASE(
+    "sensor: hot pixels are the sensor's: the same in every picture, others in another camera, as many as stated") {
+  SensorParams params = plain();
+  params.hot_pixels = 1e-3F;
+  const Image black({500, 400});
+  const auto taken = [&](const SensorParams& p, std::uint64_t seed, std::uint32_t index) {
+    Plane plane(npsim::mosaic_shape(black.shape()));
+    const npsim::SerialExecutor executor;
+    const float hot = npsim::hot_signal(p, 1.0F / 30.0F, 1600.0F);
+    CHECK(hot == doctest::Approx(0.05 * 16 / 30));
+    REQUIRE(
+        npsim::capture(p, 1, {}, {100, 100, 250, 200}, seed, index, black.view(), plane.view(), executor, hot).ok());
+    return plane;
+  };
+  const Plane a = taken(params, 1, 0);
+  CHECK(a == taken(params, 2, 5));
+  SensorParams other = params;
+  other.serial = 2;
+  const Plane b = taken(other, 1, 0);
+  int count = 0;
+  int shared = 0;
+  double sum = 0;
+  for (int y = 0; y < 400; ++y) {
+    for (int x = 0; x < 500; ++x) {
+      count += at(a, x, y) > 0;
+      shared += at(a, x, y) > 0 && at(b, x, y) > 0;
+      sum += static_cast<double>(at(a, x, y));
+    }
+  }
+  CHECK(std::abs(count - 200) < 4 * std::sqrt(200.0));
+  CHECK(sum / count == doctest::Approx(0.05 * 16 / 30).epsilon(4 / std::sqrt(200.0)));
+  CHECK(shared <= 2);
+}
+
+TEST_CASE("sensor: raw levels are the converter's, in 16 bits; several exposures have none") {
+  SensorParams params = plain();
+  params.bits = 12;
+  params.black = 64;
+  const Image image = colours(37, 21);
+  const Plane plane = captured(params, image, {{1e-3F, 1e-4F}, 1.0F}, 2.0F);
+  npsim_test::Image<std::uint16_t> levels({37, 21});
+  const npsim::SerialExecutor executor;
+  REQUIRE(npsim::raw_levels(params, plane.view(), levels.view(), executor).ok());
+  for (int y = 0; y < 21; ++y) {
+    for (int x = 0; x < 37; ++x) {
+      CHECK(static_cast<double>(levels(x, y)) == doctest::Approx(static_cast<double>(at(plane, x, y)) * 4031 + 64));
+      CHECK(levels(x, y) <= 4095);
+    }
+  }
+  params.exposures = 2;
+  CHECK(npsim::raw_levels(params, plane.view(), levels.view(), executor).code() == npsim::StatusCode::invalid_argument);
+}
+
 TEST_CASE("sensor: three exposures hold 256 times full scale, each with the noise of its own") {
   SensorParams params = plain();
   params.exposures = 3;

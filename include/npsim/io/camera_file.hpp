@@ -6,12 +6,14 @@
 //    "glare": {"halo": 0.8, "veil": 0.4},
 //    "sensor": {"mosaic": "grbg", "bits": 10, "black": 64, "response": [[...], [...], [...]]},
 //    "noise": {"residual": 1, "table": [[100, 1.46e-4, 2.6e-7], ...]},     rows of ISO, beta1, beta2
+//    "motion": {"velocity_m_s": [0, 0, 14], "objects": [[26001, 0, 0, 10]]}, "flicker": {},
 //    "white_balance": {"fixed_k": 4000}, "denoise": {"strength": 0}, "isp": {"demosaic": "bilinear", "tone": "clip"}}
 // docs/camera.md lists the fields with their units. A noise table that was fitted to digital numbers, black level
 // included (its beta2 is negative), says so by "black" and "white" beside it and is converted.
 #ifndef NPSIM_IO_CAMERA_FILE_HPP
 #define NPSIM_IO_CAMERA_FILE_HPP
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <initializer_list>
@@ -32,12 +34,14 @@ class CameraModel {
  public:
   std::string name = "action-camera";
   std::vector<NoiseAtIso> noise;  // empty: the built-in table
+  std::vector<ObjectMotion> objects;
 
   explicit CameraModel(const PhotographParams& params = {}) : params_(params) {}
-  // Refers to `noise`.
+  // Refers to `noise` and `objects`.
   [[nodiscard]] PhotographParams params() const {
     PhotographParams out = params_;
     if (!noise.empty()) out.noise_table = Span<const NoiseAtIso>(noise.data(), noise.size());
+    out.motion.objects = Span<const ObjectMotion>(objects.data(), objects.size());
     return out;
   }
   [[nodiscard]] PhotographParams& edit() { return params_; }
@@ -146,7 +150,8 @@ inline Outcome read_exposure(const JsonObject& o, AutoExposureParams& p) {
 }
 
 inline Outcome read_sensor(const JsonObject& o, SensorParams& p) {
-  if (auto k = o.allow_only({"mosaic", "response", "bits", "black", "vignetting", "blur_px", "exposures", "ratio"});
+  if (auto k = o.allow_only({"mosaic", "response", "bits", "black", "vignetting", "blur_px", "exposures", "ratio",
+                             "row_noise", "hot_pixels", "hot_rate", "serial"});
       !k) {
     return k;
   }
@@ -160,13 +165,19 @@ inline Outcome read_sensor(const JsonObject& o, SensorParams& p) {
       p.response[i] = vec_cast<float>(Vec3d{row.value()[0], row.value()[1], row.value()[2]});
     }
   }
-  if (auto r = read_numbers(
-          o, {{"black", &p.black}, {"vignetting", &p.vignetting}, {"blur_px", &p.blur_px}, {"ratio", &p.ratio}});
+  if (auto r = read_numbers(o, {{"black", &p.black},
+                                {"vignetting", &p.vignetting},
+                                {"blur_px", &p.blur_px},
+                                {"ratio", &p.ratio},
+                                {"row_noise", &p.row_noise},
+                                {"hot_pixels", &p.hot_pixels},
+                                {"hot_rate", &p.hot_rate}});
       !r) {
     return r;
   }
   if (auto r = read_whole(o, "bits", p.bits); !r) return r;
   if (auto r = read_whole(o, "exposures", p.exposures); !r) return r;
+  if (auto r = read_whole(o, "serial", p.serial); !r) return r;
   return read_word(o, "mosaic", {"rggb", "bggr", "grbg", "gbrg"}, p.mosaic);
 }
 
@@ -200,6 +211,48 @@ inline Outcome read_noise(const JsonObject& o, PhotographParams& p, std::vector<
   return Done{};
 }
 
+// `count` numbers, where the key is there.
+inline Outcome read_vector(const JsonObject& o, const char* key, std::size_t count, float* out) {
+  if (!o.has(key)) return Done{};
+  const Expected<std::vector<double>> row = number_row(o.file(), o.field(key), o.value()[key], count);
+  if (!row) return row.error();
+  for (std::size_t i = 0; i < count; ++i) out[i] = static_cast<float>(row.value()[i]);
+  return Done{};
+}
+
+inline Outcome read_motion(const JsonObject& o, MotionParams& p, std::vector<ObjectMotion>& objects) {
+  if (auto k = o.allow_only({"velocity_m_s", "rotation_rad_s", "objects", "readout_s", "lamp_cd_m2", "samples"}); !k) {
+    return k;
+  }
+  if (auto r = read_vector(o, "velocity_m_s", 3, &p.velocity_m_s.x); !r) return r;
+  if (auto r = read_vector(o, "rotation_rad_s", 3, &p.rotation_rad_s.x); !r) return r;
+  if (auto r = read_numbers(o, {{"readout_s", &p.readout_s}, {"lamp_cd_m2", &p.lamp_cd_m2}}); !r) return r;
+  if (auto r = read_whole(o, "samples", p.samples); !r) return r;
+  if (!o.has("objects")) return Done{};
+  const Expected<const Json*> rows = o.list("objects");
+  if (!rows) return rows.error();
+  for (const Json& v : *rows.value()) {
+    const Expected<std::vector<double>> row = number_row(o.file(), o.field("objects"), v, 4);
+    if (!row) return row.error();
+    const double id = row.value()[0];
+    if (!(id >= 0.0 && id <= 65535.0 && id == std::floor(id))) {
+      return Error{o.file(), o.field("objects"), "expected rows of an instance id, 0 to 65535, and a velocity x, y, z"};
+    }
+    objects.push_back(
+        {static_cast<std::uint16_t>(id), vec_cast<float>(Vec3d{row.value()[1], row.value()[2], row.value()[3]})});
+    p.objects = Span<const ObjectMotion>(objects.data(), objects.size());
+  }
+  return Done{};
+}
+
+inline Outcome read_flicker(const JsonObject& o, FlickerParams& p) {
+  if (auto k = o.allow_only({"vehicle_hz", "vehicle_duty", "signal_hz", "signal_duty"}); !k) return k;
+  p.on = true;
+  if (auto r = read_vector(o, "vehicle_hz", 2, p.vehicle_hz); !r) return r;
+  if (auto r = read_vector(o, "vehicle_duty", 2, p.vehicle_duty); !r) return r;
+  return read_numbers(o, {{"signal_hz", &p.signal_hz}, {"signal_duty", &p.signal_duty}});
+}
+
 inline Outcome read_white_balance(const JsonObject& o, WhiteBalanceParams& p) {
   if (auto k = o.allow_only({"coolest_k", "warmest_k", "adaptation", "fixed_k"}); !k) return k;
   return read_numbers(o, {{"coolest_k", &p.coolest_k},
@@ -208,15 +261,19 @@ inline Outcome read_white_balance(const JsonObject& o, WhiteBalanceParams& p) {
                           {"fixed_k", &p.fixed_k}});
 }
 
-inline Outcome read_isp(const JsonObject& o, IspParams& p) {
-  if (auto k = o.allow_only({"demosaic", "pale_from", "pale", "saturation", "tone", "toe", "knee", "lift"}); !k)
+inline Outcome read_isp(const JsonObject& o, IspParams& p, float& sharpening) {
+  if (auto k =
+          o.allow_only({"demosaic", "pale_from", "pale", "saturation", "tone", "toe", "knee", "lift", "sharpening"});
+      !k) {
     return k;
+  }
   if (auto r = read_numbers(o, {{"pale_from", &p.pale_from},
                                 {"pale", &p.pale},
                                 {"saturation", &p.saturation},
                                 {"toe", &p.tone.toe},
                                 {"knee", &p.tone.knee},
-                                {"lift", &p.tone.lift}});
+                                {"lift", &p.tone.lift},
+                                {"sharpening", &sharpening}});
       !r) {
     return r;
   }
@@ -244,7 +301,8 @@ Outcome read_part(const JsonObject& whole, const char* key, const Part& part, co
   const Expected<JsonObject> object = JsonObject::of(path, "", json.value());
   if (!object) return object.error();
   const JsonObject& whole = object.value();
-  if (auto k = whole.allow_only({"preset", "exposure", "glare", "sensor", "noise", "white_balance", "denoise", "isp"});
+  if (auto k = whole.allow_only(
+          {"preset", "exposure", "motion", "flicker", "glare", "sensor", "noise", "white_balance", "denoise", "isp"});
       !k) {
     return k.error();
   }
@@ -262,6 +320,16 @@ Outcome read_part(const JsonObject& whole, const char* key, const Part& part, co
   using detail::read_part;
   if (auto r = read_part(whole, "exposure", p.exposure,
                          [&](const JsonObject& o) { return detail::read_exposure(o, p.exposure); });
+      !r) {
+    return r.error();
+  }
+  if (auto r = read_part(whole, "motion", p.motion,
+                         [&](const JsonObject& o) { return detail::read_motion(o, p.motion, camera.objects); });
+      !r) {
+    return r.error();
+  }
+  if (auto r = read_part(whole, "flicker", p.flicker,
+                         [&](const JsonObject& o) { return detail::read_flicker(o, p.flicker); });
       !r) {
     return r.error();
   }
@@ -300,7 +368,9 @@ Outcome read_part(const JsonObject& whole, const char* key, const Part& part, co
       !r) {
     return r.error();
   }
-  if (auto r = read_part(whole, "isp", p.isp, [&](const JsonObject& o) { return detail::read_isp(o, p.isp); }); !r) {
+  if (auto r =
+          read_part(whole, "isp", p, [&](const JsonObject& o) { return detail::read_isp(o, p.isp, p.sharpening); });
+      !r) {
     return r.error();
   }
   return camera;

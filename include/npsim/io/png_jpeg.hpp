@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// PNG and JPEG in, PNG out.
+// PNG and JPEG in and out.
 //
 // Pictures (read_rgb8) take any PNG or JPEG: grey is spread over the channels, alpha is dropped, 16 bits are cut to 8.
 // Planes of numbers (read_u8, read_u16) take a single-channel PNG of 8 or 16 bits and nothing else: values are never
@@ -211,6 +211,27 @@ inline Expected<Bytes> encode_png(const std::string& path, ImageView<const Rgb8>
 inline Outcome write_png(const std::string& path, ImageView<const Rgb8> image) {
   const Expected<Bytes> png = encode_png(path, image);
   return png ? write_file(path, png.value().data(), png.value().size()) : Outcome(png.error());
+}
+
+// Baseline JPEG. quality: 1 to 100; colour at half resolution up to 90.
+inline Outcome write_jpeg(const std::string& path, ImageView<const Rgb8> image, int quality) {
+  return guarded(path, [&]() -> Outcome {
+    if (image.empty()) return Error{path, "size", "the image is empty: expected at least 1x1 pixels"};
+    if (quality < 1 || quality > 100) return Error{path, "quality", "expected 1 to 100"};
+    Image<Rgb8> whole(image.shape());  // without a stride
+    copy_pixels(image, whole.view());
+    Bytes out;
+    const auto append = [](void* context, void* data, int size) {
+      auto& bytes = *static_cast<Bytes*>(context);
+      const auto* from = static_cast<const unsigned char*>(data);
+      bytes.insert(bytes.end(), from, from + size);
+    };
+    if (detail::stb::stbi_write_jpg_to_func(append, &out, image.width(), image.height(), 3, whole.data(), quality) ==
+        0) {
+      return Error{path, "", "could not be encoded: expected a picture of at most 65535 pixels a side"};
+    }
+    return write_file(path, out.data(), out.size());
+  });
 }
 
 inline Outcome write_png(const std::string& path, ImageView<const std::uint8_t> image) {

@@ -41,6 +41,7 @@ struct NightParams {
   std::uint64_t seed = 0;
   std::uint64_t photograph = 0;  // another number for every photograph of a data set: no two share a random draw
   int variants = 1;
+  bool raw = false;  // also show the sink what the sensor read
 };
 
 // One key of seed and photograph; different pairs give different keys with overwhelming probability.
@@ -75,7 +76,10 @@ struct Night {
   int variant = 0;
   ImageView<const Vec3f> luminance;  // linear sRGB, luminance(rgb) in cd/m2, before the camera
   ImageView<const Rgb8> picture;
+  RawPicture raw;  // empty unless NightParams asks for it
   CameraExposure exposure;
+  std::uint64_t key = 0;      // of the camera's draws, with the variant
+  PhotographedStreet street;  // what the camera saw move
   Span<const Emitter> emitters;
   Span<const Activation> activations;
 };
@@ -99,9 +103,10 @@ struct Night {
                           pixels,
                           most_unseen_lamps(params.relight.rows, marks)};
   const std::size_t mesh = mesh_workspace_bytes(params.mesh, shape, most);
-  const std::size_t nights = allocation_bytes<Rgb8>(pixels) + light_images_bytes(params.relight, shape, marks) +
+  const std::size_t nights = allocation_bytes<Rgb8>(pixels) + allocation_bytes<std::uint16_t>(params.raw ? pixels : 0) +
+                             light_images_bytes(params.relight, shape, marks) +
                              std::max(relight_workspace_bytes(params.relight, params.mesh.traced, shape, light),
-                                      photograph_workspace_bytes(params.camera, shape));
+                                      photograph_workspace_bytes(params.camera, shape, marks));
   return refine_depth_workspace_bytes(params.depth, shape) + layers_workspace_bytes(params.mesh, shape) + mesh + nights;
 }
 
@@ -110,6 +115,9 @@ struct Night {
   NPSIM_RETURN_IF_ERROR(validate(params.depth));
   NPSIM_RETURN_IF_ERROR(validate(params.mesh));
   NPSIM_RETURN_IF_ERROR(validate(params.relight));
+  if (params.raw && (params.camera.ideal_sensor || params.camera.sensor.exposures != 1)) {
+    return {StatusCode::invalid_argument, "raw pictures need a camera with filters and one exposure"};
+  }
   return validate(params.camera);
 }
 
@@ -143,21 +151,28 @@ Status make_nights_of_depth(const NightParams& params, const SceneView& scene, c
   NPSIM_RETURN_IF_ERROR(sink.reconstructed(refined, mesh, light));
 
   const ImageView<Vec3f> linear = refined.normals;  // they have served; nights are made in their memory
-  NPSIM_RETURN_IF_ERROR(workspace.ensure(kWorkspaceAlignment + allocation_bytes<Rgb8>(shape.pixels()) +
-                                         std::max(variant_workspace_bytes(shape, light.emitters.size()),
-                                                  photograph_workspace_bytes(params.camera, shape))));
+  NPSIM_RETURN_IF_ERROR(
+      workspace.ensure(kWorkspaceAlignment + allocation_bytes<Rgb8>(shape.pixels()) +
+                       std::max(variant_workspace_bytes(shape, light.emitters.size()),
+                                photograph_workspace_bytes(params.camera, shape, scene.lights.size()))));
   ImageView<Rgb8> picture;
+  RawPicture raw;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, picture));
+  if (params.raw) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, raw.levels));
+  const PhotographedStreet street{refined.depth, refined.labels, scene.instances, scene.light_index, scene.lights};
   for (int variant = 0; variant < params.variants; ++variant) {
     NPSIM_RETURN_IF_ERROR(relight(params.relight, scene, light, variant, linear, workspace, executor, observer));
     Night night;
     observer.begin(Stage::camera);
     NPSIM_RETURN_IF_ERROR(photograph(params.camera, scene.camera, key, static_cast<std::uint32_t>(variant), linear,
-                                     picture, night.exposure, workspace, executor));
+                                     picture, night.exposure, workspace, executor, street, &raw));
     observer.end(Stage::camera);
     night.variant = variant;
     night.luminance = linear;
     night.picture = picture;
+    night.raw = raw;
+    night.key = key;
+    night.street = street;
     night.emitters = light.emitters;
     night.activations = light.of_variant(variant);
     NPSIM_RETURN_IF_ERROR(sink.night(night));

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Section 3.6.3: the camera that looks at the night. Linear scene luminance in, an 8-bit picture out.
 //
-// glare -> exposure -> filters of the sensor, full well, shot and read noise (3.10), converter -> white balance ->
-// denoise -> demosaic -> highlights, colour matrix, tone curve, sRGB. docs/camera.md draws the chain and shows the cameras.
+// motion -> glare -> exposure -> filters of the sensor, full well, shot and read noise (3.10), converter -> white
+// balance -> denoise -> demosaic -> highlights, colour matrix, tone curve, sRGB -> sharpening. docs/camera.md draws the
+// chain and shows the cameras.
 // Exposure is metered on what the sensor sees, glare included.
+// Motion needs depth, and instances and lamps where they are to move and to flicker: what the street is made of.
 // Memory: an image and two floats per pixel besides what the steps take; an image for the thesis' sensor.
 #ifndef NPSIM_PIPELINE_PHOTOGRAPH_HPP
 #define NPSIM_PIPELINE_PHOTOGRAPH_HPP
@@ -14,25 +16,69 @@
 
 #include "npsim/color/srgb.hpp"
 #include "npsim/core/algorithm.hpp"
+#include "npsim/core/annotation.hpp"
 #include "npsim/core/camera.hpp"
+#include "npsim/core/random.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/labels/cityscapes.hpp"
 #include "npsim/sensor/denoise.hpp"
 #include "npsim/sensor/exposure.hpp"
 #include "npsim/sensor/glare.hpp"
 #include "npsim/sensor/isp.hpp"
+#include "npsim/sensor/motion.hpp"
 #include "npsim/sensor/noise.hpp"
 #include "npsim/sensor/raw.hpp"
+#include "npsim/sensor/sharpen.hpp"
 #include "npsim/sensor/white_balance.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
 
+// How LED lamps are driven. Lamps of vehicles are dimmed by switching them, some hundred times a second so that no eye
+// sees it; signals on the mains shine twice a period of it. Which share is so, and how deep signals go, is assumed.
+struct FlickerParams {
+  bool on = false;
+  float vehicle_hz[2] = {90.0F, 400.0F};  // drawn for each vehicle
+  float vehicle_duty[2] = {0.1F, 0.5F};
+  float signal_hz = 100.0F;
+  float signal_duty = 0.5F;
+};
+
+[[nodiscard]] inline Status validate(const FlickerParams& p) noexcept {
+  const auto range = [](float low, float high, float most) noexcept {
+    return low > 0.0F && low <= high && high <= most;
+  };
+  if (range(p.vehicle_hz[0], p.vehicle_hz[1], 1e5F) && range(p.vehicle_duty[0], p.vehicle_duty[1], 1.0F) &&
+      range(p.signal_hz, p.signal_hz, 1e5F) && range(p.signal_duty, p.signal_duty, 1.0F)) {
+    return {};
+  }
+  return {StatusCode::invalid_argument, "flicker: frequencies in (0, 1e5] Hz, duties in (0, 1], ranges ascending"};
+}
+
+// What the picture shows, as far as motion needs it; empty planes where it is not known.
+struct PhotographedStreet {
+  ImageView<const float> depth;  // m
+  ImageView<const Label> labels;
+  ImageView<const std::uint16_t> instances;
+  ImageView<const std::uint16_t> light_index;  // position + 1 in lights
+  Span<const LightMark> lights;
+};
+
+// The picture before it is developed.
+struct RawPicture {
+  ImageView<std::uint16_t> levels;  // the caller's; left alone where it is empty
+  Vec3f gains;                      // of white balance
+  NoiseLevel noise;                 // of the samples, residual included
+};
+
 // Defaults are those of an action camera: a wide lens behind a cover, 12 megapixels binned to video and frames averaged
 // (16 read-outs a sample), colours stronger than life.
 struct PhotographParams {
   AutoExposureParams exposure;
+  MotionParams motion = rolling(0.016F);  // at rest, until its speed is given
+  FlickerParams flicker;
   GlareParams glare;
   // Three linear sRGB channels in every pixel, neither filters nor full well nor converter: equation (3.10) and
   // clipping alone. sensor, white_balance and isp are not used then.
@@ -43,12 +89,21 @@ struct PhotographParams {
   WhiteBalanceParams white_balance;
   RawDenoiseParams denoise;
   IspParams isp;              // but its gains and where it withdraws colour
+  float sharpening = 0.0F;    // strength of sharpen(); cameras use .5 to 1 [assumed], and their noise grows with it
   float colour_noise = 3.0F;  // standard deviations of the read noise below which colour is withdrawn
+
+  // Sensors of video read a frame in half to all of its time. Assumed, not measured.
+  [[nodiscard]] static constexpr MotionParams rolling(float readout_s) noexcept {
+    MotionParams motion;
+    motion.readout_s = readout_s;
+    return motion;
+  }
 
   // The text knows exposure and noise only: raw noise, no glare, no white balance, no tone curve.
   [[nodiscard]] static constexpr PhotographParams thesis() noexcept {
     PhotographParams params;
     params.exposure.compensation = 1.0F;
+    params.motion.readout_s = 0.0F;
     params.glare.halo = params.glare.veil = 0.0F;
     params.ideal_sensor = true;
     params.residual_noise = 1.0F;
@@ -60,6 +115,7 @@ struct PhotographParams {
     PhotographParams params;
     params.exposure.camera.f_number = 1.8F;
     params.exposure.iso_max = 12800.0F;
+    params.motion.readout_s = 0.025F;
     params.glare.halo = 0.8F;
     params.glare.veil = 0.4F;
     params.sensor.bits = 12;
@@ -97,6 +153,8 @@ struct PhotographParams {
     params.sensor.bits = 12;
     params.sensor.black = 64.0F;
     params.sensor.vignetting = 0.2F;
+    params.sensor.row_noise = 0.1F;  // these two: assumed; the other cameras are taken to have corrected theirs
+    params.sensor.hot_pixels = 1e-5F;
     params.residual_noise = 1.0F;
     params.white_balance.fixed_k = 5000.0F;
     params.denoise.strength = 0.0F;
@@ -110,6 +168,8 @@ struct PhotographParams {
 
 [[nodiscard]] inline Status validate(const PhotographParams& params) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(params.exposure));
+  NPSIM_RETURN_IF_ERROR(validate(params.motion));
+  NPSIM_RETURN_IF_ERROR(validate(params.flicker));
   NPSIM_RETURN_IF_ERROR(validate(params.glare));
   NPSIM_RETURN_IF_ERROR(validate(params.sensor));
   NPSIM_RETURN_IF_ERROR(validate(params.noise_table));
@@ -121,31 +181,122 @@ struct PhotographParams {
   if (!(params.colour_noise >= 0.0F && params.colour_noise <= 1000.0F)) {
     return {StatusCode::invalid_argument, "photograph: colour noise in [0, 1000]"};
   }
+  if (!(params.sharpening >= 0.0F && params.sharpening <= 4.0F)) {
+    return {StatusCode::invalid_argument, "photograph: sharpening in [0, 4]"};
+  }
   return validate(params.isp);
 }
 
-[[nodiscard]] constexpr std::size_t photograph_workspace_bytes(const PhotographParams& params, Shape shape) noexcept {
-  const bool image = params.ideal_sensor || has_glare(params.glare);
+namespace photograph_detail {
+
+// Whether the light is changed before it is metered, which takes an image.
+[[nodiscard]] constexpr bool moves(const PhotographParams& params) noexcept {
+  return has_motion(params.motion) || params.flicker.on;
+}
+
+// The waves of marked lamps: one for each vehicle, in step where lamps belong together.
+inline void draw_flicker(const FlickerParams& params, std::uint64_t seed, std::uint32_t image,
+                         Span<const LightMark> lights, Span<LampFlicker> out) noexcept {
+  for (std::size_t i = 0; i < lights.size(); ++i) {
+    const LightMark& mark = lights[i];
+    const auto wave = static_cast<std::uint32_t>(mark.group != 0 ? mark.group : i + 1);
+    RandomStream random(seed, RandomPurpose::sensor, image, wave, 0, 0);
+    LampFlicker lamp;
+    lamp.phase = random.uniform();
+    if (mark.cls == LightClass::moving_rear || mark.cls == LightClass::parked_rear) {
+      lamp.frequency_hz = random.uniform(params.vehicle_hz[0], params.vehicle_hz[1]);
+      lamp.duty = random.uniform(params.vehicle_duty[0], params.vehicle_duty[1]);
+    } else if (mark.cls == LightClass::inferred_object) {
+      lamp.frequency_hz = params.signal_hz;
+      lamp.duty = params.signal_duty;
+    }
+    out[i] = lamp;
+  }
+}
+
+[[nodiscard]] constexpr std::size_t motion_bytes(const PhotographParams& params, Shape shape,
+                                                 std::size_t lights) noexcept {
+  if (!moves(params)) return 0;
+  return allocation_bytes<PixelMotion>(shape.pixels()) + allocation_bytes<LampFlicker>(lights) +
+         motion_workspace_bytes(shape);
+}
+
+}  // namespace photograph_detail
+
+// How each pixel moves in the picture; its labels move by shutter_source() (sensor/motion.hpp) of it, as the picture does.
+template <class Executor>
+[[nodiscard]] Status picture_motion(const PhotographParams& params, const Intrinsics& intrinsics,
+                                    const PhotographedStreet& street, ImageView<PixelMotion> motion,
+                                    Executor& executor) {
+  NPSIM_RETURN_IF_ERROR(motion_field(params.motion, intrinsics, street.depth, street.instances, motion, executor));
+  // The own car stands still in its picture, in front of everything.
+  for_rows(street.labels.shape(), executor, [&](int y) {
+    for (int x = 0; x < street.labels.width(); ++x) {
+      if (street.labels(x, y) == label::ego_vehicle) motion(x, y) = {0.0F, 0.0F, 10.0F};
+    }
+  });
+  return {};
+}
+
+namespace photograph_detail {
+
+template <class Executor>
+[[nodiscard]] Status move(const PhotographParams& params, const Intrinsics& intrinsics, std::uint64_t seed,
+                          std::uint32_t image, const PhotographedStreet& street, ImageView<const Vec3f> in,
+                          ImageView<Vec3f> out, Workspace& workspace, Executor& executor) {
+  const WorkspaceScope scope(workspace);
+  ImageView<PixelMotion> motion;
+  Span<LampFlicker> flicker;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(in.shape(), motion));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(street.lights.size(), flicker));
+  NPSIM_RETURN_IF_ERROR(picture_motion(params, intrinsics, street, motion, executor));
+  if (params.flicker.on) {
+    draw_flicker(params.flicker, seed, image, street.lights, flicker);
+  } else {
+    flicker = {};
+  }
+  return add_motion(params.motion, params.exposure.camera.time_s, motion, street.light_index, flicker, in, out,
+                    workspace, executor);
+}
+
+}  // namespace photograph_detail
+
+// lights: marks of the street that is photographed, if it moves or flickers.
+[[nodiscard]] constexpr std::size_t photograph_workspace_bytes(const PhotographParams& params, Shape shape,
+                                                               std::size_t lights = 0) noexcept {
+  const bool image = params.ideal_sensor || has_glare(params.glare) || photograph_detail::moves(params);
   return (image ? allocation_bytes<Vec3f>(shape.pixels()) : 0) +
-         (params.ideal_sensor ? 0 : 2 * allocation_bytes<float>(mosaic_shape(shape).pixels())) +
-         max_of(glare_workspace_bytes(params.glare, shape), auto_exposure_workspace_bytes(shape),
-                white_balance_workspace_bytes(shape)) +
+         max_of((params.ideal_sensor ? 0 : 2 * allocation_bytes<float>(mosaic_shape(shape).pixels())) +
+                    max_of(glare_workspace_bytes(params.glare, shape), auto_exposure_workspace_bytes(shape),
+                           white_balance_workspace_bytes(shape)),
+                photograph_detail::motion_bytes(params, shape, lights)) +
          kWorkspaceAlignment;
 }
 
-// `image` keeps the noise of two pictures apart.
+// `image` keeps the noise of two pictures apart. street: where there is motion, with depth. raw: of one exposure, not
+// of an ideal sensor.
 template <class Executor>
 Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, std::uint64_t seed, std::uint32_t image,
                   ImageView<const Vec3f> luminance_cd_m2, ImageView<Rgb8> picture, CameraExposure& exposure,
-                  Workspace& workspace, Executor& executor) {
+                  Workspace& workspace, Executor& executor, const PhotographedStreet& street = {},
+                  RawPicture* raw = nullptr) {
   NPSIM_RETURN_IF_ERROR(validate(params));
   NPSIM_RETURN_IF_ERROR(check_images(luminance_cd_m2, picture));
   const Shape shape = luminance_cd_m2.shape();
+  if (raw != nullptr && !raw->levels.empty() && (params.ideal_sensor || params.sensor.exposures != 1)) {
+    return {StatusCode::invalid_argument, "photograph: raw levels are those of a sensor with filters and one exposure"};
+  }
+  const bool moves = photograph_detail::moves(params);
   const WorkspaceScope scope(workspace);
   ImageView<const Vec3f> light = luminance_cd_m2;
   ImageView<Vec3f> own;
-  if (params.ideal_sensor || has_glare(params.glare)) {
+  if (params.ideal_sensor || has_glare(params.glare) || moves) {
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, own));
+  }
+  if (moves) {
+    NPSIM_RETURN_IF_ERROR(
+        photograph_detail::move(params, intrinsics, seed, image, street, light, own, workspace, executor));
+    light = own;
   }
   if (has_glare(params.glare)) {
     NPSIM_RETURN_IF_ERROR(add_glare(params.glare, intrinsics.fx, light, own, workspace, executor));
@@ -167,14 +318,21 @@ Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, 
   ImageView<float> clean;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(mosaic_shape(shape), plane));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(mosaic_shape(shape), clean));
-  NPSIM_RETURN_IF_ERROR(
-      capture(params.sensor, signal_per_luminance(exposure), noise, intrinsics, seed, image, light, plane, executor));
+  NPSIM_RETURN_IF_ERROR(capture(params.sensor, signal_per_luminance(exposure), noise, intrinsics, seed, image, light,
+                                plane, executor, hot_signal(params.sensor, exposure.time_s, exposure.iso)));
   IspParams isp = params.isp;
   isp.colourless = clamp_to(
       params.colour_noise * noise.residual * std::sqrt(noise.level.beta2) / raw_range(params.sensor), 0.0F, 1.0F);
   NPSIM_RETURN_IF_ERROR(white_balance(params.white_balance, params.sensor, plane, isp.gains, workspace, executor));
+  if (raw != nullptr && !raw->levels.empty()) {
+    NPSIM_RETURN_IF_ERROR(raw_levels(params.sensor, plane, raw->levels, executor));
+    const float r2 = noise.residual * noise.residual;
+    raw->gains = isp.gains;
+    raw->noise = {noise.level.beta1 * r2, noise.level.beta2 * r2};
+  }
   NPSIM_RETURN_IF_ERROR(denoise_raw(params.denoise, params.sensor, noise, plane, clean, executor));
-  return develop(isp, params.sensor, clean, picture, executor);
+  NPSIM_RETURN_IF_ERROR(develop(isp, params.sensor, clean, picture, executor));
+  return sharpen(params.sharpening, picture, plane, executor);
 }
 
 }  // namespace NPSIM_ABI

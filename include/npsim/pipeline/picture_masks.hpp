@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which pixels of a night's picture are saturated, and in which noise hides what there is (sensor/signal_masks.hpp).
 //
-// The picture is taken once more without noise, with the exposure that it had: glare and all that the sensor does, read
+// The picture is taken once more without noise, with the exposure that it had: motion, glare and all that the sensor does, read
 // in 16 bits. What is found therefore depends on the light and on how strong the noise is, not on how it fell out.
 // White balance is that of the picture without noise.
 // Invariant: the same bits for any executor. Cost: a picture without denoising, demosaic and tone.
-// Memory: an image where there is glare, and a float per pixel, besides what the steps take.
+// Memory: an image where there is motion or glare, and a float per pixel, besides what the steps take.
 #ifndef NPSIM_PIPELINE_PICTURE_MASKS_HPP
 #define NPSIM_PIPELINE_PICTURE_MASKS_HPP
 
 #include <cstddef>
+#include <cstdint>
 
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
@@ -22,20 +23,21 @@
 namespace npsim {
 inline namespace NPSIM_ABI {
 
-[[nodiscard]] constexpr std::size_t picture_masks_workspace_bytes(const PhotographParams& camera,
-                                                                  Shape shape) noexcept {
-  const bool image = camera.ideal_sensor || has_glare(camera.glare);
+[[nodiscard]] constexpr std::size_t picture_masks_workspace_bytes(const PhotographParams& camera, Shape shape,
+                                                                  std::size_t lights = 0) noexcept {
+  const bool image = camera.ideal_sensor || has_glare(camera.glare) || photograph_detail::moves(camera);
   return (image ? allocation_bytes<Vec3f>(shape.pixels()) : 0) +
-         max_of(glare_workspace_bytes(camera.glare, shape),
+         max_of(glare_workspace_bytes(camera.glare, shape), photograph_detail::motion_bytes(camera, shape, lights),
                 allocation_bytes<float>(mosaic_shape(shape).pixels()) + white_balance_workspace_bytes(shape)) +
          kWorkspaceAlignment;
 }
 
-// exposure: that of photograph() of the same light.
+// seed, image, street: those of photograph() of the same light, exposure: what it returned.
 template <class Executor>
 Status picture_masks(const SignalMaskParams& params, const PhotographParams& camera, const Intrinsics& intrinsics,
-                     const CameraExposure& exposure, ImageView<const Vec3f> luminance_cd_m2, const SignalMasks& out,
-                     Workspace& workspace, Executor& executor) {
+                     std::uint64_t seed, std::uint32_t image, const CameraExposure& exposure,
+                     ImageView<const Vec3f> luminance_cd_m2, const SignalMasks& out, Workspace& workspace,
+                     Executor& executor, const PhotographedStreet& street = {}) {
   NPSIM_RETURN_IF_ERROR(validate(params));
   NPSIM_RETURN_IF_ERROR(validate(camera));
   NPSIM_RETURN_IF_ERROR(validate(exposure));
@@ -44,7 +46,15 @@ Status picture_masks(const SignalMaskParams& params, const PhotographParams& cam
   const WorkspaceScope scope(workspace);
   ImageView<const Vec3f> light = luminance_cd_m2;
   ImageView<Vec3f> own;
-  if (camera.ideal_sensor || has_glare(camera.glare)) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, own));
+  const bool moves = photograph_detail::moves(camera);
+  if (camera.ideal_sensor || has_glare(camera.glare) || moves) {
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, own));
+  }
+  if (moves) {
+    NPSIM_RETURN_IF_ERROR(
+        photograph_detail::move(camera, intrinsics, seed, image, street, light, own, workspace, executor));
+    light = own;
+  }
   if (has_glare(camera.glare)) {
     NPSIM_RETURN_IF_ERROR(add_glare(camera.glare, intrinsics.fx, light, own, workspace, executor));
     light = own;

@@ -12,6 +12,9 @@
 // - Full well: 1 is full scale, of green under daylight; nothing above it is kept.
 // - Noise: equation (3.10) in this domain, on what the well holds (sensor/noise.hpp), then the converter's levels from
 //   -black to full scale, so that negative noise survives.
+// - Rows: a row's amplifier adds one number to all its samples, `row_noise` of the read noise's standard deviation.
+// - Hot pixels: a share of the pixels lets charge leak, exponentially distributed; which and how much is the sensor's,
+//   by its `serial` number, and the same in every picture. hot_signal: its mean in this exposure, of full scale.
 // - Several exposures: each `ratio` times shorter than the one before; a pixel is read from the longest in which it
 //   stays below .9 of full scale, and the result is in full scales of the longest. Three at 12 bits and a ratio of 16
 //   span 20 log10(2^12 16^2) = 120 dB.
@@ -27,11 +30,13 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/random.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/sensor/detail/signal.hpp"
 #include "npsim/sensor/noise.hpp"
 #include "npsim/simd/batch.hpp"
+#include "npsim/simd/math.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -57,14 +62,24 @@ struct SensorParams {
   float blur_px = 0.6F;     // standard deviation, at most .8
   int exposures = 1;        // 1 to 4
   float ratio = 16.0F;      // of exposure times, from one to the next
+  float row_noise = 0.0F;   // of the read noise; [0, 10]. Visible from a tenth on
+  float hot_pixels = 0.0F;  // share; [0, .1]
+  float hot_rate = 0.05F;   // mean of their signals: full scales a second at ISO 100 [assumed]
+  int serial = 1;           // which camera this is
 };
+
+// Mean signal of hot pixels in an exposure.
+[[nodiscard]] constexpr float hot_signal(const SensorParams& p, float time_s, float iso) noexcept {
+  return p.hot_rate * time_s * iso / 100.0F;
+}
 
 inline constexpr int kMosaicMargin = 2;
 
 [[nodiscard]] inline Status validate(const SensorParams& p) noexcept {
   bool good = p.bits >= 8 && p.bits <= 16 && p.black >= 0.0F && p.vignetting >= 0.0F && p.vignetting <= 1.0F &&
               p.blur_px >= 0.0F && p.blur_px <= 0.8F && p.exposures >= 1 && p.exposures <= 4 && p.ratio > 1.0F &&
-              p.ratio <= 256.0F;
+              p.ratio <= 256.0F && p.row_noise >= 0.0F && p.row_noise <= 10.0F && p.hot_pixels >= 0.0F &&
+              p.hot_pixels <= 0.1F && p.hot_rate >= 0.0F && p.hot_rate <= 1e6F && p.serial >= 0;
   good = good && p.black < 0.5F * static_cast<float>(1 << p.bits);
   for (const Vec3f& row : p.response) {
     good = good && is_finite(row) && row.x + row.y + row.z > 0.01F && row.x + row.y + row.z <= 16.0F;
@@ -73,7 +88,7 @@ inline constexpr int kMosaicMargin = 2;
               : Status(StatusCode::invalid_argument,
                        "sensor: bits in 8..16, black level below half of them, vignetting in [0, 1], blur in [0, .8] "
                        "px, exposures in 1..4, "
-                       "ratio in (1, 256], response rows of positive sum");
+                       "ratio in (1, 256], response rows of positive sum, row noise in [0, 10], hot pixels in [0, .1]");
 }
 
 // Largest raw value, in full scales of the longest exposure.
@@ -104,14 +119,27 @@ inline void fill_margins(float* row, int n) noexcept {
   }
 }
 
+// Calls f(x, charge) for the hot pixels of a row; charges have a mean of 1.
+template <class F>
+void for_hot_pixels(const SensorParams& p, int width, int y, const F& f) noexcept {
+  RandomStream random(static_cast<std::uint64_t>(p.serial), RandomPurpose::sensor, 0, 0xFFFFFFU,
+                      static_cast<std::uint32_t>(y), 0);
+  const int count = static_cast<int>(p.hot_pixels * static_cast<float>(width) + random.uniform());
+  for (int i = 0; i < count; ++i) {
+    const int x = static_cast<int>(random.uniform() * static_cast<float>(width));
+    f(x, -simd::log(simd::scalar::F32(1.0F - random.uniform())).value);
+  }
+}
+
 }  // namespace raw_detail
 
 // gain: signal_per_luminance() of the exposure. plane: of mosaic_shape(). `image` keeps the noise of two pictures
-// apart.
+// apart. hot: hot_signal() of the exposure.
 template <class Executor>
 [[nodiscard]] Status capture(const SensorParams& params, float gain, const NoiseParams& noise,
                              const Intrinsics& intrinsics, std::uint64_t seed, std::uint32_t image,
-                             ImageView<const Vec3f> luminance_cd_m2, ImageView<float> plane, Executor& executor) {
+                             ImageView<const Vec3f> luminance_cd_m2, ImageView<float> plane, Executor& executor,
+                             float hot = 0.0F) {
   NPSIM_RETURN_IF_ERROR(validate(params));
   NPSIM_RETURN_IF_ERROR(validate(noise));
   NPSIM_RETURN_IF_ERROR(validate(intrinsics));
@@ -121,6 +149,7 @@ template <class Executor>
     return {StatusCode::shape_mismatch, "capture: the plane must have the image's size and its margins"};
   }
   if (!(gain >= 0.0F && gain <= 1e12F)) return {StatusCode::invalid_argument, "capture: gain in [0, 1e12]"};
+  if (!(hot >= 0.0F && hot <= 1e12F)) return {StatusCode::invalid_argument, "capture: hot signal in [0, 1e12]"};
   NPSIM_RETURN_IF_ERROR(noise_detail::check_streams(shape.width, shape.height));
 
   using F = simd::F32;
@@ -145,6 +174,12 @@ template <class Executor>
     const Vec3f* rows[3] = {luminance_cd_m2.row(y > 0 ? y - 1 : 0), luminance_cd_m2.row(y),
                             luminance_cd_m2.row(y + 1 < shape.height ? y + 1 : y)};
     float* to = plane.row(y) + kMosaicMargin;
+    F row_offset(0.0F);
+    if (params.row_noise > 0.0F) {
+      alignas(64) float numbers[noise_detail::kSegment];
+      noise_detail::normal_segment({seed, image, 2}, static_cast<std::uint32_t>(y), numbers);
+      row_offset = F(params.row_noise * numbers[0]) * residual * sqrt(beta2);
+    }
     for (int begin = 0; begin < shape.width; begin += noise_detail::kSegment) {
       const int end = begin + noise_detail::kSegment < shape.width ? begin + noise_detail::kSegment : shape.width;
       alignas(64) float normal[noise_detail::kSegment];
@@ -169,6 +204,12 @@ template <class Executor>
         if (begin == 0) column[c] = column[3 + c];
         if (end == shape.width) column[3 * (end - begin + 1) + c] = column[3 * (end - begin) + c];
       }
+      alignas(64) float dark[noise_detail::kSegment] = {};
+      if (params.hot_pixels > 0.0F) {
+        raw_detail::for_hot_pixels(params, shape.width, y, [&](int x, float charge) {
+          if (x >= begin && x < end) dark[x - begin] += charge * hot;
+        });
+      }
       for (int x = begin; x < end; x += F::lanes) {
         const int n = end - x < F::lanes ? end - x : F::lanes;
         const auto load = [&](int dx) { return simd::load3<F>(column + 3 * (x - begin + 1 + dx), n); };
@@ -181,19 +222,38 @@ template <class Executor>
         signal = fma(across(left.z, here.z, right.z), F::load(weight[2] + (x & 1)), signal);
         const F tangent_x = (F::iota() + F(static_cast<float>(x) + 0.5F - intrinsics.cx)) * F(1.0F / intrinsics.fx);
         const F secant2 = fma(tangent_x, tangent_x, beside);
-        signal = signal * fma(F(params.vignetting), F(1.0F) / (secant2 * secant2) - F(1.0F), F(1.0F));
+        signal = fma(signal, fma(F(params.vignetting), F(1.0F) / (secant2 * secant2) - F(1.0F), F(1.0F)),
+                     F::load(dark + (x - begin)));
 
         F scale(1.0F);  // of the exposure that a pixel is read from
         for (float longer = 1.0F; longer < range; longer *= params.ratio) {
           scale = select(signal > F(0.9F * longer), F(longer * params.ratio), scale);
         }
         const F well = min(signal / scale, F(1.0F));
-        const F noisy = fma(residual * sqrt(fma(beta1, well, beta2)), F::load(normal + (x - begin)), well);
+        const F noisy = fma(residual * sqrt(fma(beta1, well, beta2)), F::load(normal + (x - begin)), well + row_offset);
         const F read = simd::clamp(round_even(fma(noisy, F(levels), F(params.black))), 0.0F, levels + params.black);
         store_first((read - F(params.black)) * F(1.0F / levels) * scale, to + x, n);
       }
     }
     raw_detail::fill_margins(to, shape.width);
+  });
+  return {};
+}
+
+// The converter's levels, 0 to 2^bits - 1, of a plane of one exposure as capture() makes it.
+template <class Executor>
+[[nodiscard]] Status raw_levels(const SensorParams& params, ImageView<const float> plane,
+                                ImageView<std::uint16_t> levels, Executor& executor) {
+  if (params.exposures != 1) return {StatusCode::invalid_argument, "raw: several exposures have no levels in common"};
+  if (levels.empty() || plane.shape() != mosaic_shape(levels.shape())) {
+    return {StatusCode::shape_mismatch, "raw: the plane must have the picture's size and its margins"};
+  }
+  const float range = static_cast<float>((1 << params.bits) - 1) - params.black;
+  for_rows(levels.shape(), executor, [&](int y) {
+    const float* from = plane.row(y) + kMosaicMargin;
+    for (int x = 0; x < levels.width(); ++x) {
+      levels(x, y) = static_cast<std::uint16_t>(from[x] * range + params.black + 0.5F);
+    }
   });
   return {};
 }
