@@ -204,10 +204,10 @@ template <class Executor>
         if (begin == 0) column[c] = column[3 + c];
         if (end == shape.width) column[3 * (end - begin + 1) + c] = column[3 * (end - begin) + c];
       }
-      alignas(64) float dark[noise_detail::kSegment] = {};
+      alignas(64) float dark_signal[noise_detail::kSegment] = {};
       if (params.hot_pixels > 0.0F) {
         raw_detail::for_hot_pixels(params, shape.width, y, [&](int x, float charge) {
-          if (x >= begin && x < end) dark[x - begin] += charge * hot;
+          if (x >= begin && x < end) dark_signal[x - begin] += charge * hot;
         });
       }
       for (int x = begin; x < end; x += F::lanes) {
@@ -223,7 +223,7 @@ template <class Executor>
         const F tangent_x = (F::iota() + F(static_cast<float>(x) + 0.5F - intrinsics.cx)) * F(1.0F / intrinsics.fx);
         const F secant2 = fma(tangent_x, tangent_x, beside);
         signal = fma(signal, fma(F(params.vignetting), F(1.0F) / (secant2 * secant2) - F(1.0F), F(1.0F)),
-                     F::load(dark + (x - begin)));
+                     F::load(dark_signal + (x - begin)));
 
         F scale(1.0F);  // of the exposure that a pixel is read from
         for (float longer = 1.0F; longer < range; longer *= params.ratio) {
