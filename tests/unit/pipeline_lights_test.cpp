@@ -119,10 +119,10 @@ TEST_CASE("light groups: windows of a dark street share one by floors, as do own
   CHECK(weights[groups.group[0]].y == doctest::Approx(1));  // one of two equal windows
 }
 
-TEST_CASE("light groups: beside lit street lamps all windows and signs share one, lit or not; the sum of weights stays") {
+TEST_CASE("light groups: beside lit street lamps all windows share one, lit or not; the sum of weights stays") {
   std::vector<Emitter> emitters{lamp(LightClass::window_building, 1, 9, EmissionProfile::lambert),
                                 lamp(LightClass::window_building, 2, 8, EmissionProfile::lambert),
-                                lamp(LightClass::advertisement, 3, 0, EmissionProfile::lambert),
+                                lamp(LightClass::window_building, 3, 7, EmissionProfile::lambert),
                                 lamp(LightClass::street_light_ht, 4, 0, EmissionProfile::street_luminaire),
                                 lamp(LightClass::moving_front, 0, 0, EmissionProfile::low_beam)};
   std::vector<Activation> drawn(emitters.size());

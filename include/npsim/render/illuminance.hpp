@@ -63,6 +63,8 @@ inline constexpr float kPointFromSides = 8.0F;
       return received > 0.0F ? received : 0.0F;
     }
     if (!(dot(e.axis, delta) < 0.0F)) return 0.0F;  // behind it
+    // Wholly below the horizon, as a facade sees its own windows.
+    if (!(along + std::fabs(dot(normal, e.half_u_m)) + std::fabs(dot(normal, e.half_v_m)) > 0.0F)) return 0.0F;
     const bool disc = e.shape == EmitterShape::disc;
     const Vec3f arriving = disc ? disc_irradiance(delta, e.half_u_m, e.half_v_m, normal)
                                 : rectangle_irradiance(delta, e.half_u_m, e.half_v_m, normal);
