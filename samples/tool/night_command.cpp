@@ -279,7 +279,9 @@ class NightWriter {
       const Activation on = make_activation(emitter, true, a.probability, a.strength, a.xy);
       entry["peak_intensity_cd"] = luminance(on.intensity_cd);
       entry["luminance_cd_m2"] = luminance(on.luminance_cd_m2);
-      entry["position_m"] = {emitter.centre_m.x, emitter.centre_m.y, emitter.centre_m.z};
+      entry["position_m"] = components(emitter.centre_m);
+      entry["axis"] = components(emitter.axis);
+      entry["half_sides_m"] = {components(emitter.half_u_m), components(emitter.half_v_m)};
       sources.push_back(std::move(entry));
     }
     return {{"npsim", NPSIM_VERSION_STRING},
