@@ -7,7 +7,7 @@
 Cycles lights the same lamps: lit surfaces as rectangles, beams as spots, all others as small surfaces of the same flux
 that shine by the cosine. So its night differs a little from ours, and each renderer is held against its own reference
 (REFERENCE samples a pixel, 2048): root of the mean of ((L - R) / R)^2 where R is above .005 cd/m2, without the largest
-.1 %, as in metrics/luminance_errors.hpp. Two bounces, one thread, neither clamping nor denoiser nor adaptive sampling.
+.1 %, as in metrics/luminance_errors.hpp. Two bounces, one thread but for the reference, neither clamping nor denoiser nor adaptive sampling.
 Seconds are those of a render less those of a render with one sample, which builds the scene.
 """
 import json
@@ -61,7 +61,7 @@ def add_lamp(source):
         light.shape = "RECTANGLE"
         light.size, light.size_y = (max(2 * s.length, 0.02) for s in sides)
         flux = source["strength"] if source["unit"] == "lm" else peak * math.pi * (0.4 if profile == "signal" else 1)
-        light.energy = flux
+        light.energy = flux * 4 / math.pi  # its radiance is energy / (4 area)
     light.color = rgb_of(source["xy"])
     lamp = bpy.data.objects.new(light.name, light)
     across = sides[0] - axis * sides[0].dot(axis)
@@ -96,7 +96,7 @@ scene.world.use_nodes = True
 scene.world.node_tree.nodes["Background"].inputs[0].default_value = (0.02, 0.02, 0.02, 1)
 scene.render.engine = "CYCLES"
 scene.render.resolution_x, scene.render.resolution_y = width, height
-scene.render.threads_mode, scene.render.threads = "FIXED", 1
+scene.render.threads_mode = "FIXED"
 scene.render.image_settings.file_format = "OPEN_EXR"
 scene.render.image_settings.color_depth = "32"
 scene.view_settings.view_transform = "Raw"
@@ -107,8 +107,9 @@ cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = 2
 cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
 
 
-def render(samples, seed):
+def render(samples, seed, threads=1):
     cycles.samples, cycles.seed = samples, seed
+    scene.render.threads = threads
     scene.render.filepath = os.path.join(tempfile.gettempdir(), "npsim_cycles.exr")
     start = time.time()
     bpy.ops.render.render(write_still=True)
@@ -121,12 +122,12 @@ def render(samples, seed):
 
 def error_of(picture, reference):
     seen = reference > 0.005
-    squares = numpy.sort((((picture - reference) / reference)[seen]) ** 2)
+    squares = numpy.sort((picture[seen] / reference[seen] - 1) ** 2)
     return math.sqrt(squares[: len(squares) - len(squares) // 1000].mean())
 
 
 _, build = render(1, 0)
-reference, _ = render(reference_samples, 1)
+reference, _ = render(reference_samples, 1, os.cpu_count())
 with open(os.path.join(night_folder, "night_000.pfm"), "rb") as f:
     f.readline(), f.readline(), f.readline()
     ours = numpy.frombuffer(f.read(), "<f4").reshape(height, width, 3)[::-1] @ numpy.array([0.2126, 0.7152, 0.0722])
