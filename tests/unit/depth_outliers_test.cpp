@@ -96,6 +96,41 @@ TEST_CASE("stereo: what lies farther off in the strip that the right camera does
   CHECK(out == depth);
 }
 
+TEST_CASE("stereo: mirror images on the bonnet, a hand below the road in front of it, are dropped; a hill is not") {
+  // A road that rises with the square of the distance, 25 cm at 20 m, under a plane that knows nothing of it.
+  Road road;
+  const auto on_hill = [&](int y) {
+    const float down = (static_cast<float>(y) + 0.5F - 10) / 50;
+    float z = 1.5F / down;
+    for (int i = 0; i < 50; ++i) z = (1.5F - 0.000625F * z * z) / down;
+    return z;
+  };
+  for (int y = 14; y < 48; ++y) {
+    for (int x = 0; x < 64; ++x) road.depth(x, y) = on_hill(y);
+  }
+  const Image<float> clean = road.depth;
+  for (int x = 10; x < 20; ++x) {
+    for (int y = 45; y < 48; ++y) road.depth(x, y) *= 1.07F;  // 10 cm
+  }
+  const auto dropped = [&](float focal_baseline) {
+    Image<float> out(road.shape);
+    SerialExecutor serial;
+    const ObjectMap objects{road.labels.cview(), {}};
+    REQUIRE(drop_outliers({}, road.depth.view(), objects, {0, -1, 0}, 1.5F, road.camera, focal_baseline, out.view(),
+                          serial)
+                .ok());
+    return out;
+  };
+  const Image<float> out = dropped(10.0F);
+  for (int y = 20; y < 48; ++y) {
+    for (int x = 0; x < 64; ++x) {
+      const bool mirrored = x >= 10 && x < 20 && y >= 45;
+      CHECK(out(x, y) == (mirrored ? 0.0F : clean(x, y)));
+    }
+  }
+  CHECK(dropped(0.0F)(15, 46) == road.depth(15, 46));  // of no other source is that known
+}
+
 TEST_CASE("stereo: depth of the object behind, smeared over the border of a thin one, is dropped") {
   Road road;
   for (int y = 0; y < 14; ++y) {

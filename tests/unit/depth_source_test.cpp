@@ -150,6 +150,39 @@ TEST_CASE("the chain leaves good measurements as they are and smooths the surfac
   }
 }
 
+TEST_CASE("without labels the road goes on as a plane below the lowest row of a laser, a car's side does not") {
+  const Intrinsics k{300, 300, 160, 90};
+  const Image<Rgb8> image(kShape, Rgb8{90, 100, 110});
+  const auto side = [](int x) { return x < 60; };  // of a car, upright from 10 rows above the lowest measured one
+  Image<float> depth = street();
+  for (int y = 130; y < kShape.height; ++y) {
+    for (int x = 0; x < 60; ++x) depth(x, y) = depth(x, 130);
+  }
+  const Image<float> whole = depth;
+  thin_out(depth, [&](int, int y) { return y % 3 == 0 && y <= 141; });
+  SceneView scene;
+  scene.camera = k;
+  scene.image = image.cview();
+  scene.depth = depth.cview();
+  scene.depth_source = DepthSource::lidar;
+  const RefineDepthParams params;
+  npsim_test::Scratch scratch(refine_depth_workspace_bytes(params, kShape));
+  SerialExecutor serial;
+  NullObserver observer;
+  RefinedDepth out;
+  REQUIRE(refine_depth(params, scene, scratch.workspace(), serial, observer, out).ok());
+  REQUIRE(out.ground.inlier_share > 0.0F);
+  for (int y = 142; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (x > 40 && x < 80) continue;  // where one goes over into the other
+      CAPTURE(x);
+      CAPTURE(y);
+      const float off = out.depth(x, y) / whole(x, y) - 1.0F;
+      CHECK(std::fabs(off) < (side(x) ? 0.25F : 0.01F));  // the road there is up to half as far as the car
+    }
+  }
+}
+
 TEST_CASE("depth source: names and sources belong together, other names are none") {
   for (std::size_t i = 0; i < kDepthSourceNames.size(); ++i) {
     CHECK(depth_source_named(kDepthSourceNames[i]) == static_cast<DepthSource>(i));

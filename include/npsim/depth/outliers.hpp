@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Drops measurements that cannot be: stereo mismatches on the ground and at the left border, and specks in an otherwise
+// Drops measurements that cannot be: stereo mismatches on the ground and at the left border, specks in an otherwise
 // dense depth map.
 //
 // Off the ground: a pixel with a ground label whose point lies further from the ground plane than `ground_tolerance` of
 // the camera's height, or than `ground_slope` of its depth where that is more (streets rise and fall). Reflections on
 // the bonnet and on wet roads make such depths.
+// Off the carriageway, for stereo: matching finds mirror images on the bonnet, and mixes bonnet and road at its border.
+// What lies within eight times the nearest distance z0 of the ground seen, and further than near_tolerance of the
+// camera's height + near_slope (z - z0) from the height of the carriageway in its rows (detail/road_profile.hpp).
 // Speck: a sample with fewer than `speck_share` of the samples of its (2 r + 1)^2 window within `speck_tolerance` of
 // its inverse depth; what is missing there is no sample, so that a lamp's head before the sky stays. With `by_object`
 // only samples of the same object count: matching smears the depth of objects over their borders, and leaves slivers of
@@ -23,11 +26,13 @@
 #include <cmath>
 #include <cstddef>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/depth/detail/road_profile.hpp"
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -38,6 +43,9 @@ struct OutlierParams {
   LabelSet ground = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground);
   float ground_tolerance = 0.3F;  // 0 switches the test off
   float ground_slope = 0.05F;
+  LabelSet carriageway = LabelSet::of(label::road, label::parking);
+  float near_tolerance = 0.025F;  // 3 cm, of ruts and patches; 0 switches the test off
+  float near_slope = 0.03F;
   int speck_radius_px = 5;  // 0 switches the test off; at most 32
   float speck_share = 0.25F;
   float speck_tolerance = 0.1F;  // relative
@@ -49,7 +57,8 @@ struct OutlierParams {
 };
 
 [[nodiscard]] inline Status validate(const OutlierParams& params) noexcept {
-  if (!(params.ground_tolerance >= 0.0F) || !(params.ground_slope >= 0.0F) || params.speck_radius_px < 0 ||
+  if (!(params.ground_tolerance >= 0.0F) || !(params.ground_slope >= 0.0F) ||
+      !(params.near_tolerance >= 0.0F) || !(params.near_slope >= 0.0F) || params.speck_radius_px < 0 ||
       params.speck_radius_px > 32 || !(params.speck_share >= 0.0F && params.speck_share <= 1.0F) ||
       !(params.speck_tolerance > 0.0F) || !(params.strip_width >= 0.0F) || !(params.strip_margin_px >= 0.0F) ||
       !(params.strip_step_px >= 0.0F) || !(params.strip_step >= 0.0F)) {
@@ -78,6 +87,34 @@ namespace depth_detail {
   }
   return static_cast<float>(like) < p.speck_share * static_cast<float>(all);
 }
+
+// Whether a measured pixel of carriageway is off it.
+class CarriagewayTest {
+ public:
+  // height(x, y, z): above the ground plane.
+  template <class Height>
+  CarriagewayTest(const OutlierParams& p, ImageView<const float> depth, ImageView<const Label> labels, float nearest_m,
+                  float camera_height_m, const Height& height) noexcept
+      : nearest_m_(nearest_m),
+        tolerance_m_(p.near_tolerance * camera_height_m),
+        slope_(p.near_slope),
+        profile_(depth.width(), depth.height(), 0.25F * tolerance_m_, [&](int x, int y, float& h) {
+          if (!p.carriageway.contains(labels(x, y)) || !judges(depth(x, y))) return false;
+          h = height(x, y, depth(x, y));
+          return true;
+        }) {}
+  [[nodiscard]] bool off(int y, float z, float height_m) const noexcept {
+    return judges(z) && std::fabs(height_m - profile_.at(y)) > tolerance_m_ + slope_ * max_of(z - nearest_m_, 0.0F);
+  }
+
+ private:
+  [[nodiscard]] bool judges(float z) const noexcept { return is_valid_depth(z) && z < 8.0F * nearest_m_; }
+
+  float nearest_m_;
+  float tolerance_m_;
+  float slope_;
+  RoadProfile profile_;
+};
 
 // Row of depth, in place. focal_baseline: disparity times depth, px m.
 inline void drop_left_strip(const OutlierParams& p, float focal_baseline, float* row, int width) noexcept {
@@ -128,6 +165,12 @@ template <class Executor>
   const bool labelled = !labels.empty();
   const bool specks = labelled && params.speck_radius_px > 0 && 2 * measured >= shape.pixels();
   const bool ground = params.ground_tolerance > 0.0F && height_m > 0.0F;
+  const auto height = [&](int x, int y, float z) { return dot(up, unproject_pixel(camera, x, y, z)) + height_m; };
+  // Of the ground plane, in the middle of the lowest row.
+  const float down = -dot(up, unproject_pixel(camera, shape.width / 2, shape.height - 1, 1.0F));
+  const bool near = labelled && ground && focal_baseline_px_m > 0.0F && params.near_tolerance > 0.0F && down > 0.0F;
+  const depth_detail::CarriagewayTest carriageway(params, near ? depth : ImageView<const float>(), labels,
+                                                  near ? height_m / down : 0.0F, height_m, height);
   executor.for_chunks(static_cast<std::size_t>(shape.height), 16, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
       for (int x = 0; x < shape.width; ++x) {
@@ -136,8 +179,12 @@ template <class Executor>
         if (!is_valid_depth(z)) continue;
         if (labelled && params.ground.contains(labels(x, y))) {
           if (!ground) continue;
-          const float off = std::fabs(dot(up, unproject_pixel(camera, x, y, z)) + height_m);
-          if (!(off <= params.ground_tolerance * height_m || off <= params.ground_slope * z)) output(x, y) = 0.0F;
+          const float above = height(x, y, z);
+          const float off = std::fabs(above);
+          if (!(off <= params.ground_tolerance * height_m || off <= params.ground_slope * z) ||
+              (params.carriageway.contains(labels(x, y)) && carriageway.off(y, z, above))) {
+            output(x, y) = 0.0F;
+          }
         } else if (specks && depth_detail::is_speck(params, depth, objects, x, y)) {
           output(x, y) = 0.0F;
         }

@@ -237,7 +237,8 @@ namespace refine_detail {
   const std::size_t pixels = shape.pixels();
   const std::size_t steps = max_of(
       fill_workspace_bytes(params.fill, shape) + allocation_bytes<float>(pixels) +
-          ground_workspace_bytes(params.ground, shape),
+          max_of(ground_workspace_bytes(params.ground, shape),
+                 allocation_bytes<float>(static_cast<std::size_t>(shape.width))),
       sharpen_edges_workspace_bytes(params.sharpen, shape) + allocation_bytes<float>(pixels),
       anchor_ground_workspace_bytes(shape),
       allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(pixels) + allocation_bytes<std::uint16_t>(pixels) +
@@ -321,6 +322,46 @@ inline void rate_confidence(ImageView<const float> measured, float reach_px, Ima
   }
 }
 
+// Without labels nothing says that the ground goes on below the lowest row that a laser sees. Where that row shows
+// ground, within kGroundHeight_m of the plane, what lies more than kGroundSeam_px below it takes the plane's depth,
+// scaled as the ground in the columns nearby is: virtual measurements, for the fill alone.
+inline constexpr float kGroundHeight_m = 0.15F;
+inline constexpr int kGroundSeam_px = 2;
+[[nodiscard]] inline Status continue_ground(const GroundPlane& ground, const Intrinsics& camera,
+                                            ImageView<float> measured, Workspace& workspace) {
+  const int width = measured.width();
+  const int height = measured.height();
+  const WorkspaceScope scope(workspace);
+  Span<float> scale;  // measured depth over the plane's, per column; 0: no ground there
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(width), scale));
+  const auto down = [&](int x, int y) { return -dot(ground.up, unproject_pixel(camera, x, y, 1.0F)); };
+  const auto lowest = [&](int x) {
+    int y = height - 1;
+    while (y >= 0 && !is_valid_depth(measured(x, y))) --y;
+    return y;
+  };
+  for (int x = 0; x < width; ++x) {
+    const int y = lowest(x);
+    const float below_m = y < 0 ? 0.0F : measured(x, y) * down(x, y);
+    const bool seen = std::fabs(ground.camera_height_m - below_m) < kGroundHeight_m;
+    scale[static_cast<std::size_t>(x)] = seen ? below_m / ground.camera_height_m : 0.0F;
+  }
+  const int reach = width / 64;
+  for (int x = 0; x < width; ++x) {
+    if (!(scale[static_cast<std::size_t>(x)] > 0.0F)) continue;
+    float sum = 0.0F;
+    int count = 0;
+    for (int i = std::max(0, x - reach); i <= std::min(width - 1, x + reach); ++i) {
+      sum += scale[static_cast<std::size_t>(i)];
+      count += scale[static_cast<std::size_t>(i)] > 0.0F ? 1 : 0;
+    }
+    for (int y = lowest(x) + 1 + kGroundSeam_px; y < height; ++y) {
+      if (down(x, y) > 0.0F) measured(x, y) = ground.camera_height_m / down(x, y) * sum / static_cast<float>(count);
+    }
+  }
+  return {};
+}
+
 template <class Executor>
 [[nodiscard]] Status complete_depth(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
                                     Workspace& workspace, Executor& executor, RefinedDepth& out) {
@@ -336,10 +377,17 @@ template <class Executor>
     NPSIM_RETURN_IF_ERROR(drop_outliers(outliers, scene.depth, objects, out.ground.up, height_m, scene.camera,
                                         out.trust.focal_baseline_px_m, measured, executor));
   }
+  const bool continued = scene.labels.empty() && out.ground.inlier_share > 0.0F;
+  if (continued) NPSIM_RETURN_IF_ERROR(continue_ground(out.ground, scene.camera, measured, workspace));
   FillParams fill = params.fill;
   if (out.noise.power == 0) fill.edge_inverse += 1.2F * out.noise.amplitude;
   NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), objects, out.depth,
                                    ImageView<std::uint8_t>(), workspace, executor));
+  for (int y = 0; y < (continued ? shape.height : 0); ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (!is_valid_depth(scene.depth(x, y))) measured(x, y) = 0.0F;
+    }
+  }
   mark_surface(scene, out.depth, out.surface);
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
