@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coverage_errors.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
 
 #include "depth_recorder.hpp"
+#include "masks.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/depth/normals.hpp"
 #include "simple_fill.hpp"
@@ -17,25 +17,10 @@ namespace {
 constexpr std::size_t kGiven = 0;  // positions in CoverageErrors::rows
 constexpr std::size_t kLinear = 2;
 
-using Mask = io::Image<std::uint8_t>;
-
-template <class Holds>
-[[nodiscard]] Mask mask_where(Shape shape, const Holds& holds) {
-  Mask mask(shape);
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) mask(x, y) = holds(x, y) ? 1 : 0;
-  }
-  return mask;
-}
-
 [[nodiscard]] Mask of_group(const SceneView& scene, const Mask& mask, std::size_t group) {
   return mask_where(mask.shape(), [&](int x, int y) {
     return mask(x, y) != 0 && (scene.labels.empty() || kLabelGroups[group].labels.contains(scene.labels(x, y)));
   });
-}
-
-[[nodiscard]] std::size_t marked(const Mask& mask) {
-  return static_cast<std::size_t>(std::count(mask.view().pixels().begin(), mask.view().pixels().end(), 1));
 }
 
 [[nodiscard]] io::Image<Vec3f> normals_of(ImageView<const float> depth, const Mask& surface, const Intrinsics& camera,

@@ -9,6 +9,7 @@
 
 #include "depth_recorder.hpp"
 #include "engine.hpp"
+#include "masks.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/depth/normals.hpp"
 
@@ -79,22 +80,6 @@ class Judge {
   std::vector<unsigned char> memory_;
 };
 
-// Pixels where the predicate holds.
-template <class Holds>
-[[nodiscard]] io::Image<std::uint8_t> mask_where(Shape shape, const Holds& holds) {
-  io::Image<std::uint8_t> mask(shape);
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) mask(x, y) = holds(x, y) ? 1 : 0;
-  }
-  return mask;
-}
-
-[[nodiscard]] std::size_t marked(const io::Image<std::uint8_t>& mask) {
-  std::size_t n = 0;
-  for (const std::uint8_t m : mask.view().pixels()) n += m != 0 ? 1U : 0U;
-  return n;
-}
-
 [[nodiscard]] StepErrors step_after(Stage stage) {
   StepErrors step;
   step.name = std::string("after ") + stage_name(stage);
@@ -152,7 +137,7 @@ Status evaluate(const SceneView& scene, const Truth& truth, const RefineDepthPar
     return is_valid_depth(true_depth(x, y)) &&
            !(!scene.labels.empty() && kNoSurfaceLabels.contains(scene.labels(x, y)));
   };
-  const io::Image<std::uint8_t> common_mask = mask_where(shape, [&](int x, int y) {
+  const Mask common_mask = mask_where(shape, [&](int x, int y) {
     return on_surface(x, y) &&
            std::all_of(depths.begin(), depths.end(), [&](const auto& z) { return is_valid_depth(z(x, y)); });
   });

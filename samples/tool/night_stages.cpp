@@ -110,9 +110,9 @@ template <class Holds>
   return mask;
 }
 
-class Judge {
+class StageJudge {
  public:
-  Judge(const NightParams& params, const SceneView& scene, const Truth& truth, const TrueNight& night, ThreadPool& pool)
+  StageJudge(const NightParams& params, const SceneView& scene, const Truth& truth, const TrueNight& night, ThreadPool& pool)
       : params_(params), scene_(scene), truth_(truth), night_(night), pool_(pool) {
     params_.camera.residual_noise = 0;
   }
@@ -219,7 +219,7 @@ class Judge {
       if (!surface || night.luminance(x, y) == Vec3f{}) night.luminance(x, y) = own(x, y);
     }
   }
-  Judge judge(params, scene, truth, night, pool);
+  StageJudge judge(params, scene, truth, night, pool);
   NPSIM_RETURN_IF_ERROR(judge.start());
   return judge.judge("transport alone", own, out);
 }
@@ -266,7 +266,7 @@ Status night_stages(const NightParams& params, const SceneView& scene, const Tru
       {"unrefined, unpruned sheet", &connected, &scene, &sheet},
       {"thesis preset", &thesis, &scene, &by_thesis},
   };
-  Judge judge(params, scene, truth, night, pool);
+  StageJudge judge(params, scene, truth, night, pool);
   NPSIM_RETURN_IF_ERROR(judge.start());
   out.clear();
   if (transport_samples > 0) {
@@ -294,7 +294,7 @@ Status night_of_source(const NightParams& params, const SceneView& scene, const 
   const NightParams known = with_true_lamps(placed, night);
   KeptDepth refined;
   NPSIM_RETURN_IF_ERROR(refined_depth(params, scene, pool, console, refined));
-  Judge judge(params, scene, truth, night, pool);
+  StageJudge judge(params, scene, truth, night, pool);
   NPSIM_RETURN_IF_ERROR(judge.start());
   const SceneView guessed = without_materials(scene);
   const std::array<std::pair<const NightParams*, const SceneView*>, 3> rows = {

@@ -153,18 +153,18 @@ class Delaunay {
 io::Image<float> filled_by_nearest(ImageView<const float> depth) {
   const Shape shape = depth.shape();
   // Per column the nearest sample above or at, and below; then over columns outward until none can be nearer.
-  constexpr int kNone = std::numeric_limits<int>::max();
+  constexpr int kNoRow = std::numeric_limits<int>::max();
   io::Image<int> row_of(shape);  // of the sample of the same column that is nearest
   for (int x = 0; x < shape.width; ++x) {
-    int above = kNone;
+    int above = kNoRow;
     for (int y = 0; y < shape.height; ++y) {
       above = is_valid_depth(depth(x, y)) ? y : above;
       row_of(x, y) = above;
     }
-    int below = kNone;
+    int below = kNoRow;
     for (int y = shape.height - 1; y >= 0; --y) {
       below = is_valid_depth(depth(x, y)) ? y : below;
-      const bool nearer = below != kNone && (row_of(x, y) == kNone || below - y < y - row_of(x, y));
+      const bool nearer = below != kNoRow && (row_of(x, y) == kNoRow || below - y < y - row_of(x, y));
       if (nearer) row_of(x, y) = below;
     }
   }
@@ -174,7 +174,7 @@ io::Image<float> filled_by_nearest(ImageView<const float> depth) {
       std::int64_t best = std::numeric_limits<std::int64_t>::max();
       out(x, y) = 0.0F;
       const auto look = [&](int i) {
-        if (i < 0 || i >= shape.width || row_of(i, y) == kNone) return;
+        if (i < 0 || i >= shape.width || row_of(i, y) == kNoRow) return;
         const std::int64_t dx = i - x;
         const std::int64_t dy = row_of(i, y) - y;
         if (dx * dx + dy * dy >= best) return;
