@@ -91,6 +91,9 @@ io::Expected<TrueLamps> read_true_lamps(const io::Scene& scene) {
   out.faces_of.resize(out.emitters.size(), 0);
   for (const io::TrueEmitter& lamp : lamps.value()) {
     if (!is_unseen_lamp(scene, lamp)) continue;
+    // A night lights it as it does those of its class that are marked.
+    const auto of_class = [&](const Emitter& e) { return e.mark != 0 && e.cls == lamp.cls; };
+    if (std::none_of(out.emitters.begin(), out.emitters.end(), of_class)) continue;
     LightMark unmarked;
     unmarked.cls = lamp.cls;
     Emitter e = emitter_of(lamp, unmarked, out.ground);

@@ -24,7 +24,7 @@ inline constexpr float kLampOffset = 0.02F;  // m
 
 struct TrueLamps {
   // In the order of Emitter::mark (position + 1 in scene.lights); then own lamps, then street lamps outside
-  // the picture.
+  // the picture, of classes that are marked in it.
   std::vector<Emitter> emitters;
   std::vector<std::uint32_t> faces_of;  // per emitter the id that its faces carry (TrueMesh::face_emitter); 0: own lamp
   GroundPlane ground;

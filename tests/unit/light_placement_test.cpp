@@ -287,6 +287,24 @@ TEST_CASE("street lamp on a wire, nothing but sky: hung at the default height") 
   CHECK(e.centre_m.z < 60.0F);
 }
 
+TEST_CASE("a far lamp whose pole is too thin to be seen stands on a mast as the nearer ones of its row; on wires none do") {
+  for (const bool masts : {true, false}) {
+    Scene s;
+    // At 20 m, 7.9 m up and 2 m to the right; at 60 m, as high, without a pole.
+    if (masts) s.paint(118, 8, 120, 63, label::pole, 20.0F);
+    s.mark(LightClass::street_light_ht, 115, 6, 121, 7);
+    s.mark(LightClass::street_light_ht, 105, 34, 107, 35);
+    REQUIRE(s.place().ok());
+    REQUIRE(s.count == 2);
+    INFO("masts: " << masts);
+    CHECK(s.out[1].mounting_height_m == doctest::Approx(8).epsilon(0.2));
+    for (std::size_t e = 0; e < 2; ++e) {
+      CHECK(s.out[e].profile == (masts ? EmissionProfile::street_luminaire : EmissionProfile::hung_luminaire));
+    }
+    if (masts) CHECK(s.out[1].up == s.out[0].up);
+  }
+}
+
 TEST_CASE("street lamp without labels: an incredible depth (80 m up) is not taken") {
   Scene s;
   s.with_labels = false;

@@ -226,6 +226,29 @@ inline void set_street_profile(const StreetLamp& l, bool poles_known, const Grou
   e.up = road_left ? along : -along;  // cross(forward, down) points left
 }
 
+// The poles of far lamps are too thin to be seen or labelled: a lamp that seems to hang on a wire stands on a mast if the
+// nearest one of its row does, which is of its class, about as high and as far to the side.
+inline constexpr float kRowAside_m = 3.0F;
+inline constexpr float kRowHeights = 1.25F;
+inline void agree_on_masts(const GroundPlane& ground, Span<Emitter> lamps) noexcept {
+  const Vec3f forward = forward_on_ground(ground);
+  const Vec3f right = cross(forward, ground.up);
+  for (Emitter& e : lamps) {
+    if (e.profile != EmissionProfile::hung_luminaire) continue;
+    const Emitter* nearest = &e;
+    for (const Emitter& other : lamps) {
+      const bool of_row = other.cls == e.cls && is_street_profile(other.profile) &&
+                          std::fabs(dot(right, other.centre_m - e.centre_m)) < kRowAside_m &&
+                          other.mounting_height_m < kRowHeights * e.mounting_height_m &&
+                          e.mounting_height_m < kRowHeights * other.mounting_height_m;
+      if (of_row && dot(forward, other.centre_m - nearest->centre_m) < 0.0F) nearest = &other;
+    }
+    if (nearest->profile != EmissionProfile::street_luminaire) continue;
+    e.profile = nearest->profile;
+    e.up = nearest->up;
+  }
+}
+
 inline constexpr float kDiscShare = 0.785F;  // pi / 4, of the square around a disc
 
 // The faces of clocks and the lenses of traffic lights are round; a disc of the patch's area is wider by 2 / sqrt(pi).
@@ -397,6 +420,7 @@ inline void outline_surfaces(Placing& all, Span<PlaneSample> samples) noexcept {
       return Status(StatusCode::capacity_exceeded, "placement: more emitters than room for them");
     out[count++] = e;
   }
+  light_detail::agree_on_masts(scene.ground, out.sub(0, count));
   return {};
 }
 
