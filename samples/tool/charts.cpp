@@ -228,18 +228,14 @@ std::string svg_of_ranges(const std::string& title, const std::string& along, co
       print(out, "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"10\" rx=\"3\" fill=\"%s\" opacity=\".3\"/>\n",
             x(row.least / row.mean), y - 5, x(row.most / row.mean) - x(row.least / row.mean), kColours[0]);
     }
-    double sum = 0;
-    int n = 0;
     for (const double v : row.values) {
       if (!std::isfinite(v)) continue;
       print(out, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\" fill=\"%s\" opacity=\".8\"/>\n", x(v / row.mean), y,
             kColours[1]);
-      sum += v;
-      ++n;
     }
     char mean[32];
-    std::snprintf(mean, sizeof mean, "%.4f", sum / n);
-    text(out, "s", kRight + 14, y + 4, "start", n > 0 ? mean : "-");
+    std::snprintf(mean, sizeof mean, "%.4f", row.mean_value);
+    text(out, "s", kRight + 14, y + 4, "start", std::isfinite(row.mean_value) ? mean : "-");
   }
   return out + "</svg>\n";
 }

@@ -39,6 +39,7 @@ struct RangeRow {
   double mean = 0;   // above 0
   double most = 0;
   std::vector<double> values;
+  double mean_value = 0;  // of the values; not finite: a dash
 };
 
 // A row for each figure: the range and the values as multiples of its mean, from 1/8 to 8 on a logarithmic axis; what

@@ -56,13 +56,13 @@ namespace {
   return folder + stem.data();
 }
 
-// The files that one night may have.
-[[nodiscard]] std::vector<std::string> night_files(const std::string& folder, int variant) {
-  std::vector<std::string> files;
-  for (const char* ending : {".png", ".pfm", ".json", ".jpg", ".raw", "_raw.json", ".dng"}) {
-    files.push_back(night_stem(folder, variant) + ending);
-  }
-  return files;
+// The files that one night may have besides its labels, and whether this run writes them.
+[[nodiscard]] std::vector<std::pair<std::string, bool>> night_files(const NightOptions& options, int variant) {
+  const std::string stem = night_stem(options.output, variant);
+  const bool jpeg = options.jpeg > 0;
+  return {{stem + ".png", true},       {stem + ".pfm", true},        {stem + ".json", true},
+          {stem + ".jpg", jpeg},       {stem + ".raw", options.raw}, {stem + "_raw.json", options.raw},
+          {stem + ".dng", options.raw}};
 }
 
 // All 64 bits: JSON's numbers keep 53 of them in most readers.
@@ -83,7 +83,7 @@ namespace {
   for (const char* name : kMeshFiles) files.push_back(options.output + "/" + name);
   for (const char* name : kDaylightFiles) files.push_back(options.output + "/" + name);
   for (int v = 0; v < options.variants; ++v) {
-    for (const std::string& file : night_files(options.output, v)) files.push_back(file);
+    for (const auto& file : night_files(options, v)) files.push_back(file.first);
     if (!options.labels) continue;
     for (const std::string& file : label_files(night_stem(options.output, v))) files.push_back(file);
   }
@@ -364,12 +364,8 @@ void remove_older_nights(const NightOptions& options, const InputFiles& inputs) 
     if (!made || !options.labels) {
       for (const std::string& file : label_files(night_stem(options.output, v))) any = remove_if_there(file) || any;
     }
-    for (const std::string& file : night_files(options.output, v)) {
-      const std::string ending = file.substr(night_stem(options.output, v).size());
-      const bool jpeg = ending == ".jpg";
-      const bool raw = ending == ".raw" || ending == "_raw.json" || ending == ".dng";
-      if (made && (jpeg ? options.jpeg > 0 : (!raw || options.raw))) continue;
-      any = remove_if_there(file) || any;
+    for (const auto& [file, written] : night_files(options, v)) {
+      if (!made || !written) any = remove_if_there(file) || any;
     }
     if (!any) return;
   }

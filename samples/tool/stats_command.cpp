@@ -102,7 +102,8 @@ void print_table(const std::vector<Figure>& figures, const std::vector<std::stri
   std::vector<RangeRow> rows;
   for (const Figure& f : figures) {
     const bool ranged = std::isfinite(f.real.least);
-    rows.push_back({f.name, ranged ? f.real.least : 0, f.real.mean, ranged ? f.real.most : 0, f.values});
+    rows.push_back(
+        {f.name, ranged ? f.real.least : 0, f.real.mean, ranged ? f.real.most : 0, f.values, mean_of(f.values)});
   }
   return svg_of_ranges("Night pictures beside real nights",
                        "multiple of the real nights' mean; bars: their range; right: mean of the pictures", rows);

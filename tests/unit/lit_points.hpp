@@ -40,13 +40,14 @@ LitPoints lit_points(const Scene& scene, const npsim::SurfacePoints& points, con
   Scratch scratch(point_blocks_bytes(question.visible_point.shape(), n) + kWorkspaceAlignment);
   const std::vector<std::uint8_t> hidden(n, question.visible_point.empty() ? 1 : 0);
   PointBlocks blocks;
-  REQUIRE(make_point_blocks(points, question.visible_point, {hidden.data(), n}, scratch.workspace(), blocks).ok());
+  SerialExecutor serial;
+  REQUIRE(
+      make_point_blocks(points, question.visible_point, {hidden.data(), n}, scratch.workspace(), serial, blocks).ok());
   LitPoints out;
   out.lx.resize(n);
   out.to_light.resize(n);
   const std::vector<float> certain_lx(n, question.certain_lx);
   std::vector<float> untraced_lx(blocks.count(), 0.0F);
-  SerialExecutor serial;
   NullObserver observer;
   const auto keep = [&](std::size_t b, const BlockLight& light) {
     for (std::size_t i = 0; light.any && i < kBlockPoints; ++i) {

@@ -12,6 +12,7 @@
 #include "npsim/core/observe.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/light/activation.hpp"
 #include "npsim/render/direct.hpp"
 #include "npsim/render/gather.hpp"
 #include "npsim/render/visibility.hpp"

@@ -39,10 +39,6 @@ enum class TiffType : std::uint16_t {
   f64 = 12
 };
 
-inline void append_little(Bytes& out, std::uint64_t value, std::size_t bytes) {
-  for (std::size_t i = 0; i < bytes; ++i) out.push_back(static_cast<unsigned char>(value >> (8 * i)));
-}
-
 // A directory of tags. Values follow it, at even offsets.
 class TiffDirectory {
  public:
@@ -187,7 +183,7 @@ inline Outcome write_dng(const std::string& path, const RawPicture& raw, const S
     image.add_bytes(50710, {0, 1, 2});
     image.add_u16(50711, {1});
     image.add_fractions(50714, TiffType::rational, {static_cast<double>(sensor.black)}, 100);
-    image.add_u32(50717, (1U << static_cast<unsigned>(sensor.bits)) - 1U);
+    image.add_u32(50717, static_cast<std::uint32_t>(white_level(sensor)));
     image.add_fractions(50721, TiffType::signed_rational, detail::raw_of_xyz(sensor), 1e4);
     image.add_fractions(50728, TiffType::rational, {neutral(raw.gains.x), neutral(raw.gains.y), neutral(raw.gains.z)},
                         1e6);
@@ -204,7 +200,7 @@ inline Outcome write_dng(const std::string& path, const RawPicture& raw, const S
     out.insert(out.end(), image_bytes.begin(), image_bytes.end());
     out.insert(out.end(), exif_bytes.begin(), exif_bytes.end());
     for (int y = 0; y < levels.height(); ++y) {
-      for (int x = 0; x < levels.width(); ++x) detail::append_little(out, levels(x, y), 2);
+      for (int x = 0; x < levels.width(); ++x) append_little(out, levels(x, y), 2);
     }
     return write_file(path, out.data(), out.size());
   });

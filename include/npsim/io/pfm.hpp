@@ -90,7 +90,7 @@ inline Expected<PfmHeader> pfm_header(const std::string& path, const Bytes& b, c
 inline void append_little_endian(Bytes& out, float value) {
   std::uint32_t bits = 0;
   std::memcpy(&bits, &value, 4);
-  for (int i = 0; i < 4; ++i) out.push_back(static_cast<unsigned char>((bits >> (8 * i)) & 0xFFU));
+  append_little(out, bits, 4);
 }
 
 // Pixels of T, which is `channels` floats.

@@ -44,10 +44,7 @@ inline Outcome write_raw(const std::string& path, const RawPicture& raw, const S
     Bytes bytes;
     bytes.reserve(2 * levels.shape().pixels());
     for (int y = 0; y < levels.height(); ++y) {
-      for (int x = 0; x < levels.width(); ++x) {
-        bytes.push_back(static_cast<unsigned char>(levels(x, y) & 0xFFU));
-        bytes.push_back(static_cast<unsigned char>(levels(x, y) >> 8U));
-      }
+      for (int x = 0; x < levels.width(); ++x) append_little(bytes, levels(x, y), 2);
     }
     nlohmann::ordered_json response = nlohmann::ordered_json::array();
     for (const Vec3f& row : sensor.response) response.push_back({row.x, row.y, row.z});
@@ -58,7 +55,7 @@ inline Outcome write_raw(const std::string& path, const RawPicture& raw, const S
         {"mosaic", kMosaicNames[static_cast<std::size_t>(sensor.mosaic)]},
         {"bits", sensor.bits},
         {"black", sensor.black},
-        {"white", (1 << sensor.bits) - 1},
+        {"white", white_level(sensor)},
         {"response", std::move(response)},
         {"gains", {raw.gains.x, raw.gains.y, raw.gains.z}},
         {"noise", {{"beta1", raw.noise.beta1}, {"beta2", raw.noise.beta2}}},

@@ -57,6 +57,12 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
   return kPi;
 }
 
+// The same of an emitter, whose luminaire may be measured; 0 where its table is missing.
+[[nodiscard]] inline float flux_sr(const Emitter& e) noexcept {
+  if (e.profile != EmissionProfile::measured) return profile_flux_sr(e.profile);
+  return e.luminaire != nullptr ? e.luminaire->flux_sr : 0.0F;
+}
+
 // Greatest luminance that an emitter of a profile may show, cd/m2: a lit LED or a tungsten filament behind its optics,
 // a signal of 200 cd over a 200 mm disc (6400) with a margin for the bright spot, a billboard by night times ten.
 // [default]
@@ -85,10 +91,11 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
   return strength * area_m2;
 }
 
-// The same of an emitter, whose luminaire may be measured.
+// The same of an emitter.
 [[nodiscard]] inline float peak_intensity_cd(const Emitter& e, float strength) noexcept {
   if (e.profile != EmissionProfile::measured) return peak_intensity_cd(e.profile, strength, e.area_m2);
-  return e.luminaire != nullptr ? strength / e.luminaire->flux_sr : 0.0F;
+  const float sr = flux_sr(e);
+  return sr > 0.0F ? strength / sr : 0.0F;
 }
 
 // Linear RGB of luminance 1 with chromaticity (x, y). Outside the gamut of sRGB negative channels are dropped, not

@@ -22,6 +22,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
@@ -152,8 +153,7 @@ inline constexpr std::size_t kNightStatisticsBytes =
       row += 0.2126 * linear[c.r] + 0.7152 * linear[c.g] + 0.0722 * linear[c.b];
       row_red += linear[c.r];
       row_green += linear[c.g];
-      const std::uint8_t rg = c.r > c.g ? c.r : c.g;
-      const std::uint8_t most = rg > c.b ? rg : c.b;
+      const std::uint8_t most = max_of(c.r, c.g, c.b);
       black += most <= 8 ? 1U : 0U;
       saturated += most == 255 ? 1U : 0U;
     }

@@ -189,9 +189,17 @@ struct PhotographParams {
 
 namespace photograph_detail {
 
-// Whether the light is changed before it is metered, which takes an image.
 [[nodiscard]] constexpr bool moves(const PhotographParams& params) noexcept {
   return has_motion(params.motion) || params.flicker.on;
+}
+
+// Whether light is changed between the scene and the converter, which takes an image.
+[[nodiscard]] constexpr bool changes_light(const PhotographParams& params) noexcept {
+  return params.ideal_sensor || has_glare(params.glare) || moves(params);
+}
+
+[[nodiscard]] constexpr std::size_t own_light_bytes(const PhotographParams& params, Shape shape) noexcept {
+  return changes_light(params) ? allocation_bytes<Vec3f>(shape.pixels()) : 0;
 }
 
 // The waves of marked lamps: one for each vehicle, in step where lamps belong together.
@@ -259,13 +267,30 @@ template <class Executor>
                     workspace, executor);
 }
 
+// `light` becomes what reaches the sensor, moved and with glare. own: the image that is taken where light is changed.
+template <class Executor>
+[[nodiscard]] Status light_at_sensor(const PhotographParams& params, const Intrinsics& intrinsics, std::uint64_t seed,
+                                     std::uint32_t image, const PhotographedStreet& street,
+                                     ImageView<const Vec3f>& light, ImageView<Vec3f>& own, Workspace& workspace,
+                                     Executor& executor) {
+  if (changes_light(params)) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(light.shape(), own));
+  if (moves(params)) {
+    NPSIM_RETURN_IF_ERROR(move(params, intrinsics, seed, image, street, light, own, workspace, executor));
+    light = own;
+  }
+  if (has_glare(params.glare)) {
+    NPSIM_RETURN_IF_ERROR(add_glare(params.glare, intrinsics.fx, light, own, workspace, executor));
+    light = own;
+  }
+  return {};
+}
+
 }  // namespace photograph_detail
 
 // lights: marks of the street that is photographed, if it moves or flickers.
 [[nodiscard]] constexpr std::size_t photograph_workspace_bytes(const PhotographParams& params, Shape shape,
                                                                std::size_t lights = 0) noexcept {
-  const bool image = params.ideal_sensor || has_glare(params.glare) || photograph_detail::moves(params);
-  return (image ? allocation_bytes<Vec3f>(shape.pixels()) : 0) +
+  return photograph_detail::own_light_bytes(params, shape) +
          max_of((params.ideal_sensor ? 0 : 2 * allocation_bytes<float>(mosaic_shape(shape).pixels())) +
                     max_of(glare_workspace_bytes(params.glare, shape), auto_exposure_workspace_bytes(shape),
                            white_balance_workspace_bytes(shape)),
@@ -286,22 +311,11 @@ Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, 
   if (raw != nullptr && !raw->levels.empty() && (params.ideal_sensor || params.sensor.exposures != 1)) {
     return {StatusCode::invalid_argument, "photograph: raw levels are those of a sensor with filters and one exposure"};
   }
-  const bool moves = photograph_detail::moves(params);
   const WorkspaceScope scope(workspace);
   ImageView<const Vec3f> light = luminance_cd_m2;
   ImageView<Vec3f> own;
-  if (params.ideal_sensor || has_glare(params.glare) || moves) {
-    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, own));
-  }
-  if (moves) {
-    NPSIM_RETURN_IF_ERROR(
-        photograph_detail::move(params, intrinsics, seed, image, street, light, own, workspace, executor));
-    light = own;
-  }
-  if (has_glare(params.glare)) {
-    NPSIM_RETURN_IF_ERROR(add_glare(params.glare, intrinsics.fx, light, own, workspace, executor));
-    light = own;
-  }
+  NPSIM_RETURN_IF_ERROR(
+      photograph_detail::light_at_sensor(params, intrinsics, seed, image, street, light, own, workspace, executor));
   AutoExposureResult metered;
   NPSIM_RETURN_IF_ERROR(auto_exposure(params.exposure, light, metered, workspace, executor));
   exposure = metered.camera;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which pixels of a night's picture are saturated, and in which noise hides what there is (sensor/signal_masks.hpp).
 //
-// The picture is taken once more without noise, with the exposure that it had: motion, glare and all that the sensor does, read
-// in 16 bits. What is found therefore depends on the light and on how strong the noise is, not on how it fell out.
+// The picture is taken once more without noise, with the exposure that it had: motion, glare and all that the sensor
+// does, read in 16 bits. What is found therefore depends on the light and on how strong the noise is, not on how it
+// fell out.
 // White balance is that of the picture without noise.
 // Invariant: the same bits for any executor. Cost: a picture without denoising, demosaic and tone.
 // Memory: an image where there is motion or glare, and a float per pixel, besides what the steps take.
@@ -25,8 +26,7 @@ inline namespace NPSIM_ABI {
 
 [[nodiscard]] constexpr std::size_t picture_masks_workspace_bytes(const PhotographParams& camera, Shape shape,
                                                                   std::size_t lights = 0) noexcept {
-  const bool image = camera.ideal_sensor || has_glare(camera.glare) || photograph_detail::moves(camera);
-  return (image ? allocation_bytes<Vec3f>(shape.pixels()) : 0) +
+  return photograph_detail::own_light_bytes(camera, shape) +
          max_of(glare_workspace_bytes(camera.glare, shape), photograph_detail::motion_bytes(camera, shape, lights),
                 allocation_bytes<float>(mosaic_shape(shape).pixels()) + white_balance_workspace_bytes(shape)) +
          kWorkspaceAlignment;
@@ -46,19 +46,8 @@ Status picture_masks(const SignalMaskParams& params, const PhotographParams& cam
   const WorkspaceScope scope(workspace);
   ImageView<const Vec3f> light = luminance_cd_m2;
   ImageView<Vec3f> own;
-  const bool moves = photograph_detail::moves(camera);
-  if (camera.ideal_sensor || has_glare(camera.glare) || moves) {
-    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, own));
-  }
-  if (moves) {
-    NPSIM_RETURN_IF_ERROR(
-        photograph_detail::move(camera, intrinsics, seed, image, street, light, own, workspace, executor));
-    light = own;
-  }
-  if (has_glare(camera.glare)) {
-    NPSIM_RETURN_IF_ERROR(add_glare(camera.glare, intrinsics.fx, light, own, workspace, executor));
-    light = own;
-  }
+  NPSIM_RETURN_IF_ERROR(
+      photograph_detail::light_at_sensor(camera, intrinsics, seed, image, street, light, own, workspace, executor));
   const Result<NoiseLevel> level = noise_level(exposure.iso, camera.noise_table);
   NPSIM_RETURN_IF_ERROR(level.status());
   const NoiseParams noise{level.value(), camera.residual_noise};

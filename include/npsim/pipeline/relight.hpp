@@ -358,7 +358,7 @@ template <class Rays, class Executor, class Observer>
       }
     }
     for (const std::uint32_t point : lit.receivers) hidden[point] = 0;
-    NPSIM_RETURN_IF_ERROR(make_point_blocks(lit.points, lit.visible_point, hidden, workspace, lit.blocks));
+    NPSIM_RETURN_IF_ERROR(make_point_blocks(lit.points, lit.visible_point, hidden, workspace, executor, lit.blocks));
     const auto light_of = [&](std::size_t e, Span<float> certain_lx, Span<float> untraced_lx, const auto& each_block) {
       return light_blocks(params.visibility, key, rays.scene, lit.points, lit.blocks, certain_lx, lit.emitters[e],
                           static_cast<std::uint32_t>(e), lit.groups.peak_cd[e], face_mark, untraced_lx, executor,

@@ -5,23 +5,15 @@
 //        + E(p) / cos * albedo * strength * retroreflection(camera, light)
 // f0: of dry surfaces; under a film of water its own. What is retroreflected reaches the camera alone: no other surface
 // lies where the lamp is.
-// Lit surfaces (windows, signs) within eight of their sides count by Lambert's closed form for their rectangle, exact to
-// .1 % where nothing stands in the way; what hides a part of them counts by V as if it hid its share everywhere. Beyond,
-// and for every other lamp, a point at the centre stands for them, within 1 %; gloss takes the mean direction of the
-// light, so a mirrored window is as wide as the lobe.
+// Gloss takes the mean direction of the light, so a mirrored window is as wide as the lobe.
 // Cost: one evaluation.
 #ifndef NPSIM_RENDER_DIRECT_HPP
 #define NPSIM_RENDER_DIRECT_HPP
 
 #include <cstddef>
-#include <cstdint>
 
 #include "npsim/core/config.hpp"
-#include "npsim/core/span.hpp"
-#include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/light/activation.hpp"
-#include "npsim/light/emitter.hpp"
 #include "npsim/material/bsdf.hpp"
 #include "npsim/material/retroreflection.hpp"
 #include "npsim/material/wet_film.hpp"

@@ -2,7 +2,9 @@
 // Illuminance that a lamp brings to a point with nothing in between: by its shape near it, as a point's farther off.
 //
 //   E = I_peak * illuminance_per_cd,   in lx for I in cd
-// Error: within 1 % of the integral over the shape; see is_extended() and detail/area_light.hpp.
+// Lit surfaces (windows, signs) within eight of their sides count by Lambert's closed form for their rectangle; beyond,
+// a point at the centre stands for them.
+// Error: within 1 % of the integral over the shape, .1 % by that form; see is_extended() and detail/area_light.hpp.
 // Cost: two square roots and a profile; near a surface that shines, its closed form.
 #ifndef NPSIM_RENDER_ILLUMINANCE_HPP
 #define NPSIM_RENDER_ILLUMINANCE_HPP

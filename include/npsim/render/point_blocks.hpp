@@ -77,8 +77,9 @@ struct PointBlocks {
 }
 
 // What `visible_point` shows (an empty image: nothing), and the points p that it does not with hidden[p] != 0.
-inline Status make_point_blocks(const SurfacePoints& points, ImageView<const std::uint32_t> visible_point,
-                                Span<const std::uint8_t> hidden, Workspace& workspace, PointBlocks& out) noexcept {
+template <class Executor>
+Status make_point_blocks(const SurfacePoints& points, ImageView<const std::uint32_t> visible_point,
+                         Span<const std::uint8_t> hidden, Workspace& workspace, Executor& executor, PointBlocks& out) {
   if (hidden.size() != points.size()) return {StatusCode::shape_mismatch, "point blocks: one byte per point"};
   const Shape shape = visible_point.shape();
   out.tiles = light_tiles(shape).pixels();
@@ -90,15 +91,12 @@ inline Status make_point_blocks(const SurfacePoints& points, ImageView<const std
   NPSIM_RETURN_IF_ERROR(workspace.allocate(blocks * kBlockPoints, slots));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(blocks, bounds));
   for (std::uint32_t& slot : slots) slot = kNoPoint;
-  const auto across = static_cast<std::size_t>(light_tiles(shape).width);
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      const std::size_t tile =
-          static_cast<std::size_t>(y / kBlockSide) * across + static_cast<std::size_t>(x / kBlockSide);
-      slots[tile * kBlockPoints + static_cast<std::size_t>(y % kBlockSide * kBlockSide + x % kBlockSide)] =
-          visible_point(x, y);
+  for_light_tiles(shape, executor, [&](std::size_t tile, int left, int top, int right, int bottom) {
+    std::uint32_t* const block = slots.data() + tile * kBlockPoints;
+    for (int y = top; y < bottom; ++y) {
+      for (int x = left; x < right; ++x) block[(y - top) * kBlockSide + x - left] = visible_point(x, y);
     }
-  }
+  });
   std::size_t next = out.tiles * kBlockPoints;
   for (std::size_t p = 0; p < points.size(); ++p) {
     if (hidden[p] != 0) slots[next++] = static_cast<std::uint32_t>(p);

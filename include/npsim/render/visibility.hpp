@@ -5,7 +5,8 @@
 // V is the share of the lamp that point p sees: one shadow ray for a lamp that looks small from p, else four, one per
 // quarter of its shape, and where these disagree (a penumbra) k x k more. Rays that leave below the receiver's horizon do
 // not count: what lies there is no part of E. An occluder that hides part of the lamp but none of the four rays is
-// missed. None of it depends on strength or colour, so every night of one day shares it.
+// missed. What hides a part of a lit surface counts as if it hid its share everywhere. None of it depends on strength
+// or colour, so every night of one day shares it.
 // Effort follows what is at stake, E times kShine where a surface mirrors or retroreflects, against c, the greater of
 // cutoff_lx and cutoff_share times the light that is certain: what the point gets from lamps that every night lights.
 // Rays leave from a lattice of a block's points, every `step`th of every `step`th row:
@@ -91,6 +92,40 @@ inline constexpr int kLast = kBlockSide - 1;
 }
 
 enum class Stake : std::uint8_t { none, weak, middling, full, dominant };
+[[nodiscard]] constexpr Stake stake_of(float at_stake, float cutoff) noexcept {
+  if (!(at_stake > cutoff)) return Stake::none;
+  if (at_stake < 10.0F * cutoff) return Stake::weak;
+  if (at_stake < 50.0F * cutoff) return Stake::middling;
+  return at_stake < 250.0F * cutoff ? Stake::full : Stake::dominant;
+}
+
+[[nodiscard]] inline float longer_side_m(const Emitter& e) noexcept {
+  return 2.0F * std::fmax(length(e.half_u_m), length(e.half_v_m));
+}
+
+// The most illuminance that a lamp could bring to any point of a block.
+[[nodiscard]] inline float most_illuminance_lx(const Emitter& e, float peak_cd, const BlockBounds& bounds) noexcept {
+  const Vec3f way = bounds.centre_m - e.centre_m;
+  const float nearest = length(way) - bounds.radius_m - longer_side_m(e);
+  if (!(nearest > 0.0F)) return std::numeric_limits<float>::infinity();
+  const bool flat = e.shape == EmitterShape::patch || e.shape == EmitterShape::disc;
+  float cosine = 1.0F;
+  if (flat && e.profile == EmissionProfile::lambert) {
+    cosine = std::fmin(1.0F, std::fmax(0.0F, dot(e.axis, way) + bounds.radius_m) / nearest);
+  }
+  return peak_cd * cosine / (nearest * nearest);
+}
+
+// Whether all of a block lies below the cut-off; else `most_lx` may be more than it.
+[[nodiscard]] inline bool is_dark(const VisibilityParams& params, Span<const std::uint32_t> block,
+                                  const BlockBounds& bounds, Span<const float> certain_lx, float most_lx) noexcept {
+  const float at_stake = bounds.shines ? kShine * most_lx : most_lx;
+  if (at_stake <= params.cutoff_lx) return true;
+  for (const std::uint32_t p : block) {
+    if (p != kNoPoint && !(at_stake <= params.cutoff_share * certain_lx[p])) return false;
+  }
+  return true;
+}
 
 inline constexpr std::size_t kRaysPerBatch = 256;  // room for the rays of one point
 
@@ -126,30 +161,7 @@ class BlockTracer {
         number_(number),
         passes_(passes),
         light_(light),
-        extent_(2.0F * std::fmax(length(emitter.half_u_m), length(emitter.half_v_m))) {}
-
-  // The most illuminance that the lamp could bring to any point of the block.
-  [[nodiscard]] float most(const BlockBounds& bounds, float peak_cd) const noexcept {
-    const Vec3f way = bounds.centre_m - emitter_.centre_m;
-    const float nearest = length(way) - bounds.radius_m - extent_;
-    if (!(nearest > 0.0F)) return std::numeric_limits<float>::infinity();
-    const bool flat = emitter_.shape == EmitterShape::patch || emitter_.shape == EmitterShape::disc;
-    float cosine = 1.0F;
-    if (flat && emitter_.profile == EmissionProfile::lambert) {
-      cosine = std::fmin(1.0F, std::fmax(0.0F, dot(emitter_.axis, way) + bounds.radius_m) / nearest);
-    }
-    return peak_cd * cosine / (nearest * nearest);
-  }
-
-  // Whether all of the block lies below the cut-off; else `most` may be more than it.
-  [[nodiscard]] bool is_dark(const BlockBounds& bounds, Span<const float> certain_lx, float most_lx) const noexcept {
-    const float at_stake = bounds.shines ? kShine * most_lx : most_lx;
-    if (at_stake <= params_.cutoff_lx) return true;
-    for (const std::uint32_t p : block_) {
-      if (p != kNoPoint && !(at_stake <= params_.cutoff_share * certain_lx[p])) return false;
-    }
-    return true;
-  }
+        extent_(longer_side_m(emitter)) {}
 
   // Returns the sum of what is left out.
   float weigh(Span<const float> certain_lx, float peak_cd) noexcept {
@@ -163,17 +175,13 @@ class BlockTracer {
           peak_cd * illuminance_per_cd(emitter_, points_.position[p], points_.normal[p], light_.to_light[i]);
       if (!(arriving > 0.0F)) continue;
       const float cutoff = std::fmax(params_.cutoff_lx, params_.cutoff_share * certain_lx[p]);
-      const float at_stake = shine(points_, p) * arriving;
-      if (!(at_stake > cutoff)) {
+      stake_[i] = stake_of(shine(points_, p) * arriving, cutoff);
+      if (stake_[i] == Stake::none) {
         left_out += arriving;
         continue;
       }
       light_.illuminance_lx[i] = arriving;
       light_.any = true;
-      stake_[i] = at_stake < 10.0F * cutoff
-                      ? Stake::weak
-                      : (at_stake < 50.0F * cutoff ? Stake::middling
-                                                   : (at_stake < 250.0F * cutoff ? Stake::full : Stake::dominant));
     }
     return left_out;
   }
@@ -188,11 +196,11 @@ class BlockTracer {
     trace(slots, count);
     count = 0;
     for_slots([&](int x, int y, std::uint16_t i) {
-      if (!on_lattice(x, y, i) && !take_from_lattice(x, y, i)) slots[count++] = i;
+      const bool between = !on_lattice(x, y, i);
+      taken_[i] = between && take_from_lattice(x, y, i);
+      if (between && !taken_[i]) slots[count++] = i;
     });
-    for (bool& t : taken_) t = true;
     while (count > 0) {
-      for (std::size_t t = 0; t < count; ++t) taken_[slots[t]] = false;
       trace(slots, count);
       count = doubted_neighbours(slots, count);
     }
@@ -255,7 +263,7 @@ class BlockTracer {
         for (int u = x > 0 ? x - 1 : x; u <= x + 1 && u < kBlockSide; ++u) {
           const auto i = static_cast<std::uint16_t>(v * kBlockSide + u);
           if (stake_[i] < Stake::full || !taken_[i] || !(std::fabs(visible_[i] - visible_[from]) > 0.25F)) continue;
-          if (on_lattice(u, v, i) || !on_surface_of(points_, block_[i], block_[from])) continue;
+          if (!on_surface_of(points_, block_[i], block_[from])) continue;
           taken_[i] = false;
           found[next++] = i;
         }
@@ -363,14 +371,14 @@ Status light_blocks(const VisibilityParams& params, std::uint64_t seed, const Sc
   executor.for_chunks(blocks.count(), 2, [&](std::size_t begin, std::size_t end) {
     BlockLight light;
     for (std::size_t b = begin; b < end && !observer.cancelled(); ++b) {
-      visibility_detail::BlockTracer tracer(params, seed, scene, points, blocks.of_block(b), emitter, number, passes,
-                                            light);
       light.any = false;
+      const Span<const std::uint32_t> block = blocks.of_block(b);
       const BlockBounds& bounds = blocks.bounds[b];
-      const float most_lx = tracer.most(bounds, peak_cd);
-      if (tracer.is_dark(bounds, certain_lx, most_lx)) {
+      const float most_lx = visibility_detail::most_illuminance_lx(emitter, peak_cd, bounds);
+      if (visibility_detail::is_dark(params, block, bounds, certain_lx, most_lx)) {
         untraced_lx[b] += most_lx * static_cast<float>(bounds.points);
       } else {
+        visibility_detail::BlockTracer tracer(params, seed, scene, points, block, emitter, number, passes, light);
         untraced_lx[b] += tracer.weigh(certain_lx, peak_cd);
         tracer.trace();
       }

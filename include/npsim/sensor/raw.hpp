@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The sensor: from light on its surface to the raw picture behind its colour filters.
 //
-// raw(x, y) = dequantise(round(clip(v g m . (B * rgb)) + noise)), with B the lens' blur, m the row of `response` of the pixel's filter, g the
-// exposure's signal per cd/m2, v the vignetting 1 - s (1 - cos^4) at the pixel's angle off the axis.
+// raw(x, y) = dequantise(round(clip(v g m . (B * rgb)) + noise)), with B the lens' blur, m the row of `response` of the
+// pixel's filter, g the exposure's signal per cd/m2, v the vignetting 1 - s (1 - cos^4) at the pixel's angle off the
+// axis.
 // - Colour: a camera's filters overlap. The response to linear sRGB is of the kind that the colour matrices of raw
 //   converters show (rows of sum 1 there, times the channel's sensitivity to daylight): a red lamp reaches a quarter of
 //   its red signal in green. Clipping therefore happens per filter, before any white balance.
@@ -98,6 +99,12 @@ inline constexpr int kMosaicMargin = 2;
   return range;
 }
 
+// Levels of the converter: its greatest, and how many lie between no light and full scale.
+[[nodiscard]] constexpr int white_level(const SensorParams& p) noexcept { return (1 << p.bits) - 1; }
+[[nodiscard]] constexpr float level_range(const SensorParams& p) noexcept {
+  return static_cast<float>(white_level(p)) - p.black;
+}
+
 // Elements of a row of the plane.
 [[nodiscard]] constexpr Shape mosaic_shape(Shape shape) noexcept {
   return {shape.width + 2 * kMosaicMargin, shape.height};
@@ -156,7 +163,7 @@ template <class Executor>
   const F beta1(noise.level.beta1);
   const F beta2(noise.level.beta2);
   const F residual(noise.residual);
-  const float levels = static_cast<float>((1 << params.bits) - 1) - params.black;
+  const float levels = level_range(params);
   const float range = raw_range(params);
   const float outer = 0.5F * params.blur_px * params.blur_px;
   const float inner = 1.0F - 2.0F * outer;
@@ -248,7 +255,7 @@ template <class Executor>
   if (levels.empty() || plane.shape() != mosaic_shape(levels.shape())) {
     return {StatusCode::shape_mismatch, "raw: the plane must have the picture's size and its margins"};
   }
-  const float range = static_cast<float>((1 << params.bits) - 1) - params.black;
+  const float range = level_range(params);
   for_rows(levels.shape(), executor, [&](int y) {
     const float* from = plane.row(y) + kMosaicMargin;
     for (int x = 0; x < levels.width(); ++x) {

@@ -18,6 +18,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
@@ -69,8 +70,7 @@ template <class Executor>
   if (out.saturated.empty() || out.indiscernible.shape() != shape || plane.shape() != mosaic_shape(shape)) {
     return {StatusCode::shape_mismatch, "signal masks: both must have one shape, and the plane its size with margins"};
   }
-  const float levels = static_cast<float>((1 << sensor.bits) - 1) - sensor.black;
-  const float least = signal_of_snr(noise, 1.0F / levels, params.least_snr);
+  const float least = signal_of_snr(noise, 1.0F / level_range(sensor), params.least_snr);
   const float full = kFullSignal * raw_range(sensor);
   const float gain[3] = {gains.x, gains.y, gains.z};
   for_rows(shape, executor, [&](int y) {
@@ -107,8 +107,7 @@ template <class Executor>
   for_rows(signal.shape(), executor, [&](int y) {
     for (int x = 0; x < signal.width(); ++x) {
       const Vec3f c = sane_sample(signal(x, y));
-      const float rg = c.x > c.y ? c.x : c.y;
-      const float brightest = rg > c.z ? rg : c.z;
+      const float brightest = max_of(c.x, c.y, c.z);
       out.saturated(x, y) = brightest >= kFullSignal ? 1 : 0;
       out.indiscernible(x, y) = brightest <= least ? 1 : 0;
     }

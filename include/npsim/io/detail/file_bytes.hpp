@@ -25,6 +25,11 @@ namespace io {
 
 using Bytes = std::vector<unsigned char>;
 
+// The lowest `bytes` of a number, the lowest first.
+inline void append_little(Bytes& out, std::uint64_t value, std::size_t bytes) {
+  for (std::size_t i = 0; i < bytes; ++i) out.push_back(static_cast<unsigned char>(value >> (8 * i)));
+}
+
 // Runs f, which returns an Expected, and turns what it throws (no memory, a fault in a file system) into an Error.
 template <class F>
 auto guarded(const std::string& path, F&& f) -> decltype(f()) {

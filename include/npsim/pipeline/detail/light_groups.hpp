@@ -42,7 +42,7 @@ struct LightGroups {
 };
 
 [[nodiscard]] constexpr std::size_t light_groups_bytes(std::size_t emitters) noexcept {
-  return 2 * allocation_bytes<std::uint32_t>(emitters) + allocation_bytes<float>(emitters) +
+  return 2 * allocation_bytes<std::uint32_t>(emitters) + 2 * allocation_bytes<float>(emitters) +
          allocation_bytes<float>(emitters + 1) + allocation_bytes<std::uint8_t>(emitters);
 }
 
@@ -57,8 +57,7 @@ namespace relight_detail {
 
 [[nodiscard]] inline float flux_lm(const Emitter& e, float peak_cd) noexcept {
   if (is_moon(e)) return 0.0F;  // the sun's, if it were counted
-  if (e.profile == EmissionProfile::measured) return e.luminaire != nullptr ? peak_cd * e.luminaire->flux_sr : 0.0F;
-  return peak_cd * profile_flux_sr(e.profile);
+  return peak_cd * flux_sr(e);
 }
 
 // A group counts whole as soon as any variant lights one of its lamps, so that no variant's bits depend on the others.
@@ -72,7 +71,9 @@ namespace relight_detail {
   NPSIM_RETURN_IF_ERROR(workspace.allocate(count, out.shines));
   const WorkspaceScope scope(workspace);
   Span<std::uint32_t> foremost;  // of the lamps that light as one with each
+  Span<float> together_lm;       // of all lamps that light as one with a foremost lamp, at their strongest
   NPSIM_RETURN_IF_ERROR(workspace.allocate(count, foremost));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(count, together_lm));
   float certain_lm = 0.0F;
   for (std::size_t e = 0; e < count; ++e) {
     out.peak_cd[e] = strongest_intensity_cd(params, emitters[e]);
@@ -83,6 +84,8 @@ namespace relight_detail {
     }
     foremost[e] = 0;
     while (foremost[e] < e && !light_as_one(emitters[e], emitters[foremost[e]])) ++foremost[e];
+    together_lm[e] = 0.0F;
+    together_lm[foremost[e]] += flux_lm(emitters[e], out.peak_cd[e]);
     if (!is_own_headlamp(emitters[e])) certain_lm += flux_lm(emitters[e], certain_intensity_cd(params, emitters[e]));
   }
   // Becomes a group if it is lit: all lamps for which is_member(e).
@@ -102,12 +105,9 @@ namespace relight_detail {
     out.group_peak_cd[out.count++] = sum;
   };
   const auto is_certain = [&](std::size_t e) { return certain_intensity_cd(params, emitters[e]) > 0.0F; };
-  const auto is_small = [&](std::size_t e) {
-    float sum_lm = 0.0F;
-    for (std::size_t member = 0; member < count; ++member) {
-      if (foremost[member] == foremost[e]) sum_lm += flux_lm(emitters[member], out.peak_cd[member]);
-    }
-    return sum_lm < kSmallShare * certain_lm && !is_own_headlamp(emitters[e]) && !is_moon(emitters[e]);
+  const auto is_small = [&](std::size_t first) {
+    const Emitter& e = emitters[first];
+    return together_lm[first] < kSmallShare * certain_lm && !is_own_headlamp(e) && !is_moon(e);
   };
   // Light that is certain first: the others are traced as carefully as they matter beside it.
   for (const bool certain : {true, false}) {
