@@ -112,7 +112,8 @@ template <class Holds>
 
 class StageJudge {
  public:
-  StageJudge(const NightParams& params, const SceneView& scene, const Truth& truth, const TrueNight& night, ThreadPool& pool)
+  StageJudge(const NightParams& params, const SceneView& scene, const Truth& truth, const TrueNight& night,
+             ThreadPool& pool)
       : params_(params), scene_(scene), truth_(truth), night_(night), pool_(pool) {
     params_.camera.residual_noise = 0;
   }

@@ -57,11 +57,11 @@ struct OutlierParams {
 };
 
 [[nodiscard]] inline Status validate(const OutlierParams& params) noexcept {
-  if (!(params.ground_tolerance >= 0.0F) || !(params.ground_slope >= 0.0F) ||
-      !(params.near_tolerance >= 0.0F) || !(params.near_slope >= 0.0F) || params.speck_radius_px < 0 ||
-      params.speck_radius_px > 32 || !(params.speck_share >= 0.0F && params.speck_share <= 1.0F) ||
-      !(params.speck_tolerance > 0.0F) || !(params.strip_width >= 0.0F) || !(params.strip_margin_px >= 0.0F) ||
-      !(params.strip_step_px >= 0.0F) || !(params.strip_step >= 0.0F)) {
+  if (!(params.ground_tolerance >= 0.0F) || !(params.ground_slope >= 0.0F) || !(params.near_tolerance >= 0.0F) ||
+      !(params.near_slope >= 0.0F) || params.speck_radius_px < 0 || params.speck_radius_px > 32 ||
+      !(params.speck_share >= 0.0F && params.speck_share <= 1.0F) || !(params.speck_tolerance > 0.0F) ||
+      !(params.strip_width >= 0.0F) || !(params.strip_margin_px >= 0.0F) || !(params.strip_step_px >= 0.0F) ||
+      !(params.strip_step >= 0.0F)) {
     return {StatusCode::invalid_argument, "drop_outliers: tolerances positive, radius in 0..32, share in 0..1"};
   }
   return {};

@@ -95,6 +95,13 @@ struct Emitter {
 // Of the vehicle that carries the camera.
 [[nodiscard]] constexpr bool is_own_headlamp(const Emitter& e) noexcept { return e.mark == 0 && e.unseen == 0; }
 
+// Whether nothing leaves the emitter against its axis: a surface that shines to one side, a lens, a headlamp.
+[[nodiscard]] constexpr bool shines_ahead(const Emitter& e) noexcept {
+  const bool flat = e.shape == EmitterShape::patch || e.shape == EmitterShape::disc;
+  return is_headlamp_profile(e.profile) || e.profile == EmissionProfile::signal ||
+         (flat && e.profile == EmissionProfile::lambert);
+}
+
 // The moon is an unseen lamp: a sphere of constant luminance and a radius of 0.26 degrees, so far off that a street is a
 // point to it, and so near that float keeps its shadows sharp.
 inline constexpr std::uint16_t kMoonNumber = 0xFFFF;

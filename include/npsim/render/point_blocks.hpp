@@ -3,7 +3,8 @@
 //
 // A slot of a tile holds the point that its pixel shows; neighbours in a block are neighbours in the picture. Points
 // that no pixel shows follow one another as they do in the list of points, row by row of a block.
-// Memory: 4 bytes a slot, 20 a block.
+// Cells of 8 x 8 slots have bounds of where their points lie and which way they face.
+// Memory: 4 bytes a slot, 36 a cell.
 #ifndef NPSIM_RENDER_POINT_BLOCKS_HPP
 #define NPSIM_RENDER_POINT_BLOCKS_HPP
 
@@ -25,6 +26,9 @@ inline namespace NPSIM_ABI {
 
 inline constexpr int kBlockSide = kLightTile;
 inline constexpr std::size_t kBlockPoints = kLightTilePixels;
+inline constexpr int kCellSide = 8;
+inline constexpr int kBlockCells = kBlockSide / kCellSide;  // in a row of a block
+inline constexpr std::size_t kCellsOfBlock = kBlockCells * kBlockCells;
 
 // How much brighter than a matt surface a wet road or a sign may look: GGX of alpha .12 has f = 5/sr where asphalt has
 // .02, sheeting .3 to 250 where white has .13. [default] for both.
@@ -36,20 +40,22 @@ inline constexpr float kShine = 100.0F;
   return wet || sign ? kShine : 1.0F;
 }
 
-// A sphere around the points of a block.
-struct BlockBounds {
+// A sphere around the points of a cell, and a cone around their normals.
+struct CellBounds {
   Vec3f centre_m;
   float radius_m = 0;
+  Vec3f normal;            // the cone's axis
+  float cone_cosine = -1;  // of half its angle; -1: they face anywhere
   std::uint16_t points = 0;
   bool shines = false;  // whether one of them does
 };
 
 struct PointBlocks {
   Span<const std::uint32_t> point;  // kBlockPoints slots a block; kNoPoint: empty
-  Span<const BlockBounds> bounds;
-  std::size_t tiles = 0;  // as many of the blocks are those of the picture, in the order of light_tiles()
+  Span<const CellBounds> cells;     // kCellsOfBlock a block, row by row
+  std::size_t tiles = 0;            // as many of the blocks are those of the picture, in the order of light_tiles()
 
-  [[nodiscard]] std::size_t count() const noexcept { return bounds.size(); }
+  [[nodiscard]] std::size_t count() const noexcept { return cells.size() / kCellsOfBlock; }
   [[nodiscard]] Span<const std::uint32_t> of_block(std::size_t block) const noexcept {
     return point.sub(block * kBlockPoints, kBlockPoints);
   }
@@ -57,22 +63,40 @@ struct PointBlocks {
 
 [[nodiscard]] constexpr std::size_t point_blocks_bytes(Shape shape, std::size_t points) noexcept {
   const std::size_t blocks = light_tiles(shape).pixels() + points / kBlockPoints + 1;
-  return allocation_bytes<std::uint32_t>(blocks * kBlockPoints) + allocation_bytes<BlockBounds>(blocks);
+  return allocation_bytes<std::uint32_t>(blocks * kBlockPoints) + allocation_bytes<CellBounds>(blocks * kCellsOfBlock);
 }
 
-[[nodiscard]] inline BlockBounds bounds_of(const SurfacePoints& points, Span<const std::uint32_t> block) noexcept {
-  BlockBounds bounds;
-  Vec3f low, high;
-  for (const std::uint32_t p : block) {
-    if (p == kNoPoint) continue;
+// Calls f(slot) for the slots of a block's cell.
+template <class F>
+void for_cell(std::size_t cell, const F& f) noexcept {
+  const std::size_t first = cell / kBlockCells * kCellSide * kBlockSide + cell % kBlockCells * kCellSide;
+  for (std::size_t y = 0; y < kCellSide; ++y) {
+    for (std::size_t x = 0; x < kCellSide; ++x) f(first + y * kBlockSide + x);
+  }
+}
+
+[[nodiscard]] inline CellBounds bounds_of(const SurfacePoints& points, Span<const std::uint32_t> block,
+                                          std::size_t cell) noexcept {
+  CellBounds bounds;
+  Vec3f low, high, sum;
+  for_cell(cell, [&](std::size_t slot) {
+    const std::uint32_t p = block[slot];
+    if (p == kNoPoint) return;
     const Vec3f& at = points.position[p];
     low = bounds.points > 0 ? Vec3f{std::fmin(low.x, at.x), std::fmin(low.y, at.y), std::fmin(low.z, at.z)} : at;
     high = bounds.points > 0 ? Vec3f{std::fmax(high.x, at.x), std::fmax(high.y, at.y), std::fmax(high.z, at.z)} : at;
     bounds.shines = bounds.shines || shine(points, p) > 1.0F;
+    sum += points.normal[p];
     ++bounds.points;
-  }
+  });
   bounds.centre_m = (low + high) * 0.5F;
   bounds.radius_m = 0.501F * length(high - low);
+  bounds.normal = normalized(sum);
+  float least = 1.0F;
+  for_cell(cell, [&](std::size_t slot) {
+    if (block[slot] != kNoPoint) least = std::fmin(least, dot(bounds.normal, points.normal[block[slot]]));
+  });
+  bounds.cone_cosine = least > 0.0F ? least - 1e-4F : -1.0F;
   return bounds;
 }
 
@@ -87,9 +111,9 @@ Status make_point_blocks(const SurfacePoints& points, ImageView<const std::uint3
   for (const std::uint8_t h : hidden) more += h != 0 ? 1U : 0U;
   const std::size_t blocks = out.tiles + (more + kBlockPoints - 1) / kBlockPoints;
   Span<std::uint32_t> slots;
-  Span<BlockBounds> bounds;
+  Span<CellBounds> cells;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(blocks * kBlockPoints, slots));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(blocks, bounds));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(blocks * kCellsOfBlock, cells));
   for (std::uint32_t& slot : slots) slot = kNoPoint;
   for_light_tiles(shape, executor, [&](std::size_t tile, int left, int top, int right, int bottom) {
     std::uint32_t* const block = slots.data() + tile * kBlockPoints;
@@ -102,8 +126,12 @@ Status make_point_blocks(const SurfacePoints& points, ImageView<const std::uint3
     if (hidden[p] != 0) slots[next++] = static_cast<std::uint32_t>(p);
   }
   out.point = slots;
-  for (std::size_t b = 0; b < blocks; ++b) bounds[b] = bounds_of(points, slots.sub(b * kBlockPoints, kBlockPoints));
-  out.bounds = bounds;
+  executor.for_chunks(blocks, 16, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t c = begin * kCellsOfBlock; c < end * kCellsOfBlock; ++c) {
+      cells[c] = bounds_of(points, out.of_block(c / kCellsOfBlock), c % kCellsOfBlock);
+    }
+  });
+  out.cells = cells;
   return {};
 }
 

@@ -20,7 +20,7 @@
 // Error of the illuminance at a point: at most  n_emitters * c  away from shadow edges, plus there  50 c  per lamp, plus
 // the penumbra's sampling noise; and shadows that are narrower than a step and meet no point of the lattice within a
 // block are lost. Faces that carry a lamp's own mark do not block it: a lamp is not hidden by its own glass.
-// Cost: E for every point of blocks that the lamp may reach, and shadow rays in batches of neighbours and one lamp.
+// Cost: E for every point of cells that the lamp may reach, and shadow rays in batches of neighbours and one lamp.
 // Memory: 40 KiB of stack.
 #ifndef NPSIM_RENDER_VISIBILITY_HPP
 #define NPSIM_RENDER_VISIBILITY_HPP
@@ -103,28 +103,41 @@ enum class Stake : std::uint8_t { none, weak, middling, full, dominant };
   return 2.0F * std::fmax(length(e.half_u_m), length(e.half_v_m));
 }
 
-// The most illuminance that a lamp could bring to any point of a block.
-[[nodiscard]] inline float most_illuminance_lx(const Emitter& e, float peak_cd, const BlockBounds& bounds) noexcept {
+// The most illuminance that a lamp could bring to any point of a cell.
+[[nodiscard]] inline float most_illuminance_lx(const Emitter& e, float peak_cd, const CellBounds& bounds) noexcept {
   const Vec3f way = bounds.centre_m - e.centre_m;
-  const float nearest = length(way) - bounds.radius_m - longer_side_m(e);
-  if (!(nearest > 0.0F)) return std::numeric_limits<float>::infinity();
-  const bool flat = e.shape == EmitterShape::patch || e.shape == EmitterShape::disc;
-  float cosine = 1.0F;
-  if (flat && e.profile == EmissionProfile::lambert) {
-    cosine = std::fmin(1.0F, std::fmax(0.0F, dot(e.axis, way) + bounds.radius_m) / nearest);
+  const float distance = length(way);
+  const float around = bounds.radius_m + longer_side_m(e);
+  const float nearest = distance - around;
+  // At most: the cosine to the lamp of a normal in the cone, times the distance.
+  float facing = 1.0F;
+  if (bounds.cone_cosine > 0.0F && distance > 0.0F) {
+    const float to_axis = -dot(bounds.normal, way) / distance;
+    const float sine2 = (1.0F - bounds.cone_cosine * bounds.cone_cosine) * (1.0F - to_axis * to_axis);
+    if (to_axis < bounds.cone_cosine) facing = to_axis * bounds.cone_cosine + std::sqrt(std::fmax(0.0F, sine2));
+    facing += 1e-4F;
+    if (facing * distance + around <= 0.0F) return 0.0F;
   }
-  return peak_cd * cosine / (nearest * nearest);
+  const bool ahead = shines_ahead(e);
+  const float leaving = ahead ? dot(e.axis, way) + around : distance;
+  if (leaving <= 0.0F) return 0.0F;
+  if (!(nearest > 0.0F)) return std::numeric_limits<float>::infinity();
+  const float received = std::fmin(1.0F, (facing * distance + around) / nearest);
+  const float emitted = ahead && e.profile == EmissionProfile::lambert ? std::fmin(1.0F, leaving / nearest) : 1.0F;
+  return peak_cd * received * emitted / (nearest * nearest);
 }
 
-// Whether all of a block lies below the cut-off; else `most_lx` may be more than it.
-[[nodiscard]] inline bool is_dark(const VisibilityParams& params, Span<const std::uint32_t> block,
-                                  const BlockBounds& bounds, Span<const float> certain_lx, float most_lx) noexcept {
+// Whether all of a cell lies below the cut-off; else `most_lx` may be more than it.
+[[nodiscard]] inline bool is_dark(const VisibilityParams& params, Span<const std::uint32_t> block, std::size_t cell,
+                                  const CellBounds& bounds, Span<const float> certain_lx, float most_lx) noexcept {
   const float at_stake = bounds.shines ? kShine * most_lx : most_lx;
   if (at_stake <= params.cutoff_lx) return true;
-  for (const std::uint32_t p : block) {
-    if (p != kNoPoint && !(at_stake <= params.cutoff_share * certain_lx[p])) return false;
-  }
-  return true;
+  bool dark = true;
+  for_cell(cell, [&](std::size_t slot) {
+    const std::uint32_t p = block[slot];
+    dark = dark && (p == kNoPoint || at_stake <= params.cutoff_share * certain_lx[p]);
+  });
+  return dark;
 }
 
 inline constexpr std::size_t kRaysPerBatch = 256;  // room for the rays of one point
@@ -163,25 +176,15 @@ class BlockTracer {
         light_(light),
         extent_(longer_side_m(emitter)) {}
 
-  // Returns the sum of what is left out.
-  float weigh(Span<const float> certain_lx, float peak_cd) noexcept {
+  // lit: which cells the lamp may reach. Returns the sum of what is left out.
+  float weigh(const bool (&lit)[kCellsOfBlock], Span<const float> certain_lx, float peak_cd) noexcept {
     float left_out = 0.0F;
-    for (std::size_t i = 0; i < kBlockPoints; ++i) {
-      stake_[i] = Stake::none;
-      light_.illuminance_lx[i] = 0.0F;
-      const std::uint32_t p = block_[i];
-      if (p == kNoPoint) continue;
-      const float arriving =
-          peak_cd * illuminance_per_cd(emitter_, points_.position[p], points_.normal[p], light_.to_light[i]);
-      if (!(arriving > 0.0F)) continue;
-      const float cutoff = std::fmax(params_.cutoff_lx, params_.cutoff_share * certain_lx[p]);
-      stake_[i] = stake_of(shine(points_, p) * arriving, cutoff);
-      if (stake_[i] == Stake::none) {
-        left_out += arriving;
-        continue;
-      }
-      light_.illuminance_lx[i] = arriving;
-      light_.any = true;
+    for (std::size_t cell = 0; cell < kCellsOfBlock; ++cell) {
+      for_cell(cell, [&](std::size_t i) {
+        stake_[i] = Stake::none;
+        light_.illuminance_lx[i] = 0.0F;
+        if (lit[cell] && block_[i] != kNoPoint) left_out += weigh(i, certain_lx[block_[i]], peak_cd);
+      });
     }
     return left_out;
   }
@@ -210,6 +213,20 @@ class BlockTracer {
   }
 
  private:
+  // Of a slot with a point; returns what is left out there.
+  float weigh(std::size_t i, float certain_lx, float peak_cd) noexcept {
+    const std::uint32_t p = block_[i];
+    const float arriving =
+        peak_cd * illuminance_per_cd(emitter_, points_.position[p], points_.normal[p], light_.to_light[i]);
+    if (!(arriving > 0.0F)) return 0.0F;
+    const float cutoff = std::fmax(params_.cutoff_lx, params_.cutoff_share * certain_lx);
+    stake_[i] = stake_of(shine(points_, p) * arriving, cutoff);
+    if (stake_[i] == Stake::none) return arriving;
+    light_.illuminance_lx[i] = arriving;
+    light_.any = true;
+    return 0.0F;
+  }
+
   template <class F>
   void for_slots(const F& f) const noexcept {
     for (int y = 0; y < kBlockSide; ++y) {
@@ -373,13 +390,20 @@ Status light_blocks(const VisibilityParams& params, std::uint64_t seed, const Sc
     for (std::size_t b = begin; b < end && !observer.cancelled(); ++b) {
       light.any = false;
       const Span<const std::uint32_t> block = blocks.of_block(b);
-      const BlockBounds& bounds = blocks.bounds[b];
-      const float most_lx = visibility_detail::most_illuminance_lx(emitter, peak_cd, bounds);
-      if (visibility_detail::is_dark(params, block, bounds, certain_lx, most_lx)) {
-        untraced_lx[b] += most_lx * static_cast<float>(bounds.points);
-      } else {
+      bool lit[kCellsOfBlock];
+      bool any = false;
+      for (std::size_t cell = 0; cell < kCellsOfBlock; ++cell) {
+        const CellBounds& bounds = blocks.cells[b * kCellsOfBlock + cell];
+        lit[cell] = false;
+        if (bounds.points == 0) continue;
+        const float most_lx = visibility_detail::most_illuminance_lx(emitter, peak_cd, bounds);
+        lit[cell] = !visibility_detail::is_dark(params, block, cell, bounds, certain_lx, most_lx);
+        any = any || lit[cell];
+        if (!lit[cell]) untraced_lx[b] += most_lx * static_cast<float>(bounds.points);
+      }
+      if (any) {
         visibility_detail::BlockTracer tracer(params, seed, scene, points, block, emitter, number, passes, light);
-        untraced_lx[b] += tracer.weigh(certain_lx, peak_cd);
+        untraced_lx[b] += tracer.weigh(lit, certain_lx, peak_cd);
         tracer.trace();
       }
       each_block(b, light);
