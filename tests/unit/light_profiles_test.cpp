@@ -30,9 +30,10 @@ Emitter emitter_with(EmissionProfile profile) {
 
 // Luminous intensity of the nominal low beam at angles in degrees, left and down negative.
 double low_beam_at(double h_deg, double v_deg) {
+  using F = simd::scalar::F32;
   const double d = kPi / 180;
   return static_cast<double>(
-      low_beam_cd(static_cast<float>(std::tan(h_deg * d)), static_cast<float>(std::tan(v_deg * d)), 1.0F));
+      low_beam_cd<F>(static_cast<float>(std::tan(h_deg * d)), static_cast<float>(std::tan(v_deg * d)), 1.0F).value);
 }
 
 Vec3f random_direction(RandomStream& r) {

@@ -30,6 +30,7 @@
 #include "npsim/light/detail/low_beam.hpp"
 #include "npsim/light/detail/road_luminaire.hpp"
 #include "npsim/light/luminaire_table.hpp"
+#include "npsim/simd/batch.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -111,53 +112,65 @@ inline constexpr float kMoonRadius = 0.00453F;  // over the distance
 
 inline constexpr float kLanternGlow = 0.01F;  // share of the peak that leaves in every direction, upwards included
 
-// `direction` is a unit vector that leaves the emitter.
-[[nodiscard]] inline float relative_intensity(const Emitter& e, const Vec3f& direction) noexcept {
-  const float c = dot(e.axis, direction);
-  if (!(c >= -2.0F)) return 0.0F;  // NaN
-  float value = 0.0F;
+// `direction` is a unit vector that leaves the emitter. F: a batch of simd/batch.hpp. 0 for a NaN.
+template <class F>
+[[nodiscard]] F relative_intensity(const Emitter& e, const simd::F32x3<F>& direction) noexcept {
+  const auto along = [&](const Vec3f& to) { return F(to.x) * direction.x + F(to.y) * direction.y + F(to.z) * direction.z; };
+  const F c = along(e.axis);
+  F value(0.0F);
   switch (e.profile) {
     case EmissionProfile::lambert:
-      if (e.shape == EmitterShape::sphere) return 1.0F;
-      if (e.shape == EmitterShape::tube) {
-        const float cosine = dot(normalized(e.half_u_m), direction);
-        return std::sqrt(cosine * cosine < 1.0F ? 1.0F - cosine * cosine : 0.0F);
+      if (e.shape == EmitterShape::sphere) {
+        value = select(c == c, F(1.0F), F(0.0F));
+      } else if (e.shape == EmitterShape::tube) {
+        const F cosine = along(normalized(e.half_u_m));
+        value = sqrt(max(F(1.0F) - cosine * cosine, F(0.0F)));
+      } else {
+        value = c;
       }
-      value = c;
       break;
-    case EmissionProfile::signal: value = c > 0.0F ? (c * c) * (c * c) : 0.0F; break;
+    case EmissionProfile::signal: value = select(c > F(0.0F), (c * c) * (c * c), F(0.0F)); break;
     case EmissionProfile::street_luminaire:
     case EmissionProfile::hung_luminaire:
-      value = road_luminaire_relative(c, dot(e.up, direction), dot(cross(e.up, e.axis), direction),
+      value = road_luminaire_relative(c, along(e.up), along(cross(e.up, e.axis)),
                                       e.profile == EmissionProfile::hung_luminaire);
       break;
     case EmissionProfile::lantern: {
-      const float r = dot(e.up, direction);
-      const float r2 = r * r;
-      value = kLanternGlow + (c > 0.0F ? (1.0F - kLanternGlow) * c * (0.5F + (8.0F / 3.0F) * (r2 * r2)) : 0.0F);
+      const F r = along(e.up);
+      const F r2 = r * r;
+      const F down = F(1.0F - kLanternGlow) * c * (F(0.5F) + F(8.0F / 3.0F) * (r2 * r2));
+      value = F(kLanternGlow) + select(c > F(0.0F), down, F(0.0F));
       break;
     }
     case EmissionProfile::low_beam:
     case EmissionProfile::low_beam_left:
     case EmissionProfile::high_beam: {
-      if (c > 0.0F) {
-        // Right of the lamp as it looks along its axis; x right, y down, z forward is a right-handed frame.
-        const float h = dot(cross(e.axis, e.up), direction) / c;
-        const float v = dot(e.up, direction) / c - kLowBeamAim;
-        if (e.profile == EmissionProfile::high_beam) {
-          value = high_beam_relative(h, v, c);
-        } else {
-          value = low_beam_relative(e.profile == EmissionProfile::low_beam ? h : -h, v, c);
-        }
-      }
+      // Right of the lamp as it looks along its axis; x right, y down, z forward is a right-handed frame.
+      const F ahead = select(c > F(0.0F), c, F(1.0F));
+      const F right = along(cross(e.axis, e.up)) / ahead;
+      const F h = e.profile == EmissionProfile::low_beam_left ? -right : right;
+      const F v = along(e.up) / ahead - F(kLowBeamAim);
+      const F beam =
+          e.profile == EmissionProfile::high_beam ? high_beam_relative(h, v, ahead) : low_beam_relative(h, v, ahead);
+      value = select(c > F(0.0F), beam, F(0.0F));
       break;
     }
-    case EmissionProfile::measured:
+    case EmissionProfile::measured: {
       if (e.luminaire == nullptr) break;
-      value = luminaire_relative(*e.luminaire, c, dot(e.up, direction), dot(cross(e.up, e.axis), direction));
+      const F r = along(e.up);
+      const F s = along(cross(e.up, e.axis));
+      float lanes[F::lanes];
+      for (int i = 0; i < F::lanes; ++i) lanes[i] = luminaire_relative(*e.luminaire, c.lane(i), r.lane(i), s.lane(i));
+      value = F::load(lanes);
       break;
+    }
   }
-  return value > 0.0F ? (value < 1.0F ? value : 1.0F) : 0.0F;
+  return select((value > F(0.0F)) & (c == c), min(value, F(1.0F)), F(0.0F));
+}
+
+[[nodiscard]] inline float relative_intensity(const Emitter& e, const Vec3f& direction) noexcept {
+  using F = simd::scalar::F32;
+  return relative_intensity<F>(e, {F(direction.x), F(direction.y), F(direction.z)}).value;
 }
 
 // A point of what the shape shows of itself to `from`: of patch and disc their own, of a sphere the disc

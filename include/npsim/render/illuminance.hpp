@@ -15,6 +15,7 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/light/emitter.hpp"
 #include "npsim/render/detail/area_light.hpp"
+#include "npsim/simd/batch.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -37,6 +38,20 @@ inline constexpr float kPointFromSides = 8.0F;
   const Vec3f across = cross(e.half_u_m, e.half_v_m);
   const float along = dot(across, e.axis);
   return along * along > 0.96F * dot(across, across);
+}
+
+// Of a lamp that is a point to the points asked: no sphere, and nowhere extended. F: a batch of simd/batch.hpp.
+template <class F>
+[[nodiscard]] F illuminance_as_point_per_cd(const Emitter& e, const simd::F32x3<F>& position,
+                                            const simd::F32x3<F>& normal, simd::F32x3<F>& to_light) noexcept {
+  const simd::F32x3<F> delta{F(e.centre_m.x) - position.x, F(e.centre_m.y) - position.y, F(e.centre_m.z) - position.z};
+  const F squared = delta.x * delta.x + delta.y * delta.y + delta.z * delta.z;
+  const F along = normal.x * delta.x + normal.y * delta.y + normal.z * delta.z;
+  const F distance = sqrt(squared);
+  to_light = {delta.x / distance, delta.y / distance, delta.z / distance};
+  const F leaving = relative_intensity<F>(e, {-to_light.x, -to_light.y, -to_light.z});
+  const F floor_m2(e.area_m2 > 0.0F ? e.area_m2 : 0.0F);
+  return select(along > F(0.0F), leaving * (along / distance) / max(squared, floor_m2), F(0.0F));
 }
 
 // Unshadowed illuminance (lx) at a point per candela of the emitter's peak intensity; `to_light` is the unit direction.
@@ -78,12 +93,12 @@ inline constexpr float kPointFromSides = 8.0F;
     const float c = -dot(e.axis, to_light);
     return c > 0.0F ? per_cd * (c * c * c) : 0.0F;  // of a signal, whose intensity falls as the fourth power
   }
-  if (!(along > 0.0F)) return 0.0F;
-  const float distance = std::sqrt(squared);
-  to_light = delta / distance;
-  const float cosine = along / distance;
-  const float floor_m2 = e.area_m2 > 0.0F ? e.area_m2 : 0.0F;
-  return relative_intensity(e, -to_light) * cosine / (squared > floor_m2 ? squared : floor_m2);
+  using F = simd::scalar::F32;
+  simd::F32x3<F> towards;
+  const F arriving = illuminance_as_point_per_cd<F>(e, {F(position.x), F(position.y), F(position.z)},
+                                                    {F(normal.x), F(normal.y), F(normal.z)}, towards);
+  to_light = {towards.x.value, towards.y.value, towards.z.value};
+  return arriving.value;
 }
 
 }  // namespace NPSIM_ABI

@@ -28,6 +28,7 @@ inline constexpr int kBlockSide = kLightTile;
 inline constexpr std::size_t kBlockPoints = kLightTilePixels;
 inline constexpr int kCellSide = 8;
 inline constexpr int kBlockCells = kBlockSide / kCellSide;  // in a row of a block
+inline constexpr std::size_t kCellPoints = kCellSide * kCellSide;
 inline constexpr std::size_t kCellsOfBlock = kBlockCells * kBlockCells;
 
 // How much brighter than a matt surface a wet road or a sign may look: GGX of alpha .12 has f = 5/sr where asphalt has

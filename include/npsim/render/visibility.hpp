@@ -40,6 +40,7 @@
 #include "npsim/render/illuminance.hpp"
 #include "npsim/render/point_blocks.hpp"
 #include "npsim/render/surface_points.hpp"
+#include "npsim/simd/batch.hpp"
 #include "npsim/trace/scene.hpp"
 
 namespace npsim {
@@ -177,14 +178,18 @@ class BlockTracer {
         extent_(longer_side_m(emitter)) {}
 
   // lit: which cells the lamp may reach. Returns the sum of what is left out.
-  float weigh(const bool (&lit)[kCellsOfBlock], Span<const float> certain_lx, float peak_cd) noexcept {
+  float weigh(const bool (&lit)[kCellsOfBlock], Span<const CellBounds> cells, Span<const float> certain_lx,
+              float peak_cd) noexcept {
     float left_out = 0.0F;
     for (std::size_t cell = 0; cell < kCellsOfBlock; ++cell) {
-      for_cell(cell, [&](std::size_t i) {
-        stake_[i] = Stake::none;
-        light_.illuminance_lx[i] = 0.0F;
-        if (lit[cell] && block_[i] != kNoPoint) left_out += weigh(i, certain_lx[block_[i]], peak_cd);
-      });
+      if (lit[cell]) {
+        left_out += weigh(cell, cells[cell], certain_lx, peak_cd);
+      } else {
+        for_cell(cell, [&](std::size_t i) {
+          stake_[i] = Stake::none;
+          light_.illuminance_lx[i] = 0.0F;
+        });
+      }
     }
     return left_out;
   }
@@ -213,18 +218,57 @@ class BlockTracer {
   }
 
  private:
-  // Of a slot with a point; returns what is left out there.
-  float weigh(std::size_t i, float certain_lx, float peak_cd) noexcept {
-    const std::uint32_t p = block_[i];
-    const float arriving =
-        peak_cd * illuminance_per_cd(emitter_, points_.position[p], points_.normal[p], light_.to_light[i]);
-    if (!(arriving > 0.0F)) return 0.0F;
-    const float cutoff = std::fmax(params_.cutoff_lx, params_.cutoff_share * certain_lx);
-    stake_[i] = stake_of(shine(points_, p) * arriving, cutoff);
-    if (stake_[i] == Stake::none) return arriving;
-    light_.illuminance_lx[i] = arriving;
-    light_.any = true;
-    return 0.0F;
+  // Of a cell.
+  float weigh(std::size_t cell, const CellBounds& bounds, Span<const float> certain_lx, float peak_cd) noexcept {
+    float arriving[kCellPoints];
+    Vec3f to_light[kCellPoints];
+    arrive(cell, bounds, arriving, to_light);
+    float left_out = 0.0F;
+    std::size_t k = 0;
+    for_cell(cell, [&](std::size_t i) {
+      const std::size_t from = k++;
+      const std::uint32_t p = block_[i];
+      stake_[i] = Stake::none;
+      light_.illuminance_lx[i] = 0.0F;
+      const float lx = peak_cd * arriving[from];
+      if (p == kNoPoint || !(lx > 0.0F)) return;
+      const float cutoff = std::fmax(params_.cutoff_lx, params_.cutoff_share * certain_lx[p]);
+      stake_[i] = stake_of(bounds.shines ? shine(points_, p) * lx : lx, cutoff);
+      if (stake_[i] == Stake::none) {
+        left_out += lx;
+        return;
+      }
+      light_.illuminance_lx[i] = lx;
+      light_.to_light[i] = to_light[from];
+      light_.any = true;
+    });
+    return left_out;
+  }
+
+  // illuminance_per_cd() of the points of a cell, and where they have none something.
+  void arrive(std::size_t cell, const CellBounds& bounds, float (&arriving)[kCellPoints],
+              Vec3f (&to_light)[kCellPoints]) const noexcept {
+    const float nearest = std::fmax(0.0F, length(bounds.centre_m - emitter_.centre_m) - bounds.radius_m);
+    const bool as_point = emitter_.shape != EmitterShape::sphere && !is_extended(emitter_, 0.99F * nearest * nearest);
+    Vec3f position[kCellPoints];
+    Vec3f normal[kCellPoints];
+    std::size_t k = 0;
+    for_cell(cell, [&](std::size_t i) {
+      const bool there = block_[i] != kNoPoint;
+      position[k] = there ? points_.position[block_[i]] : bounds.centre_m;
+      normal[k] = there ? points_.normal[block_[i]] : Vec3f{};
+      if (!as_point) arriving[k] = illuminance_per_cd(emitter_, position[k], normal[k], to_light[k]);
+      ++k;
+    });
+    if (!as_point) return;
+    using F = simd::F32;
+    for (k = 0; k < kCellPoints; k += F::lanes) {
+      simd::F32x3<F> towards;
+      const F per_cd = illuminance_as_point_per_cd<F>(emitter_, simd::load3<F>(&position[k].x),
+                                                      simd::load3<F>(&normal[k].x), towards);
+      per_cd.store(arriving + k);
+      simd::store3<F>(&to_light[k].x, towards);
+    }
   }
 
   template <class F>
@@ -403,7 +447,7 @@ Status light_blocks(const VisibilityParams& params, std::uint64_t seed, const Sc
       }
       if (any) {
         visibility_detail::BlockTracer tracer(params, seed, scene, points, block, emitter, number, passes, light);
-        untraced_lx[b] += tracer.weigh(lit, certain_lx, peak_cd);
+        untraced_lx[b] += tracer.weigh(lit, blocks.cells.sub(b * kCellsOfBlock, kCellsOfBlock), certain_lx, peak_cd);
         tracer.trace();
       }
       each_block(b, light);

@@ -8,11 +8,10 @@
 // off like a Gaussian near the middle but need no exp; across it the light fades over about 0.3 degrees; above it
 // remains a glow of about 90 cd for overhead signs.
 // Gradient of the cut-off, G = log10 E(v) - log10 E(v + 0.1 degree): between 0.13 and 0.40, as the regulation asks.
+// Templates on a batch of simd/batch.hpp.
 // What was fitted: the constants below, by hand, to the points that the test lists. Left-hand traffic mirrors h.
 #ifndef NPSIM_LIGHT_DETAIL_LOW_BEAM_HPP
 #define NPSIM_LIGHT_DETAIL_LOW_BEAM_HPP
-
-#include <cmath>
 
 #include "npsim/core/config.hpp"
 
@@ -23,32 +22,34 @@ inline constexpr float kLowBeamAim = 0.01F;        // slope by which the axis of
 inline constexpr float kLowBeamPeakCd = 20196.7F;  // nominal; R112 holds from 0.65 to 1.4 times this
 
 // Height of the cut-off above H-H at slope h.
-[[nodiscard]] inline float low_beam_cutoff(float h) noexcept {
+template <class F>
+[[nodiscard]] F low_beam_cutoff(F h) noexcept {
   constexpr float kTan15 = 0.26794919F;
   constexpr float kTop = 0.026F;  // 1.5 degrees
-  const float v = h > 0.0F ? -kLowBeamAim + kTan15 * h : -kLowBeamAim;
-  return v < kTop ? v : kTop;
+  const F v = select(h > F(0.0F), F(-kLowBeamAim) + F(kTan15) * h, F(-kLowBeamAim));
+  return min(v, F(kTop));
 }
 
 // Luminous intensity in cd of the nominal lamp; `cosine` to the beam's axis, positive.
-[[nodiscard]] inline float low_beam_cd(float h, float v, float cosine) noexcept {
+template <class F>
+[[nodiscard]] F low_beam_cd(F h, F v, F cosine) noexcept {
   constexpr float kDegree = 0.017453293F;
-  const float below = low_beam_cutoff(h) - v;  // positive under the cut-off
-  const float x = below / (0.145F * kDegree);
-  const float fade = 0.5F + 0.5F * x / std::sqrt(1.0F + x * x);
-  const float depth = below > 0.0F ? below : 0.0F;
+  const F below = low_beam_cutoff(h) - v;  // positive under the cut-off
+  const F x = below / F(0.145F * kDegree);
+  const F fade = F(0.5F) + F(0.5F) * x / sqrt(F(1.0F) + x * x);
+  const F depth = max(below, F(0.0F));
 
-  const float hot_h = (h - 1.0F * kDegree) / (4.5F * kDegree);
-  const float hot_v = depth / (1.9F * kDegree);
-  const float hot = 1.0F + hot_h * hot_h + hot_v * hot_v;
-  const float wide_h = h / (20.0F * kDegree);
-  const float wide_v = depth / (6.0F * kDegree);
-  const float wide = 1.0F + wide_h * wide_h + wide_v * wide_v;
+  const F hot_h = (h - F(1.0F * kDegree)) / F(4.5F * kDegree);
+  const F hot_v = depth / F(1.9F * kDegree);
+  const F hot = F(1.0F) + hot_h * hot_h + hot_v * hot_v;
+  const F wide_h = h / F(20.0F * kDegree);
+  const F wide_v = depth / F(6.0F * kDegree);
+  const F wide = F(1.0F) + wide_h * wide_h + wide_v * wide_v;
   constexpr float kHotCd = 16500.0F;
   constexpr float kWideCd = 5500.0F;
   constexpr float kGlowCd = 90.0F;
-  const float c2 = cosine * cosine;
-  return (kHotCd / (hot * hot) + kWideCd / (wide * wide)) * fade + kGlowCd * (c2 * c2);
+  const F c2 = cosine * cosine;
+  return (F(kHotCd) / (hot * hot) + F(kWideCd) / (wide * wide)) * fade + F(kGlowCd) * (c2 * c2);
 }
 
 // High beam: UN R112 class B asks of the driving beam a greatest intensity of at least 40,500 cd near H-V (and at most
@@ -57,21 +58,19 @@ inline constexpr float kLowBeamPeakCd = 20196.7F;  // nominal; R112 holds from 0
 inline constexpr float kHighBeamSpotCd = 48000.0F;
 inline constexpr float kHighBeamPeakCd = 62261.0F;  // nominal, with a nominal low beam; 1 degree right, 0.5 below H-H
 
-[[nodiscard]] inline float high_beam_cd(float h, float v, float cosine) noexcept {
+template <class F>
+[[nodiscard]] F high_beam_relative(F h, F v, F cosine) noexcept {
   constexpr float kDegree = 0.017453293F;
-  const float x = h / (7.0F * kDegree);
-  const float y = v / (2.5F * kDegree);
-  const float spot = 1.0F + x * x + y * y;
-  return low_beam_cd(h, v, cosine) + kHighBeamSpotCd / (spot * spot);
+  const F x = h / F(7.0F * kDegree);
+  const F y = v / F(2.5F * kDegree);
+  const F spot = F(1.0F) + x * x + y * y;
+  return (low_beam_cd(h, v, cosine) + F(kHighBeamSpotCd) / (spot * spot)) * F(1.0F / kHighBeamPeakCd);
 }
 
-[[nodiscard]] inline float high_beam_relative(float h, float v, float cosine) noexcept {
-  return high_beam_cd(h, v, cosine) * (1.0F / kHighBeamPeakCd);
-}
-
-// The same relative to the peak, which lies 1 degree right and 0.63 below.
-[[nodiscard]] inline float low_beam_relative(float h, float v, float cosine) noexcept {
-  return low_beam_cd(h, v, cosine) * (1.0F / kLowBeamPeakCd);
+// Relative to the peak, which lies 1 degree right and 0.63 below.
+template <class F>
+[[nodiscard]] F low_beam_relative(F h, F v, F cosine) noexcept {
+  return low_beam_cd(h, v, cosine) * F(1.0F / kLowBeamPeakCd);
 }
 
 }  // namespace NPSIM_ABI

@@ -29,18 +29,17 @@ inline constexpr float kMastLuminaireFlux = 4.034808F;
 inline constexpr float kHungLuminaireFlux = 3.053712F;
 
 // Relative to the peak; in [0, 1].
-[[nodiscard]] inline float road_luminaire_relative(float c, float r, float s, bool hung) noexcept {
-  float value = 0.0F;
-  if (c > 0.0F) {
-    const float q = c * (1.0F / 0.27F);
-    const float q2 = q * q;
-    const float t = q2 * q2 * q2;
-    const float r2 = r * r;
-    const float away = s < 0.0F ? -s : (hung ? s : 0.0F);
-    const float shielded = 1.0F - 0.9F * (away < 1.0F ? away : 1.0F);
-    value = (1.0F + 0.8F * (r2 * r2)) * shielded * (t / (1.0F + t));
-  }
-  return kRoadLuminaireGlow + (1.0F - kRoadLuminaireGlow) * (1.0F / kRoadLuminairePeak) * value;
+template <class F>
+[[nodiscard]] F road_luminaire_relative(F c, F r, F s, bool hung) noexcept {
+  const F q = c * F(1.0F / 0.27F);
+  const F q2 = q * q;
+  const F t = q2 * q2 * q2;
+  const F r2 = r * r;
+  const F away = hung ? abs(s) : max(-s, F(0.0F));
+  const F shielded = F(1.0F) - F(0.9F) * min(away, F(1.0F));
+  const F value = (F(1.0F) + F(0.8F) * (r2 * r2)) * shielded * (t / (F(1.0F) + t));
+  return F(kRoadLuminaireGlow) + F((1.0F - kRoadLuminaireGlow) * (1.0F / kRoadLuminairePeak)) *
+                                     select(c > F(0.0F), value, F(0.0F));
 }
 
 [[nodiscard]] constexpr float road_luminaire_flux_sr(bool hung) noexcept {
