@@ -93,6 +93,7 @@ template <class F>
     const float c = -dot(e.axis, to_light);
     return c > 0.0F ? per_cd * (c * c * c) : 0.0F;  // of a signal, whose intensity falls as the fourth power
   }
+  if (!(along > 0.0F)) return 0.0F;
   using F = simd::scalar::F32;
   simd::F32x3<F> towards;
   const F arriving = illuminance_as_point_per_cd<F>(e, {F(position.x), F(position.y), F(position.z)},
