@@ -32,11 +32,12 @@ struct DemosaicedPixels {
 
 // The pixels x .. x + n - 1 of row y. plane: as capture() makes it.
 template <class F>
-[[nodiscard]] DemosaicedPixels<F> demosaic(Demosaic method, Mosaic mosaic, ImageView<const float> plane, int x, int y,
-                                           int n) noexcept {
-  const auto at = [&](int dx, int dy) {
-    return load_first<F>(plane.row(raw_detail::mirrored(y + dy, plane.height())) + kMosaicMargin + x + dx, n);
-  };
+[[nodiscard]] NPSIM_ALWAYS_INLINE DemosaicedPixels<F> demosaic(Demosaic method, Mosaic mosaic,
+                                                               ImageView<const float> plane, int x, int y,
+                                                               int n) noexcept {
+  const float* rows[5];
+  for (int j = 0; j < 5; ++j) rows[j] = plane.row(raw_detail::mirrored(y + j - 2, plane.height())) + kMosaicMargin + x;
+  const auto at = [&rows, n](int dx, int dy) { return load_first<F>(rows[dy + 2] + dx, n); };
   const F own = at(0, 0);
   const F west = at(-1, 0);
   const F east = at(1, 0);

@@ -33,6 +33,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/sensor/detail/signal.hpp"
+#include "npsim/simd/batch.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -126,6 +127,8 @@ struct DownTaps {
 [[nodiscard]] constexpr int clamped(int i, int n) noexcept { return i < 0 ? 0 : (i < n ? i : n - 1); }
 
 inline constexpr int kTile = 64;  // parents at a time
+// Their children, and what a batch may touch beyond them.
+inline constexpr int kRun = 2 * kTile + 2 + (simd::kMaxLanes + 2) / 3;
 
 template <class Load, class Executor>
 void down(const Level& fine, const Level& coarse, ImageView<Vec3f> out, Executor& executor, const Load& load_row) {
@@ -137,7 +140,7 @@ void down(const Level& fine, const Level& coarse, ImageView<Vec3f> out, Executor
     for (int begin = 0; begin < coarse.shape.width; begin += kTile) {
       const int end = begin + kTile < coarse.shape.width ? begin + kTile : coarse.shape.width;
       // Columns 2 begin - 1 .. 2 end, those beyond the picture repeated: their weight is 0.
-      Vec3f sum[2 * kTile + 2] = {};
+      Vec3f sum[kRun] = {};
       const int from = 2 * begin - 1 < 0 ? 0 : 2 * begin - 1;
       const int to = 2 * end + 1 < fine.shape.width ? 2 * end + 1 : fine.shape.width;
       for (int t = 0; t < 4; ++t) {
@@ -153,7 +156,7 @@ void down(const Level& fine, const Level& coarse, ImageView<Vec3f> out, Executor
   });
 }
 
-// row(y, x, value): what comes up to each fine cell.
+// take(x, y, n, values): what comes up to n fine cells of row y from x on; values of whole batches may be read.
 template <class Executor, class Take>
 void up(const Level& fine, const Level& coarse, ImageView<const Vec3f> in, Executor& executor, const Take& take) {
   const Axis columns{fine.shape.width, fine.column};
@@ -162,22 +165,48 @@ void up(const Level& fine, const Level& coarse, ImageView<const Vec3f> in, Execu
     const float v = up_tap(rows, y);
     const Vec3f* own = in.row(y / 2);
     const Vec3f* beside = in.row(clamped(y % 2 == 0 ? y / 2 - 1 : y / 2 + 1, coarse.shape.height));
-    const auto mixed = [&](int p) { return own[p] * (1.0F - v) + beside[p] * v; };
-    Vec3f left = mixed(0);
-    Vec3f here = left;
-    for (int p = 0; p < coarse.shape.width; ++p) {
-      const Vec3f right = p + 1 < coarse.shape.width ? mixed(p + 1) : here;
-      const bool inner = p > 0 && p < coarse.shape.width - 2;
-      for (int side = 0; side < 2; ++side) {
-        const int x = 2 * p + side;
-        if (x >= fine.shape.width) break;
-        const float h = inner ? 0.25F : up_tap(columns, x);
-        take(x, y, here * (1.0F - h) + (side == 0 ? left : right) * h);
+    for (int begin = 0; begin < coarse.shape.width; begin += kTile) {
+      const int end = begin + kTile < coarse.shape.width ? begin + kTile : coarse.shape.width;
+      Vec3f mixed[kTile + 2];  // of the parents begin - 1 .. end, those beyond the picture repeated
+      for (int i = 0; i < end - begin + 2; ++i) {
+        const int p = clamped(begin - 1 + i, coarse.shape.width);
+        mixed[i] = own[p] * (1.0F - v) + beside[p] * v;
       }
-      left = here;
-      here = right;
+      Vec3f values[kRun];
+      for (int p = begin; p < end; ++p) {
+        const bool inner = p > 0 && p < coarse.shape.width - 2;
+        const Vec3f* parents = mixed + (p - begin);
+        const float h[2] = {inner ? 0.25F : up_tap(columns, 2 * p), inner ? 0.25F : up_tap(columns, 2 * p + 1)};
+        values[2 * (p - begin)] = parents[1] * (1.0F - h[0]) + parents[0] * h[0];
+        values[2 * (p - begin) + 1] = parents[1] * (1.0F - h[1]) + parents[2] * h[1];
+      }
+      const int last = 2 * end < fine.shape.width ? 2 * end : fine.shape.width;
+      take(2 * begin, y, last - 2 * begin, values);
     }
   });
+}
+
+// Calls use(i, n) for the batches of `count` channels, n of them whole but in the last.
+template <class F, class Use>
+NPSIM_ALWAYS_INLINE void for_batches(int count, const Use& use) noexcept {
+  for (int i = 0; i < count; i += F::lanes) use(i, count - i < F::lanes ? count - i : F::lanes);
+}
+
+// The light of n pixels, and that which the optics scatter of it: with a largest channel of at most `cap`, its hue kept.
+template <class F>
+void split_light(const Vec3f* in, int n, float cap, Vec3f (&light)[kRun], Vec3f (&scattering)[kRun]) noexcept {
+  F most(0.0F);
+  for_batches<F>(3 * n, [&](int i, int lanes) {
+    const F sane = min(max(load_first<F>(&in->x + i, lanes), F(0.0F)), F(kMaxSample));
+    sane.store(&light->x + i);
+    sane.store(&scattering->x + i);
+    most = max(sane, most);
+  });
+  if (none(most > F(cap))) return;
+  for (int i = 0; i < n; ++i) {
+    const float brightest = max_of(light[i].x, light[i].y, light[i].z);
+    if (brightest > cap) scattering[i] = light[i] * (cap / brightest);
+  }
 }
 
 // Share of the light that level k = 1, 2, ... spreads.
@@ -239,36 +268,43 @@ template <class Executor>
   }
   if (!(total <= 1.0)) return {StatusCode::invalid_argument, "glare: the optics would scatter more than all the light"};
 
-  const auto source = [&params](const Vec3f& sample) noexcept {
-    const Vec3f rgb = sane_sample(sample);
-    const float brightest = max_of(rgb.x, rgb.y, rgb.z);
-    return brightest > params.cap ? rgb * (params.cap / brightest) : rgb;  // keeps its hue
-  };
+  using F = simd::F32;
   for (int k = 1; k <= count; ++k) {
     glare_detail::down(levels[k - 1], levels[k], light[k], executor,
                        [&](int y, int from, int to, float weight, Vec3f* sum) noexcept {
-                         if (k == 1) {
-                           const Vec3f* row = in.row(y) + from;
-                           for (int i = 0; i < to - from; ++i) sum[i] += source(row[i]) * weight;
-                         } else {
-                           const Vec3f* row = light[k - 1].row(y) + from;
-                           for (int i = 0; i < to - from; ++i) sum[i] += row[i] * weight;
-                         }
+                         Vec3f whole[glare_detail::kRun];
+                         Vec3f scattering[glare_detail::kRun];
+                         if (k == 1)
+                           glare_detail::split_light<F>(in.row(y) + from, to - from, params.cap, whole, scattering);
+                         const float* row = k == 1 ? &scattering->x : &(light[k - 1].row(y) + from)->x;
+                         glare_detail::for_batches<F>(3 * (to - from), [&](int i, int n) {
+                           (F::load(&sum->x + i) + load_first<F>(row + i, n) * F(weight)).store(&sum->x + i);
+                         });
                        });
   }
   for (int k = count; k > 1; --k) {
     // The coarsest level is multiplied as it is first read.
     const float here = shares[k - 1];
     const float above = k == count ? shares[k] : 1.0F;
-    glare_detail::up(levels[k - 1], levels[k], light[k], executor, [&](int x, int y, const Vec3f& spread) noexcept {
-      light[k - 1](x, y) = light[k - 1](x, y) * here + spread * above;
-    });
+    glare_detail::up(
+        levels[k - 1], levels[k], light[k], executor, [&](int x, int y, int n, const Vec3f* spread) noexcept {
+          float* row = &(light[k - 1].row(y) + x)->x;
+          glare_detail::for_batches<F>(3 * n, [&](int i, int lanes) {
+            store_first(load_first<F>(row + i, lanes) * F(here) + F::load(&spread->x + i) * F(above), row + i, lanes);
+          });
+        });
   }
   const auto scattered = static_cast<float>(total);
   const float above = count == 1 ? shares[1] : 1.0F;
-  const auto keep = [&](int x, int y, const Vec3f& spread) noexcept {
-    const Vec3f rgb = sane_sample(in(x, y));
-    out(x, y) = rgb - source(rgb) * scattered + spread * above;
+  const auto keep = [&](int x, int y, int n, const Vec3f* spread) noexcept {
+    Vec3f whole[glare_detail::kRun];
+    Vec3f scattering[glare_detail::kRun];
+    glare_detail::split_light<F>(in.row(y) + x, n, params.cap, whole, scattering);
+    float* row = &(out.row(y) + x)->x;
+    glare_detail::for_batches<F>(3 * n, [&](int i, int lanes) {
+      const F kept = F::load(&whole->x + i) - F::load(&scattering->x + i) * F(scattered);
+      store_first(kept + F::load(&spread->x + i) * F(above), row + i, lanes);
+    });
   };
   glare_detail::up(levels[0], levels[1], light[1], executor, keep);
   return {};

@@ -175,25 +175,30 @@ struct CodeTable {
 }
 inline constexpr CodeTable kCodeTable = make_code_table();
 
-// source(x, y, n): three channels of n pixels.
-template <class Executor, class Source>
-void write_picture(ImageView<Rgb8> out, Executor& executor, const Source& source) {
-  using F = simd::F32;
-  for_rows(out.shape(), executor, [&](int y) {
-    Rgb8* to = out.row(y);
-    for (int x = 0; x < out.width(); x += F::lanes) {
-      const int n = out.width() - x < F::lanes ? out.width() - x : F::lanes;
-      const Rgb<F> c = source(x, y, n);
-      std::int32_t step[3][F::lanes];
-      const auto steps = [](F v) { return simd::round_to_int(sqrt(simd::clamp(v, 0.0F, 1.0F)) * F(4095.0F)); };
-      steps(c.x).store(step[0]);
-      steps(c.y).store(step[1]);
-      steps(c.z).store(step[2]);
-      for (int i = 0; i < n; ++i) {
-        to[x + i] = {kCodeTable.code[step[0][i]], kCodeTable.code[step[1][i]], kCodeTable.code[step[2][i]]};
-      }
-    }
-  });
+// Pixels that pass through the steps together: each step is a loop of its own, whose numbers fit the registers.
+inline constexpr int kIspSegment = 128;
+struct IspSegment {
+  alignas(64) float x[kIspSegment];
+  alignas(64) float y[kIspSegment];
+  alignas(64) float z[kIspSegment];
+  alignas(64) float peak[kIspSegment];
+};
+static_assert(kIspSegment % simd::kMaxLanes == 0);
+
+// Codes of n linear pixels.
+template <class F>
+void write_codes(IspSegment& s, int n, Rgb8* to) noexcept {
+  alignas(64) std::int32_t step[3][kIspSegment];
+  for (int i = 0; i < n; i += F::lanes) {
+    const auto steps = [i](const float* v) {
+      return simd::round_to_int(sqrt(simd::clamp(F::load(v + i), 0.0F, 1.0F)) * F(4095.0F));
+    };
+    steps(s.x).store(step[0] + i);
+    steps(s.y).store(step[1] + i);
+    steps(s.z).store(step[2] + i);
+  }
+  for (int i = 0; i < n; ++i)
+    to[i] = {kCodeTable.code[step[0][i]], kCodeTable.code[step[1][i]], kCodeTable.code[step[2][i]]};
 }
 
 }  // namespace isp_detail
@@ -221,9 +226,27 @@ template <class Executor>
     }
   });
   const isp_detail::ColourMatrix matrix = isp_detail::colour_matrix(sensor, params.saturation);
-  isp_detail::write_picture(out, executor, [&](int x, int y, int n) {
-    const DemosaicedPixels<F> raw = demosaic<F>(params.demosaic, sensor.mosaic, plane, x, y, n);
-    return isp_detail::rendered<F>(params, matrix, raw.rgb, raw.peak);
+  for_rows(out.shape(), executor, [&](int y) {
+    isp_detail::IspSegment s;
+    for (int begin = 0; begin < out.width(); begin += isp_detail::kIspSegment) {
+      const int count = out.width() - begin < isp_detail::kIspSegment ? out.width() - begin : isp_detail::kIspSegment;
+      for (int i = 0; i < count; i += F::lanes) {
+        const int n = count - i < F::lanes ? count - i : F::lanes;
+        const DemosaicedPixels<F> raw = demosaic<F>(params.demosaic, sensor.mosaic, plane, begin + i, y, n);
+        raw.rgb.x.store(s.x + i);
+        raw.rgb.y.store(s.y + i);
+        raw.rgb.z.store(s.z + i);
+        raw.peak.store(s.peak + i);
+      }
+      for (int i = 0; i < count; i += F::lanes) {
+        const isp_detail::Rgb<F> c = isp_detail::rendered<F>(
+            params, matrix, {F::load(s.x + i), F::load(s.y + i), F::load(s.z + i)}, F::load(s.peak + i));
+        c.x.store(s.x + i);
+        c.y.store(s.y + i);
+        c.z.store(s.z + i);
+      }
+      isp_detail::write_codes<F>(s, count, out.row(y) + begin);
+    }
   });
   return {};
 }

@@ -194,7 +194,7 @@ template <class Executor>
                                    static_cast<std::uint32_t>(y) * noise_detail::segments(shape.width) +
                                        static_cast<std::uint32_t>(begin / noise_detail::kSegment),
                                    normal);
-      // Blurred along the columns, with a column more on either side, where there is one.
+      // Blurred along the columns, with a column more on either side, where there is one; then along the row.
       alignas(64) float column[3 * (noise_detail::kSegment + 2) + simd::kMaxLanes];
       const int from = begin > 0 ? begin - 1 : 0;
       const int to_column = end < shape.width ? end + 1 : end;
@@ -217,16 +217,17 @@ template <class Executor>
           if (x >= begin && x < end) dark_signal[x - begin] += charge * hot;
         });
       }
+      alignas(64) float blurred[3 * noise_detail::kSegment + simd::kMaxLanes];
+      for (int i = 0; i < 3 * (end - begin); i += F::lanes) {
+        const float* c = column + i;
+        fma(F::load(c + 3), F(inner), (F::load(c) + F::load(c + 6)) * F(outer)).store(blurred + i);
+      }
       for (int x = begin; x < end; x += F::lanes) {
         const int n = end - x < F::lanes ? end - x : F::lanes;
-        const auto load = [&](int dx) { return simd::load3<F>(column + 3 * (x - begin + 1 + dx), n); };
-        const simd::F32x3<F> left = load(-1);
-        const simd::F32x3<F> here = load(0);
-        const simd::F32x3<F> right = load(1);
-        const auto across = [&](F l, F c, F r) { return fma(c, F(inner), (l + r) * F(outer)); };
-        F signal = across(left.x, here.x, right.x) * F::load(weight[0] + (x & 1));
-        signal = fma(across(left.y, here.y, right.y), F::load(weight[1] + (x & 1)), signal);
-        signal = fma(across(left.z, here.z, right.z), F::load(weight[2] + (x & 1)), signal);
+        const simd::F32x3<F> light = simd::load3<F>(blurred + 3 * (x - begin), n);
+        F signal = light.x * F::load(weight[0] + (x & 1));
+        signal = fma(light.y, F::load(weight[1] + (x & 1)), signal);
+        signal = fma(light.z, F::load(weight[2] + (x & 1)), signal);
         const F tangent_x = (F::iota() + F(static_cast<float>(x) + 0.5F - intrinsics.cx)) * F(1.0F / intrinsics.fx);
         const F secant2 = fma(tangent_x, tangent_x, beside);
         signal = fma(signal, fma(F(params.vignetting), F(1.0F) / (secant2 * secant2) - F(1.0F), F(1.0F)),
