@@ -8,7 +8,7 @@
 // about a lamp by far, so they change the mean of the neighbours by half of it at most. `peak` is the largest of the
 // 3x3 samples about the pixel: where it is clipped, so may be a neighbour that the pixel's colour was taken from.
 // Borders are mirrored about the outermost pixels, which keeps the order of the filters.
-// Cost: about 2 ns per pixel. Memory: none.
+// Cost: about 1 ns per pixel (AVX2). Memory: none.
 #ifndef NPSIM_SENSOR_DEMOSAIC_HPP
 #define NPSIM_SENSOR_DEMOSAIC_HPP
 

@@ -7,7 +7,7 @@
 // brighter areas their grain. It is the sigma filter (Lee, "Digital image smoothing and the
 // sigma filter", 1983) with smooth weights. What differs by more than strength sigma is left alone.
 // In a flat area of normal noise the standard deviation falls to .74 at a strength of 2, to .49 at 4, to .37 at 8.
-// strength 0 is a copy. Cost: about 4 ns per pixel. Memory: the caller's second plane.
+// strength 0 is a copy. Cost: about 1.5 ns per pixel (AVX2). Memory: the caller's second plane.
 #ifndef NPSIM_SENSOR_DENOISE_HPP
 #define NPSIM_SENSOR_DENOISE_HPP
 

@@ -16,7 +16,7 @@
 //           with its slope and arrives at 1 with slope 0. In between, y = W n (1 + toe / W) - toe + O(toe^2 / n).
 //   log     y = ln(1 + a n) / ln(1 + a), n = 1 at the end of the range: for several exposures
 // Then sRGB and rounding to one of 256 levels, within .6 of a level.
-// Cost: about 20 ns per pixel. Memory: none.
+// Cost: about 6 ns per pixel, demosaic included (AVX2). Memory: 2 KiB of stack.
 #ifndef NPSIM_SENSOR_ISP_HPP
 #define NPSIM_SENSOR_ISP_HPP
 

@@ -20,7 +20,7 @@
 //   stays below .9 of full scale, and the result is in full scales of the longest. Three at 12 bits and a ratio of 16
 //   span 20 log10(2^12 16^2) = 120 dB.
 // Samples are stored as float in a plane with a margin of kMosaicMargin mirrored columns on either side.
-// Cost: one pass over the image, about 7 ns per pixel. Memory: one float per pixel, the caller's.
+// Cost: one pass over the image, about 7 ns per pixel (AVX2). Memory: one float per pixel, the caller's.
 #ifndef NPSIM_SENSOR_RAW_HPP
 #define NPSIM_SENSOR_RAW_HPP
 
