@@ -352,7 +352,8 @@ TEST_CASE(
       const Vec3d d{std::sin(theta) * std::cos(phi), -std::cos(theta), std::sin(theta) * std::sin(phi)};
       const double weight = std::cos(theta) * std::sin(theta) * (kPi / 2 / n) * (2 * kPi / n);
       const Vec2f seen = unseen_weights(UnseenStreetParams{}, static_cast<float>(-d.y));
-      street += static_cast<double>(seen.y) * weight / kPi;
+      // The wall's back is as bright as what stands, at any height.
+      street += static_cast<double>(d.x < 0 ? seen.y : UnseenStreetParams{}.share) * weight / kPi;
       const double l =
           static_cast<double>(luminance(sky_luminance(SkyParams{}, vec_cast<float>(d))) * (1 - seen.y)) * weight;
       whole += l;

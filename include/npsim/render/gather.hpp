@@ -45,7 +45,7 @@ struct GatherParams {
 // Traces the rays of `receivers` (indices into points) through `scene` (trace/scene.hpp). point_of(hit) is the point
 // that stands for a hit.
 // hits[r * rays + s] becomes the point that ray s of receiver r reaches, or kNoPoint; sky_irradiance[r] (lx, linear
-// RGB) what the sky brings to the escaping rays; unseen[r] the mean over the rays of unseen_weights().
+// RGB) what the sky brings to the escaping rays; unseen[r] the mean over the rays of their weights (unseen_street.hpp).
 template <class Scene, class PointOf, class Executor, class Observer>
 Status trace_gather_rays(const GatherParams& params, std::uint64_t seed, const Scene& scene, const PointOf& point_of,
                          const SurfacePoints& points, Span<const std::uint32_t> receivers, const SkyParams& sky,
@@ -100,11 +100,12 @@ Status trace_gather_rays(const GatherParams& params, std::uint64_t seed, const S
         const bool escaped = met[i].face == kNoFace;
         if (!escaped) {
           reached = point_of(met[i]);
-          // The back of a sheet is unknown; it hands on what surfaces do that nobody sees.
+          // The back of a sheet is unknown; it hands on what stands in the unseen street does.
           if (dot(points.normal[reached], batch[i].direction) >= 0.0F) reached = kNoPoint;
         }
         if (reached == kNoPoint) {
-          const Vec2f weights = unseen_weights(unseen_street, dot(sky.up, batch[i].direction));
+          const Vec2f weights = escaped ? unseen_weights(unseen_street, dot(sky.up, batch[i].direction))
+                                        : Vec2f{0.0F, unseen_street.share};
           unseen_sum = {unseen_sum.x + weights.x, unseen_sum.y + weights.y};
           if (escaped) sky_sum += sky_luminance(sky, batch[i].direction) * (1.0F - weights.y);
         }
