@@ -78,7 +78,7 @@ TEST_CASE("stereo: what lies farther off in the strip that the right camera does
   const float focal_baseline = 400.0F;
   Image<float> depth(shape, focal_baseline / 40.0F);  // a wall of 40 px of disparity
   for (int y = 0; y < 4; ++y) {
-    for (int x = 0; x < 30; ++x) depth(x, y) = focal_baseline / 2.0F;     // mismatched
+    for (int x = 0; x < 30; ++x) depth(x, y) = focal_baseline / 2.0F;  // mismatched
     for (int x = 30; x < 40; ++x) depth(x, y) = 0.0F;
     for (int x = 120; x < 180; ++x) depth(x, y) = focal_baseline / 4.0F;  // seen by both: a gap in the wall
     for (int x = 46; x < 50; ++x) depth(x, y) = focal_baseline / 80.0F;   // nearer
@@ -116,9 +116,9 @@ TEST_CASE("stereo: mirror images on the bonnet, a hand below the road in front o
     Image<float> out(road.shape);
     SerialExecutor serial;
     const ObjectMap objects{road.labels.cview(), {}};
-    REQUIRE(drop_outliers({}, road.depth.view(), objects, {0, -1, 0}, 1.5F, road.camera, focal_baseline, out.view(),
-                          serial)
-                .ok());
+    REQUIRE(
+        drop_outliers({}, road.depth.view(), objects, {0, -1, 0}, 1.5F, road.camera, focal_baseline, out.view(), serial)
+            .ok());
     return out;
   };
   const Image<float> out = dropped(10.0F);

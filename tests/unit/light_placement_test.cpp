@@ -287,7 +287,7 @@ TEST_CASE("street lamp on a wire, nothing but sky: hung at the default height") 
   CHECK(e.centre_m.z < 60.0F);
 }
 
-TEST_CASE("a far lamp whose pole is too thin to be seen stands on a mast as the nearer ones of its row; on wires none do") {
+TEST_CASE("a far lamp whose pole is too thin to be seen stands on a mast where the nearer ones of its row do") {
   for (const bool masts : {true, false}) {
     Scene s;
     // At 20 m, 7.9 m up and 2 m to the right; at 60 m, as high, without a pole.

@@ -103,8 +103,8 @@ struct Emitter {
          (flat && e.profile == EmissionProfile::lambert);
 }
 
-// The moon is an unseen lamp: a sphere of constant luminance and a radius of 0.26 degrees, so far off that a street is a
-// point to it, and so near that float keeps its shadows sharp.
+// The moon is an unseen lamp: a sphere of constant luminance and a radius of 0.26 degrees, so far off that a street is
+// a point to it, and so near that float keeps its shadows sharp.
 inline constexpr std::uint16_t kMoonNumber = 0xFFFF;
 inline constexpr float kMoonDistance_m = 2e4F;
 inline constexpr float kMoonRadius = 0.00453F;  // over the distance
@@ -115,7 +115,9 @@ inline constexpr float kLanternGlow = 0.01F;  // share of the peak that leaves i
 // `direction` is a unit vector that leaves the emitter. F: a batch of simd/batch.hpp. 0 for a NaN.
 template <class F>
 [[nodiscard]] F relative_intensity(const Emitter& e, const simd::F32x3<F>& direction) noexcept {
-  const auto along = [&](const Vec3f& to) { return F(to.x) * direction.x + F(to.y) * direction.y + F(to.z) * direction.z; };
+  const auto along = [&](const Vec3f& to) {
+    return F(to.x) * direction.x + F(to.y) * direction.y + F(to.z) * direction.z;
+  };
   const F c = along(e.axis);
   F value(0.0F);
   switch (e.profile) {

@@ -2,8 +2,8 @@
 // From annotated regions to emitters in space: one per marked source that has pixels and whose distance can be known.
 //
 // Street lamps: detail/street_lamps.hpp weighs the pole's foot and depth, the head, and what the row says. The patch is
-// level, at the lower edge of the head; axis down. Below 5 m it is a lantern, over the road without a pole it hangs on a
-// wire, any other is a road luminaire on a mast whose road lies where its arm leads.
+// level, at the lower edge of the head; axis down. Below 5 m it is a lantern, over the road without a pole it hangs on
+// a wire, any other is a road luminaire on a mast whose road lies where its arm leads.
 // Clocks and the lenses of traffic lights are discs, all else is a patch.
 // Lit surfaces (windows, signs, posters, clocks): on the upright plane of the wall around them, with the rectangle that
 // their outline spans there, what is hidden included; axis along its normal (detail/lamp_plane.hpp). Where no plane is
@@ -226,8 +226,8 @@ inline void set_street_profile(const StreetLamp& l, bool poles_known, const Grou
   e.up = road_left ? along : -along;  // cross(forward, down) points left
 }
 
-// The poles of far lamps are too thin to be seen or labelled: a lamp that seems to hang on a wire stands on a mast if the
-// nearest one of its row does, which is of its class, about as high and as far to the side.
+// The poles of far lamps are too thin to be seen or labelled: a lamp that seems to hang on a wire stands on a mast if
+// the nearest one of its row does, which is of its class, about as high and as far to the side.
 inline constexpr float kRowAside_m = 3.0F;
 inline constexpr float kRowHeights = 1.25F;
 inline void agree_on_masts(const GroundPlane& ground, Span<Emitter> lamps) noexcept {

@@ -231,7 +231,8 @@ inline void draw_flicker(const FlickerParams& params, std::uint64_t seed, std::u
 
 }  // namespace photograph_detail
 
-// How each pixel moves in the picture; its labels move by shutter_source() (sensor/motion.hpp) of it, as the picture does.
+// How each pixel moves in the picture; its labels move by shutter_source() (sensor/motion.hpp) of it, as the picture
+// does.
 template <class Executor>
 [[nodiscard]] Status picture_motion(const PhotographParams& params, const Intrinsics& intrinsics,
                                     const PhotographedStreet& street, ImageView<PixelMotion> motion,

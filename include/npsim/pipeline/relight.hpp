@@ -4,8 +4,8 @@
 // prepare_relighting() does what all nights of one day share: it places the lamps, draws which variant lights which of
 // them, traces every ray of the method, and makes the linear image of every light (detail/light_transport.hpp).
 // relight() then makes the linear image of one night: the sum of the lights, each by its strength and colour
-// (render/light_images.hpp), and what is seen of the lamps themselves. Light is linear, so nothing is lost by the split;
-// forty nights cost little more than one.
+// (render/light_images.hpp), and what is seen of the lamps themselves. Light is linear, so nothing is lost by the
+// split; forty nights cost little more than one.
 // Rays look for light at the points that pixels show; lamps are asked about those and the points that their bounces
 // reach. A variant's bits do not depend on how many others there are.
 // Effort or error: either `gather.rays` are traced from each receiver, or, with max_error, as many as the noise of the

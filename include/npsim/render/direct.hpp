@@ -31,7 +31,8 @@ inline namespace NPSIM_ABI {
   return cosine > 0.0F ? points.albedo[p] * received * (retro.strength * per_lx / cosine) : Vec3f{};
 }
 
-// Luminance towards the camera, cd/m2, of white light that makes the illuminance `lx` from the unit direction `to_light`.
+// Luminance towards the camera, cd/m2, of white light that makes the illuminance `lx` from the unit direction
+// `to_light`.
 [[nodiscard]] inline Vec3f direct_light(const SurfacePoints& points, std::size_t p, float lx, const Vec3f& to_light,
                                         float f0) noexcept {
   const Vec3f received{lx, lx, lx};

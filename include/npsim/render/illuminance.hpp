@@ -22,8 +22,8 @@ inline namespace NPSIM_ABI {
 
 // Closer than so many of its longer sides the extent of a lit surface, a signal's disc or a tube counts. Beyond, the
 // centre stands for it within 1 % of what it gives a receiver that faces it, and within 1 % of the square of side over
-// distance elsewhere. A signal's disc of radius r is right within .8 (r/d)^2 of what it gives straight ahead; as a point
-// it would be within 1.8 (r/d)^2. A sphere counts as one at any distance.
+// distance elsewhere. A signal's disc of radius r is right within .8 (r/d)^2 of what it gives straight ahead; as a
+// point it would be within 1.8 (r/d)^2. A sphere counts as one at any distance.
 inline constexpr float kPointFromSides = 8.0F;
 
 // Whether an emitter that is no sphere is near enough for its extent to count; `squared`: of its centre's distance.

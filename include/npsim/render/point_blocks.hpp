@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Points in blocks of 32 x 32 slots, as light asks about them: first the tiles of the picture, then what no pixel shows.
+// Points in blocks of 32 x 32 slots, as light asks about them: first the tiles of the picture, then what no pixel
+// shows.
 //
 // A slot of a tile holds the point that its pixel shows; neighbours in a block are neighbours in the picture. Points
 // that no pixel shows follow one another as they do in the list of points, row by row of a block.

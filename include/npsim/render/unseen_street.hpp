@@ -8,13 +8,13 @@
 //   0 <= s < top    that of what it shows above, times w = (1 - s / top)^2: it falls off like the light of lamps that
 //                   shine down; the rest, 1 - w, is sky;
 // and one that meets the back of a surface, which stands, that of what the picture shows above.
-// The share is less than 1 because the picture shows a lit road from near by, and much of what it does not show is yards
-// and backs: against the true nights of generated streets houses came out .5 stops too bright with the whole mean, .15
-// with the default (bias, mean of seeds 1 to 5).
+// The share is less than 1 because the picture shows a lit road from near by, and much of what it does not show is
+// yards and backs: against the true nights of generated streets houses came out .5 stops too bright with the whole
+// mean, .15 with the default (bias, mean of seeds 1 to 5).
 // Means are over the pixels that show a surface, of direct light alone, and without the own headlamps, which light the
-// picture and nothing else; so this light is linear in the lamps, and nights remain sums of their lamps. No mean exceeds
-// what surfaces send out, so no light is created. Error: the difference between the street that is seen and that which
-// is not; of the mean itself, taken over every 17th pixel, about 1 %.
+// picture and nothing else; so this light is linear in the lamps, and nights remain sums of their lamps. No mean
+// exceeds what surfaces send out, so no light is created. Error: the difference between the street that is seen and
+// that which is not; of the mean itself, taken over every 17th pixel, about 1 %.
 // Cost: one sum over every 17th pixel. Memory: none.
 #ifndef NPSIM_RENDER_UNSEEN_STREET_HPP
 #define NPSIM_RENDER_UNSEEN_STREET_HPP

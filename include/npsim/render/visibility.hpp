@@ -3,23 +3,24 @@
 //
 //   illuminance(p) = V(p) E(p),  E = I_peak * illuminance_per_cd (illuminance.hpp)
 // V is the share of the lamp that point p sees: one shadow ray for a lamp that looks small from p, else four, one per
-// quarter of its shape, and where these disagree (a penumbra) k x k more. Rays that leave below the receiver's horizon do
-// not count: what lies there is no part of E. An occluder that hides part of the lamp but none of the four rays is
+// quarter of its shape, and where these disagree (a penumbra) k x k more. Rays that leave below the receiver's horizon
+// do not count: what lies there is no part of E. An occluder that hides part of the lamp but none of the four rays is
 // missed. What hides a part of a lit surface counts as if it hid its share everywhere. None of it depends on strength
 // or colour, so every night of one day shares it.
 // Effort follows what is at stake, E times kShine where a surface mirrors or retroreflects, against c, the greater of
 // cutoff_lx and cutoff_share times the light that is certain: what the point gets from lamps that every night lights.
 // Rays leave from a lattice of a block's points, every `step`th of every `step`th row:
 //   E < c         none: V = 0, as for points behind the lamp or turned away from it
-//   E < 10 c      step 4 lattice; one ray, to anywhere on the lamp. Points between take the mean of the lattice's around
+//   E < 10 c      step 4 lattice; one ray, to anywhere on the lamp. Points between take the mean of the lattice's
+//                 around
 //   E < 50 c      step 2 lattice; the same
-//   E < 250 c     step 2 lattice; rays as above. Points between take what the lattice's around them agree on. Where these
-//                 differ, or a traced neighbour differs from what was taken, they are traced themselves
+//   E < 250 c     step 2 lattice; rays as above. Points between take what the lattice's around them agree on. Where
+//                 these differ, or a traced neighbour differs from what was taken, they are traced themselves
 //   else          step lattice; the same
 // Points are asked only on the same surface (within kSamePlane of its plane); one that finds none is traced.
-// Error of the illuminance at a point: at most  n_emitters * c  away from shadow edges, plus there  50 c  per lamp, plus
-// the penumbra's sampling noise; and shadows that are narrower than a step and meet no point of the lattice within a
-// block are lost. Faces that carry a lamp's own mark do not block it: a lamp is not hidden by its own glass.
+// Error of the illuminance at a point: at most  n_emitters * c  away from shadow edges, plus there  50 c  per lamp,
+// plus the penumbra's sampling noise; and shadows that are narrower than a step and meet no point of the lattice within
+// a block are lost. Faces that carry a lamp's own mark do not block it: a lamp is not hidden by its own glass.
 // Cost: E for every point of cells that the lamp may reach, and shadow rays in batches of neighbours and one lamp.
 // Memory: 40 KiB of stack.
 #ifndef NPSIM_RENDER_VISIBILITY_HPP
@@ -311,8 +312,8 @@ class BlockTracer {
     return stake_[i] < Stake::full || (count > 1.0F && (sum == 0.0F || sum == count));
   }
 
-  // Puts the slots whose values were taken and differ from those of traced neighbours on the same surface in the place of
-  // these neighbours: shadows are followed between lattice points.
+  // Puts the slots whose values were taken and differ from those of traced neighbours on the same surface in the place
+  // of these neighbours: shadows are followed between lattice points.
   [[nodiscard]] std::size_t doubted_neighbours(std::uint16_t (&slots)[kBlockPoints], std::size_t count) noexcept {
     std::uint16_t found[kBlockPoints];
     std::size_t next = 0;
@@ -415,7 +416,8 @@ class BlockTracer {
 // `peak_cd`: the greatest luminous intensity that it has in any variant. `face_mark[f]`: mark of the face's lamp, 0 for
 // none. `certain_lx[p]`: illuminance that every night brings. untraced_lx[b] grows by what the lamp at its peak would
 // bring where it is below the cut-off, summed over the points of block b: a bound of what leaving it out costs.
-// each_block(b, const BlockLight&) is called for every block, in parallel; it may add to certain_lx of the block's points.
+// each_block(b, const BlockLight&) is called for every block, in parallel; it may add to certain_lx of the block's
+// points.
 template <class Scene, class Executor, class Observer, class EachBlock>
 Status light_blocks(const VisibilityParams& params, std::uint64_t seed, const Scene& scene, const SurfacePoints& points,
                     const PointBlocks& blocks, Span<const float> certain_lx, const Emitter& emitter,

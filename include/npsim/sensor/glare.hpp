@@ -12,10 +12,10 @@
 //
 // An integral over Gaussians of every width gives such powers:
 //   integral of s^-q exp(-t^2 / (2 s^2)) ds / s = 2^(q/2-1) Gamma(q/2) t^-q,
-// so lobes an octave apart with shares of the light w = 2 pi s^2 ln 2 sum A_q s^-q / (2^(q/2-1) Gamma(q/2)) make it, and
-// exp(-core^2 / (2 s^2)) the shoulder. The lobes are the levels of a pyramid with the filter (1 3 3 1) / 8, down and up
-// again: variance (4^k - 1) / 2 px^2 at level k. The last cell of an odd row has what area is left; cells exchange
-// light in equal amounts, so a constant stays, and so does the energy. At its borders the picture is mirrored.
+// so lobes an octave apart with shares of the light w = 2 pi s^2 ln 2 sum A_q s^-q / (2^(q/2-1) Gamma(q/2)) make it,
+// and exp(-core^2 / (2 s^2)) the shoulder. The lobes are the levels of a pyramid with the filter (1 3 3 1) / 8, down
+// and up again: variance (4^k - 1) / 2 px^2 at level k. The last cell of an odd row has what area is left; cells
+// exchange light in equal amounts, so a constant stays, and so does the energy. At its borders the picture is mirrored.
 //   out = (1 - sum w) I + sum w_k U^k D^k I.  Linear, on the unclipped light: any unit will do.
 // Invariants: out >= 0; sum(out) == sum(in) within 1e-5 relative; halo = veil = 0 is a copy.
 // Error against the equation: the mean over all directions within 20 % from 3 px to a quarter of the height, a single
@@ -192,7 +192,8 @@ NPSIM_ALWAYS_INLINE void for_batches(int count, const Use& use) noexcept {
   for (int i = 0; i < count; i += F::lanes) use(i, count - i < F::lanes ? count - i : F::lanes);
 }
 
-// The light of n pixels, and that which the optics scatter of it: with a largest channel of at most `cap`, its hue kept.
+// The light of n pixels, and that which the optics scatter of it: with a largest channel of at most `cap`, its hue
+// kept.
 template <class F>
 void split_light(const Vec3f* in, int n, float cap, Vec3f (&light)[kRun], Vec3f (&scattering)[kRun]) noexcept {
   F most(0.0F);

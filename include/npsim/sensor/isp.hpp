@@ -2,13 +2,14 @@
 // A camera's image signal processor: from a raw picture to one that is shown.
 //
 //   gains -> demosaic -> highlights -> colour matrix -> gamut -> tone curve -> sRGB in 8 bits
-// Highlights: what is clipped in one filter has lost its hue: a red lamp three times over full scale has the raw colours
-// of an amber one. Between `pale_from` and .9 of full scale the brightest channel m draws the others to itself:
+// Highlights: what is clipped in one filter has lost its hue: a red lamp three times over full scale has the raw
+// colours of an amber one. Between `pale_from` and .9 of full scale the brightest channel m draws the others to itself:
 // c <- c + pale t^2 (3 - 2 t) (m - c), so lamps keep a ring of their colour about a pale core, and no lamp shows
 // another's hue. The neighbours of a clipped sample count as clipped: their channels come from either side of an edge.
 // Colour matrix: the inverse of the sensor's response for daylight, with chroma about luminance times `saturation`
 // (cameras show colours stronger than they are). Gamut: a colour with a negative channel moves towards the grey of
-// its luminance until that channel is 0. Shadows: cameras withdraw colour where it is noise, here by n / (n + colourless).
+// its luminance until that channel is 0. Shadows: cameras withdraw colour where it is noise, here by
+// n / (n + colourless).
 // Tone curve, on the largest channel n of the three, which all are scaled by, so hue and chroma stay:
 //   clip    y = n
 //   filmic  W = 2 - knee, z = W n, then the toe  z <- z^2 (1 + toe / W) / (z + toe), then above the knee

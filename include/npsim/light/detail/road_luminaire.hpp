@@ -38,8 +38,8 @@ template <class F>
   const F away = hung ? abs(s) : max(-s, F(0.0F));
   const F shielded = F(1.0F) - F(0.9F) * min(away, F(1.0F));
   const F value = (F(1.0F) + F(0.8F) * (r2 * r2)) * shielded * (t / (F(1.0F) + t));
-  return F(kRoadLuminaireGlow) + F((1.0F - kRoadLuminaireGlow) * (1.0F / kRoadLuminairePeak)) *
-                                     select(c > F(0.0F), value, F(0.0F));
+  return F(kRoadLuminaireGlow) +
+         F((1.0F - kRoadLuminaireGlow) * (1.0F / kRoadLuminairePeak)) * select(c > F(0.0F), value, F(0.0F));
 }
 
 [[nodiscard]] constexpr float road_luminaire_flux_sr(bool hung) noexcept {
