@@ -47,7 +47,7 @@ TEST_CASE("camera file: every part is read, and what is not named is the preset'
     "response": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
     "noise": {"residual": 0.5, "table": [[100, 1e-4, 1e-7], [200, 2e-4, 4e-7]]},
     "white_balance": {"fixed_k": 4000}, "denoise": {"strength": 0},
-    "isp": {"demosaic": "bilinear", "tone": "log", "lift": 50, "sharpening": 0.7}})");
+    "isp": {"demosaic": "bilinear", "chroma": "4:4:4", "tone": "log", "lift": 50, "sharpening": 0.7}})");
   REQUIRE(camera.ok());
   const PhotographParams p = camera.value().params();
   CHECK(p.exposure.metering == Metering::fixed);
@@ -64,6 +64,7 @@ TEST_CASE("camera file: every part is read, and what is not named is the preset'
   CHECK(noise_level(200.0F, p.noise_table).value().beta2 == doctest::Approx(4e-7));
   CHECK(p.white_balance.fixed_k == 4000.0F);
   CHECK(p.isp.demosaic == Demosaic::bilinear);
+  CHECK(p.isp.chroma == ChromaSampling::yuv444);
   CHECK(p.isp.tone.kind == ToneKind::log);
   CHECK(camera.value().from_file());
 }

@@ -423,6 +423,49 @@ TEST_CASE("sensor: displayed noise of the action camera lies within half and twi
   }
 }
 
+TEST_CASE("sensor: by 4:2:0 the pixels of a quad have one colour and their own luma, at odd sizes too") {
+  for (const Shape shape : {Shape{7, 5}, Shape{301, 4}, Shape{1, 1}}) {
+    npsim_test::Image<float> plane(npsim::mosaic_shape(shape), 0.0F);
+    npsim::RandomStream random(9, npsim::RandomPurpose::test, 0, 0, 0, 0);
+    for (int y = 0; y < plane.shape().height; ++y) {
+      for (int x = 0; x < plane.shape().width; ++x) plane(x, y) = random.uniform(0.1F, 0.3F);
+    }
+    const npsim::SerialExecutor executor;
+    npsim::IspParams params;
+    params.saturation = 1;
+    const auto developed = [&](npsim::ChromaSampling chroma) {
+      npsim_test::Image<float> copy = plane;
+      Picture out(shape);
+      params.chroma = chroma;
+      REQUIRE(npsim::develop(params, {}, copy.view(), out.view(), executor).ok());
+      return out;
+    };
+    const Picture each = developed(npsim::ChromaSampling::yuv444);
+    const Picture quads = developed(npsim::ChromaSampling::yuv420);
+    const auto roots = [](const Rgb8& c) {
+      const Vec3f v = npsim::srgb_decode8(c);
+      return Vec3f{std::sqrt(v.x), std::sqrt(v.y), std::sqrt(v.z)};
+    };
+    const auto luma = [](const Vec3f& v) { return 0.2126F * v.x + 0.7152F * v.y + 0.0722F * v.z; };
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        const Vec3f here = roots(quads(x, y));
+        Vec3f mean{};
+        for (int i = 0; i < 4; ++i) {
+          const Vec3f v =
+              roots(each(std::min(x / 2 * 2 + i % 2, shape.width - 1), std::min(y / 2 * 2 + i / 2, shape.height - 1)));
+          mean += (v - Vec3f{1, 1, 1} * luma(v)) * 0.25F;
+        }
+        CAPTURE(x);
+        CAPTURE(y);
+        CHECK(luma(here) == doctest::Approx(luma(roots(each(x, y)))).epsilon(0.01));
+        CHECK(std::fabs(here.x - luma(here) - mean.x) < 0.008F);  // two levels
+        CHECK(std::fabs(here.z - luma(here) - mean.z) < 0.008F);
+      }
+    }
+  }
+}
+
 TEST_CASE("sensor: the ISP refuses parameters out of range, planes of another size and a small workspace") {
   const npsim::SerialExecutor executor;
   npsim_test::Image<float> plane(npsim::mosaic_shape({4, 3}), 1.0F);

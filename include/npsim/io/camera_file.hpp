@@ -262,8 +262,8 @@ inline Outcome read_white_balance(const JsonObject& o, WhiteBalanceParams& p) {
 }
 
 inline Outcome read_isp(const JsonObject& o, IspParams& p, float& sharpening) {
-  if (auto k =
-          o.allow_only({"demosaic", "pale_from", "pale", "saturation", "tone", "toe", "knee", "lift", "sharpening"});
+  if (auto k = o.allow_only({"demosaic", "chroma", "pale_from", "pale", "saturation", "tone", "toe", "knee", "lift",
+                             "sharpening"});
       !k) {
     return k;
   }
@@ -278,6 +278,7 @@ inline Outcome read_isp(const JsonObject& o, IspParams& p, float& sharpening) {
     return r;
   }
   if (auto r = read_word(o, "demosaic", {"bilinear", "gradient"}, p.demosaic); !r) return r;
+  if (auto r = read_word(o, "chroma", {"4:4:4", "4:2:0"}, p.chroma); !r) return r;
   return read_word(o, "tone", {"clip", "filmic", "log"}, p.tone.kind);
 }
 

@@ -64,8 +64,8 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
 }
 
 // Greatest luminance that an emitter of a profile may show, cd/m2: a lit LED or a tungsten filament behind its optics,
-// a signal of 200 cd over a 200 mm disc (6400) with a margin for the bright spot, a billboard by night times ten.
-// [default]
+// a signal of 200 cd over a 200 mm disc, whatever a mark that is too small or too near says, a billboard by night times
+// ten. [default]
 [[nodiscard]] constexpr float luminance_cap_cd_m2(EmissionProfile profile) noexcept {
   switch (profile) {
     case EmissionProfile::street_luminaire:
@@ -75,7 +75,7 @@ enum class StrengthUnit : std::uint8_t { lumen, candela, candela_per_m2 };
     case EmissionProfile::low_beam:
     case EmissionProfile::low_beam_left:
     case EmissionProfile::high_beam: return 1e6F;
-    case EmissionProfile::signal: return 2e4F;
+    case EmissionProfile::signal: return 6400.0F;
     case EmissionProfile::lambert: break;
   }
   return 1e3F;

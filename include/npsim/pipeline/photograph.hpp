@@ -160,6 +160,7 @@ struct PhotographParams {
     params.denoise.strength = 0.0F;
     params.colour_noise = 0.0F;
     params.isp.demosaic = Demosaic::bilinear;
+    params.isp.chroma = ChromaSampling::yuv444;
     params.isp.saturation = 1.0F;
     params.isp.tone.kind = ToneKind::clip;
     return params;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // A camera's image signal processor: from a raw picture to one that is shown.
 //
-//   gains -> demosaic -> highlights -> colour matrix -> gamut -> tone curve -> sRGB in 8 bits
+//   gains -> demosaic -> highlights -> colour matrix -> gamut -> tone curve -> chroma sampling -> sRGB in 8 bits
 // Highlights: what is clipped in one filter has lost its hue: a red lamp three times over full scale has the raw
 // colours of an amber one. Between `pale_from` and .9 of full scale the brightest channel m draws the others to itself:
 // c <- c + pale t^2 (3 - 2 t) (m - c), so lamps keep a ring of their colour about a pale core, and no lamp shows
-// another's hue. The neighbours of a clipped sample count as clipped: their channels come from either side of an edge.
+// another's hue. Neighbours of a clipped sample count as partly clipped: their channels come from either side of an edge.
 // Colour matrix: the inverse of the sensor's response for daylight, with chroma about luminance times `saturation`
 // (cameras show colours stronger than they are). Gamut: a colour with a negative channel moves towards the grey of
 // its luminance until that channel is 0. Shadows: cameras withdraw colour where it is noise, here by
@@ -16,8 +16,11 @@
 //           y = knee + (1 - knee) s (2 - s) with s = (z - knee) / (W - knee): a parabola that leaves the straight part
 //           with its slope and arrives at 1 with slope 0. In between, y = W n (1 + toe / W) - toe + O(toe^2 / n).
 //   log     y = ln(1 + a n) / ln(1 + a), n = 1 at the end of the range: for several exposures
+// Chroma sampling: video keeps luma for every pixel and chroma for 2x2 of them (4:2:0), by which the coloured fringes
+// that a mosaic leaves at edges go. On the square roots of the linear values: red - Y and blue - Y become the means of
+// their quad, Y = .2126 red + .7152 green + .0722 blue stays.
 // Then sRGB and rounding to one of 256 levels, within .6 of a level.
-// Cost: about 6 ns per pixel, demosaic included (AVX2). Memory: 2 KiB of stack.
+// Cost: about 6 ns per pixel, demosaic included (AVX2). Memory: 6 KiB of stack.
 #ifndef NPSIM_SENSOR_ISP_HPP
 #define NPSIM_SENSOR_ISP_HPP
 
@@ -43,6 +46,9 @@ inline namespace NPSIM_ABI {
 
 enum class ToneKind : std::uint8_t { clip, filmic, log };
 
+// How often the picture's colour is kept: for every pixel, or for 2x2 of them.
+enum class ChromaSampling : std::uint8_t { yuv444, yuv420 };
+
 struct ToneCurve {
   ToneKind kind = ToneKind::filmic;
   float toe = 0.0F;     // how much the straight part is lowered; [0, .1]
@@ -56,6 +62,7 @@ struct IspParams {
   float pale_from = 0.6F;   // of full scale
   float pale = 0.92F;       // share of its chroma that a clipped pixel loses
   float saturation = 1.2F;  // 1: as the scene is
+  ChromaSampling chroma = ChromaSampling::yuv420;
   float colourless = 0.0F;  // share of full scale at which half of the colour is withdrawn: that of the noise in black
   ToneCurve tone;
 };
@@ -186,20 +193,73 @@ struct IspSegment {
 };
 static_assert(kIspSegment % simd::kMaxLanes == 0);
 
-// Codes of n linear pixels.
+// Luma of BT.709.
+inline constexpr float kLumaRed = 0.2126F;
+inline constexpr float kLumaGreen = 0.7152F;
+inline constexpr float kLumaBlue = 0.0722F;
+
+// Codes of n pixels as develop_segment() leaves them.
 template <class F>
-void write_codes(IspSegment& s, int n, Rgb8* to) noexcept {
+void write_codes(const IspSegment& s, int n, Rgb8* to) noexcept {
   alignas(64) std::int32_t step[3][kIspSegment];
   for (int i = 0; i < n; i += F::lanes) {
-    const auto steps = [i](const float* v) {
-      return simd::round_to_int(sqrt(simd::clamp(F::load(v + i), 0.0F, 1.0F)) * F(4095.0F));
+    const F luma = F::load(s.y + i);
+    const F red = F::load(s.x + i);
+    const F blue = F::load(s.z + i);
+    const F green = fma(red, F(-kLumaRed / kLumaGreen), blue * F(-kLumaBlue / kLumaGreen));
+    const auto steps = [luma](F chroma) {
+      return simd::round_to_int(simd::clamp(luma + chroma, 0.0F, 1.0F) * F(4095.0F));
     };
-    steps(s.x).store(step[0] + i);
-    steps(s.y).store(step[1] + i);
-    steps(s.z).store(step[2] + i);
+    steps(red).store(step[0] + i);
+    steps(green).store(step[1] + i);
+    steps(blue).store(step[2] + i);
   }
   for (int i = 0; i < n; ++i)
     to[i] = {kCodeTable.code[step[0][i]], kCodeTable.code[step[1][i]], kCodeTable.code[step[2][i]]};
+}
+
+// One chroma of the n pixels of two rows becomes the mean of each quad, which begin at even pixels; n >= 1.
+template <class F>
+void share_chroma(float* upper, float* lower, int n) noexcept {
+  alignas(64) float sum[kIspSegment + 2 * simd::kMaxLanes];  // of columns
+  float* columns = sum + simd::kMaxLanes;
+  for (int i = 0; i < n; i += F::lanes) (F::load(upper + i) + F::load(lower + i)).store(columns + i);
+  columns[-1] = 0.0F;
+  columns[n] = columns[n - 1];  // an odd column stands for its neighbour
+  using I = typename F::Int;
+  const auto even = (I::iota() & I(1)) == I(0);
+  for (int i = 0; i < n; i += F::lanes) {
+    const F beside = select(even, F::load(columns + i + 1), F::load(columns + i - 1));
+    const F mean = (F::load(columns + i) + beside) * F(0.25F);
+    mean.store(upper + i);
+    mean.store(lower + i);
+  }
+}
+
+// Of the square roots v of displayed linear values: luma Y in s.y, red - Y in s.x and blue - Y in s.z. The pixels begin
+// .. begin + count - 1 of row y.
+template <class F>
+void develop_segment(const IspParams& params, const ColourMatrix& matrix, Mosaic mosaic, ImageView<const float> plane,
+                     int begin, int y, int count, IspSegment& s) noexcept {
+  for (int i = 0; i < count; i += F::lanes) {
+    const int n = count - i < F::lanes ? count - i : F::lanes;
+    const DemosaicedPixels<F> raw = demosaic<F>(params.demosaic, mosaic, plane, begin + i, y, n);
+    raw.rgb.x.store(s.x + i);
+    raw.rgb.y.store(s.y + i);
+    raw.rgb.z.store(s.z + i);
+    raw.peak.store(s.peak + i);
+  }
+  for (int i = 0; i < count; i += F::lanes) {
+    const Rgb<F> c =
+        rendered<F>(params, matrix, {F::load(s.x + i), F::load(s.y + i), F::load(s.z + i)}, F::load(s.peak + i));
+    const F red = sqrt(min(c.x, F(1.0F)));
+    const F green = sqrt(min(c.y, F(1.0F)));
+    const F blue = sqrt(min(c.z, F(1.0F)));
+    const F luma = fma(red, F(kLumaRed), fma(green, F(kLumaGreen), blue * F(kLumaBlue)));
+    (red - luma).store(s.x + i);
+    luma.store(s.y + i);
+    (blue - luma).store(s.z + i);
+  }
 }
 
 }  // namespace isp_detail
@@ -227,26 +287,21 @@ template <class Executor>
     }
   });
   const isp_detail::ColourMatrix matrix = isp_detail::colour_matrix(sensor, params.saturation);
-  for_rows(out.shape(), executor, [&](int y) {
-    isp_detail::IspSegment s;
+  const Shape row_pairs{out.width(), (out.height() + 1) / 2};
+  for_rows(row_pairs, executor, [&](int pair) {
+    isp_detail::IspSegment rows[2] = {};
+    const int count = 2 * pair + 1 < out.height() ? 2 : 1;
     for (int begin = 0; begin < out.width(); begin += isp_detail::kIspSegment) {
-      const int count = out.width() - begin < isp_detail::kIspSegment ? out.width() - begin : isp_detail::kIspSegment;
-      for (int i = 0; i < count; i += F::lanes) {
-        const int n = count - i < F::lanes ? count - i : F::lanes;
-        const DemosaicedPixels<F> raw = demosaic<F>(params.demosaic, sensor.mosaic, plane, begin + i, y, n);
-        raw.rgb.x.store(s.x + i);
-        raw.rgb.y.store(s.y + i);
-        raw.rgb.z.store(s.z + i);
-        raw.peak.store(s.peak + i);
+      const int n = out.width() - begin < isp_detail::kIspSegment ? out.width() - begin : isp_detail::kIspSegment;
+      for (int i = 0; i < count; ++i) {
+        isp_detail::develop_segment<F>(params, matrix, sensor.mosaic, plane, begin, 2 * pair + i, n, rows[i]);
       }
-      for (int i = 0; i < count; i += F::lanes) {
-        const isp_detail::Rgb<F> c = isp_detail::rendered<F>(
-            params, matrix, {F::load(s.x + i), F::load(s.y + i), F::load(s.z + i)}, F::load(s.peak + i));
-        c.x.store(s.x + i);
-        c.y.store(s.y + i);
-        c.z.store(s.z + i);
+      if (count == 1) rows[1] = rows[0];
+      if (params.chroma == ChromaSampling::yuv420) {
+        isp_detail::share_chroma<F>(rows[0].x, rows[1].x, n);
+        isp_detail::share_chroma<F>(rows[0].z, rows[1].z, n);
       }
-      isp_detail::write_codes<F>(s, count, out.row(y) + begin);
+      for (int i = 0; i < count; ++i) isp_detail::write_codes<F>(rows[i], n, out.row(2 * pair + i) + begin);
     }
   });
   return {};
