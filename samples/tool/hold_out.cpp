@@ -33,9 +33,22 @@ enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut, kNeither };  // neither g
   return out;
 }
 
+// The same without what stereo matching spills over the borders of near objects.
+[[nodiscard]] io::Image<float> without_spill(const SceneView& scene, const RefineDepthParams& steps, DepthSource source,
+                                             ImageView<const float> seen, ThreadPool& pool) {
+  io::Image<float> out(scene.shape());
+  copy_pixels(seen, out.view());
+  if (source != DepthSource::stereo) return out;
+  const ObjectMap objects{scene.labels, scene.labels.empty() ? ImageView<const std::uint16_t>() : scene.instances};
+  (void)drop_border_spill(refine_detail::scaled_spill(steps, scene.shape()), scene.depth, objects, out.view(), pool)
+      .ok();
+  return out;
+}
+
 // What becomes of each pixel of the depth.
 [[nodiscard]] io::Image<std::uint8_t> draw_roles(const HoldOut& params, const SceneView& scene,
-                                                 ImageView<const float> seen, HoldOutResult& out) {
+                                                 ImageView<const float> seen, ImageView<const float> own,
+                                                 HoldOutResult& out) {
   const Shape shape = scene.shape();
   io::Image<std::uint8_t> roles(shape);
   const int across = shape.width / kHoldOutBlock_px + 1;
@@ -48,9 +61,9 @@ enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut, kNeither };  // neither g
       RandomStream random(params.seed, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(key), 0);
       const bool out_of_it = static_cast<double>(random.uniform()) < params.share;
       roles(x, y) = out_of_it ? kLeftOut : kKept;
-      if (!is_valid_depth(seen(x, y))) {
+      if (!is_valid_depth(own(x, y))) {
         if (out_of_it) roles(x, y) = kNeither;
-        ++out.false_strip;
+        ++(is_valid_depth(seen(x, y)) ? out.spilled : out.false_strip);
         continue;
       }
       ++out.measured;
@@ -95,7 +108,8 @@ Status hold_out(const HoldOut& params, const SceneView& scene, const RefineDepth
     out.source = find_depth_source(steps.source, scene.depth, scene.labels);
   }
   const io::Image<float> seen = seen_by_both(scene, steps, out.source, pool);
-  const io::Image<std::uint8_t> roles = draw_roles(params, scene, seen.view(), out);
+  const io::Image<float> own = without_spill(scene, steps, out.source, seen.view(), pool);
+  const io::Image<std::uint8_t> roles = draw_roles(params, scene, seen.view(), own.view(), out);
   out.labelled = !scene.labels.empty();
   io::Image<float> left(shape);
   for (int y = 0; y < shape.height; ++y) {
@@ -148,6 +162,9 @@ void print_table(const HoldOutResult& result) {
   if (result.false_strip > 0) {
     std::printf("not judged: %zu pixels at the left border, where only one of two cameras looks\n", result.false_strip);
   }
+  if (result.spilled > 0) {
+    std::printf("not judged: %zu pixels behind the borders of near objects, at the depth of those\n", result.spilled);
+  }
   if (!result.labelled) return;
   std::printf("\n%-30s", "mean by label");
   for (std::size_t g = 1; g < kLabelGroups.size(); ++g) std::printf(" %8s", kLabelGroups[g].name);
@@ -176,6 +193,7 @@ OrderedJson to_json(const HoldOutResult& result) {
           {"measured", result.measured},
           {"left_out", result.left_out},
           {"false_strip", result.false_strip},
+          {"spilled", result.spilled},
           {"steps", std::move(steps)}};
 }
 

@@ -2,10 +2,11 @@
 // Depth judged without any truth: measured pixels are left out, and what each step says there is compared with them.
 //
 // Left out are single pixels at random, or squares of 16 pixels of the working image that hold at least one measured
-// pixel. Only pixels whose label has a surface count; mismatches in the strip
-// at the left border that one camera of a stereo pair alone sees (depth/outliers.hpp) are no truth. Nearest neighbour
-// and linear interpolation of 1/z (simple_fill.hpp) stand beside the steps. Of the measured pixels that were not left
-// out it says how far each step moves them. The result depends on seed and size alone, not on threads.
+// pixel. Only pixels whose label has a surface count. Mismatches of stereo are no truth: those in the strip at the left
+// border that one of its cameras alone sees (depth/outliers.hpp), and the depth of near objects behind their borders
+// (depth/border_spill.hpp). Nearest neighbour and linear interpolation of 1/z (simple_fill.hpp) stand beside the steps.
+// Of the measured pixels that were not left out it says how far each step moves them. The result depends on seed and
+// size alone, not on threads.
 #ifndef NPSIM_SAMPLES_TOOL_HOLD_OUT_HPP
 #define NPSIM_SAMPLES_TOOL_HOLD_OUT_HPP
 
@@ -46,6 +47,7 @@ struct HoldOutResult {
   DepthSource source = DepthSource::unknown;  // given, or found from all measured pixels
   std::size_t measured = 0;                   // pixels of surfaces
   std::size_t false_strip = 0;
+  std::size_t spilled = 0;
   std::size_t left_out = 0;
   bool labelled = false;         // else the groups are all one
   std::vector<HoldOutRow> rows;  // nearest, linear, then each step

@@ -30,6 +30,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/anchor_ground.hpp"
+#include "npsim/depth/border_spill.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/fill.hpp"
@@ -97,6 +98,7 @@ struct RefineDepthParams {
   KerbFaceParams kerbs;
   GroundMismatchParams ground_mismatches;  // of stereo
   SmoothSurfacesParams smooth;
+  BorderSpillParams spill;  // of stereo
   // The caller's memory for the losses before each step of the refinement and at its end (figure 4.4), at most
   // refine_max_steps() + 1 of them; RefinedDepth::refinement says how many there were. Empty: none are kept.
   Span<LossValues> loss_curve;
@@ -185,6 +187,13 @@ namespace refine_detail {
   return outliers;
 }
 
+[[nodiscard]] constexpr BorderSpillParams scaled_spill(const RefineDepthParams& params, Shape shape) noexcept {
+  BorderSpillParams spill = params.spill;
+  const float reach = static_cast<float>(spill.reach_px) * reference_scale(params, shape) + 0.5F;
+  spill.reach_px = static_cast<int>(reach < 128.0F ? reach : 128.0F);
+  return spill;
+}
+
 [[nodiscard]] constexpr AnchorGroundParams scaled_anchor(const RefineDepthParams& params, Shape shape) noexcept {
   AnchorGroundParams anchor = params.anchor;
   anchor.surroundings_px =
@@ -218,6 +227,7 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.kerbs));
   NPSIM_RETURN_IF_ERROR(validate(params.ground_mismatches));
   NPSIM_RETURN_IF_ERROR(validate(params.smooth));
+  NPSIM_RETURN_IF_ERROR(validate(params.spill));
   return validate(params.refine);
 }
 
@@ -362,21 +372,29 @@ inline constexpr int kGroundSeam_px = 2;
   return {};
 }
 
+// The depth as given without what cannot be.
+template <class Executor>
+[[nodiscard]] Status drop_mismatches(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
+                                     const RefinedDepth& out, ImageView<float> measured, Executor& executor) {
+  copy_pixels(scene.depth, measured);
+  if (!params.drop_outliers) return {};
+  const float height_m = out.ground.inlier_share > 0.0F ? out.ground.camera_height_m : 0.0F;
+  OutlierParams outliers = scaled_outliers(params, scene.shape());
+  outliers.by_object = outliers.by_object || out.trust.focal_baseline_px_m > 0.0F;
+  NPSIM_RETURN_IF_ERROR(drop_outliers(outliers, scene.depth, objects, out.ground.up, height_m, scene.camera,
+                                      out.trust.focal_baseline_px_m, measured, executor));
+  if (!(out.trust.focal_baseline_px_m > 0.0F)) return {};
+  return drop_border_spill(scaled_spill(params, scene.shape()), scene.depth, objects, measured, executor);
+}
+
 template <class Executor>
 [[nodiscard]] Status complete_depth(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
                                     Workspace& workspace, Executor& executor, RefinedDepth& out) {
   const Shape shape = scene.shape();
   ImageView<float> measured;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
-  copy_pixels(scene.depth, measured);
   NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, out.ground));
-  if (params.drop_outliers) {
-    const float height_m = out.ground.inlier_share > 0.0F ? out.ground.camera_height_m : 0.0F;
-    OutlierParams outliers = scaled_outliers(params, shape);
-    outliers.by_object = outliers.by_object || out.trust.focal_baseline_px_m > 0.0F;
-    NPSIM_RETURN_IF_ERROR(drop_outliers(outliers, scene.depth, objects, out.ground.up, height_m, scene.camera,
-                                        out.trust.focal_baseline_px_m, measured, executor));
-  }
+  NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, objects, out, measured, executor));
   const bool continued = scene.labels.empty() && out.ground.inlier_share > 0.0F;
   if (continued) NPSIM_RETURN_IF_ERROR(continue_ground(out.ground, scene.camera, measured, workspace));
   FillParams fill = params.fill;
