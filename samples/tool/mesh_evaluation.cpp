@@ -220,7 +220,7 @@ Status TrueDepthAsRefined::take(const SceneView& scene, const RefinedDepth& like
   NPSIM_RETURN_IF_ERROR(estimate_ground(GroundParams{}, ImageView<const float>(depth.view()), like.labels, scene.camera,
                                         workspace, refined.ground));
   refined.depth = depth.view();
-  refined.smooth = {};
+  refined.mesh_depth = {};
   refined.surface = surface.view();
   refined.uncertain = uncertain.view();
   return {};

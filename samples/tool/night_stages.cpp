@@ -40,7 +40,7 @@ struct KeptDepth {
   [[nodiscard]] RefinedDepth refined() {
     RefinedDepth out = like;
     out.depth = depth.view();
-    out.smooth = {};
+    out.mesh_depth = {};
     out.labels = labels.view();
     out.surface = surface.view();
     out.uncertain = uncertain.view();

@@ -110,6 +110,50 @@ TEST_CASE("what is proposed for a measured depth is held within its source's noi
   CHECK(!validate(wrong).ok());
 }
 
+TEST_CASE(
+    "a network's crown is as rough in the mesh as it was given, its wall as smooth as the depth; no labels, no "
+    "difference") {
+  const Intrinsics k{300, 300, 160, 90};
+  Image<Rgb8> image(kShape, Rgb8{90, 100, 110});
+  Image<Label> labels(kShape, label::building);
+  Image<float> depth(kShape);
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (x >= 200) labels(x, y) = label::vegetation;
+      depth(x, y) = (x < 200 ? 20.0F : 12.0F) * (1.0F + 0.01F * (draw(x, y, 5) - 0.5F));
+    }
+  }
+  SceneView scene;
+  scene.camera = k;
+  scene.image = image.cview();
+  scene.depth = depth.cview();
+  scene.depth_source = DepthSource::network;
+  const auto roughness = [&](ImageView<const float> z, int from, int to) {
+    double sum = 0;
+    for (int y = 20; y < kShape.height - 20; ++y) {
+      for (int x = from; x < to; ++x) sum += std::fabs(static_cast<double>(z(x + 1, y) / z(x, y)) - 1.0);
+    }
+    return sum / ((to - from) * (kShape.height - 40));
+  };
+  for (const bool labelled : {true, false}) {
+    scene.labels = labelled ? labels.cview() : ImageView<const Label>();
+    const RefineDepthParams params;
+    npsim_test::Scratch scratch(refine_depth_workspace_bytes(params, kShape));
+    SerialExecutor serial;
+    NullObserver observer;
+    RefinedDepth out;
+    REQUIRE(refine_depth(params, scene, scratch.workspace(), serial, observer, out).ok());
+    const double given = roughness(depth.cview(), 220, 300);
+    CHECK(roughness(out.depth, 220, 300) < 0.5 * given);
+    if (labelled) {
+      CHECK(roughness(out.surface_depth(), 220, 300) > 0.9 * given);
+      CHECK(roughness(out.surface_depth(), 20, 180) == roughness(out.depth, 20, 180));
+    } else {
+      CHECK(out.mesh_depth.empty());
+    }
+  }
+}
+
 TEST_CASE("the chain leaves good measurements as they are and smooths the surfaces that a mesh is made of") {
   const Intrinsics k{300, 300, 160, 90};
   Image<Rgb8> image(kShape, Rgb8{90, 100, 110});
@@ -135,7 +179,7 @@ TEST_CASE("the chain leaves good measurements as they are and smooths the surfac
     RefinedDepth out;
     REQUIRE(refine_depth(params, scene, scratch.workspace(), serial, observer, out).ok());
     CHECK(out.source == source);
-    REQUIRE(out.smooth.empty() == (source == DepthSource::exact));
+    REQUIRE(out.mesh_depth.empty() == (source == DepthSource::exact));
     int smoothed = 0;
     for (int y = 0; y < kShape.height; ++y) {
       for (int x = 0; x < kShape.width; ++x) {

@@ -95,6 +95,10 @@ struct RefineDepthParams {
   // The U of the refinement: pixels whose neighbour belongs to another object that is farther or nearer by more than
   // this share. The slopes there lead from surface to surface, all others are a surface's own. 0: (3.3) as in the text.
   float border_jump = 0.02F;
+  // Of these the mesh is made as they were before filter and refinement, where those changed them by less than
+  // plant_change: a crown shades itself in its gaps, and one that is smooth is .4 stops too bright at night.
+  LabelSet plants = LabelSet::of(label::vegetation);
+  float plant_change = 0.1F;
   KerbFaceParams kerbs;
   GroundMismatchParams ground_mismatches;  // of stereo
   SmoothSurfacesParams smooth;
@@ -120,6 +124,7 @@ struct RefineDepthParams {
     params.refine = thesis_refine_params();
     params.planes.enabled = false;
     params.border_jump = 0;
+    params.plants = {};
     params.kerbs.enabled = false;
     return params;
   }
@@ -127,7 +132,8 @@ struct RefineDepthParams {
 
 struct RefinedDepth {
   ImageView<float> depth;             // m; 0 where there is no surface
-  ImageView<float> smooth;            // the same without its sensor's noise; empty where there is none
+  ImageView<float> mesh_depth;        // what a mesh is made of, where it is not that: of measured depth without its
+                                      // sensor's noise, of a network's with plants as they were given
   ImageView<const Label> labels;      // the scene's, or all one class
   ImageView<std::uint8_t> surface;    // 1 where the pixel shows a surface of the scene
   ImageView<std::uint8_t> uncertain;  // U of (3.3)
@@ -136,14 +142,16 @@ struct RefinedDepth {
   DepthTrust trust;                           // by how much the filled depth may be changed
   DepthNoise noise;                           // of the depth as given
   ImageView<float> filled;      // m; the depth before it was filtered and refined; empty where it moves freely, and
-                                // where `smooth` has taken its memory
+                                // where `mesh_depth` has taken its memory
   ImageView<float> confidence;  // 1 where measured, falling to 0 where made up far from it; empty likewise
   PlanarMap planes;             // of facades and the like; empty where normals are given
   GroundPlane ground;           // of the anchored depth; inlier_share 0: a guess
   RefineResult refinement;
 
   // What a mesh is made of.
-  [[nodiscard]] ImageView<const float> surface_depth() const noexcept { return smooth.empty() ? depth : smooth; }
+  [[nodiscard]] ImageView<const float> surface_depth() const noexcept {
+    return mesh_depth.empty() ? depth : mesh_depth;
+  }
 };
 
 namespace refine_detail {
@@ -214,6 +222,9 @@ namespace refine_detail {
 
 [[nodiscard]] inline Status validate(const RefineDepthParams& params) noexcept {
   if (!(params.border_jump >= 0.0F)) return {StatusCode::invalid_argument, "refine_depth: border_jump is not negative"};
+  if (!(params.plant_change >= 0.0F)) {
+    return {StatusCode::invalid_argument, "refine_depth: plant_change is not negative"};
+  }
   NPSIM_RETURN_IF_ERROR(validate(params.source));
   NPSIM_RETURN_IF_ERROR(validate(params.ground));
   NPSIM_RETURN_IF_ERROR(validate(params.outliers));
@@ -543,12 +554,22 @@ template <class Executor>
                                        const ObjectMap& objects, Workspace& workspace, Executor& executor,
                                        RefinedDepth& out) {
   if (!out.trust.bounded || out.source == DepthSource::exact) {
-    return kerb_faces(params.kerbs, scene.camera, out.ground, scene.labels, out.depth, out.normals, workspace);
+    NPSIM_RETURN_IF_ERROR(
+        kerb_faces(params.kerbs, scene.camera, out.ground, scene.labels, out.depth, out.normals, workspace));
+    for (int y = 0; y < out.mesh_depth.height(); ++y) {
+      for (int x = 0; x < out.mesh_depth.width(); ++x) {
+        const float z = out.depth(x, y);
+        const bool kept =
+            params.plants.contains(scene.labels(x, y)) && std::fabs(out.mesh_depth(x, y) - z) < params.plant_change * z;
+        if (!kept) out.mesh_depth(x, y) = z;
+      }
+    }
+    return {};
   }
-  out.smooth = out.filled;  // its memory: no step asks any more
+  out.mesh_depth = out.filled;  // its memory: no step asks any more
   out.filled = {};
   return smooth_surfaces(params.smooth, ImageView<const float>(out.depth), objects, out.planes, out.noise, scene.camera,
-                         out.ground, out.smooth, executor);
+                         out.ground, out.mesh_depth, executor);
 }
 
 }  // namespace refine_detail
@@ -572,7 +593,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
   if (out.source == DepthSource::unknown) out.source = find_depth_source(params.source, scene.depth, scene.labels);
   out.filled = {};
   out.confidence = {};
-  out.smooth = {};
+  out.mesh_depth = {};
   const bool labelled = !scene.labels.empty();
   const ObjectMap objects{scene.labels, labelled ? scene.instances : ImageView<const std::uint16_t>()};
   out.noise = depth_noise(out.source, scene.stereo_baseline_m, scene.depth, objects, scene.camera);
@@ -592,6 +613,10 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
     NPSIM_RETURN_IF_ERROR(step(
         Stage::ground, [&] { return refine_detail::anchor(params, scene, workspace, executor, out); },
         params.anchor.enabled));
+    if (labelled && params.plants.bits() != 0) {
+      NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), out.mesh_depth));
+      copy_pixels(ImageView<const float>(out.depth), out.mesh_depth);
+    }
     NPSIM_RETURN_IF_ERROR(step(
         Stage::cross_bilateral, [&] { return refine_detail::filter(params, scene, workspace, executor, out); }, true));
   }
