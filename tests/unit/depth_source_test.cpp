@@ -110,9 +110,7 @@ TEST_CASE("what is proposed for a measured depth is held within its source's noi
   CHECK(!validate(wrong).ok());
 }
 
-TEST_CASE(
-    "a network's crown is as rough in the mesh as it was given, its wall as smooth as the depth; no labels, no "
-    "difference") {
+TEST_CASE("a network's crown is as rough in the mesh as it was given, its wall as smooth as the depth") {
   const Intrinsics k{300, 300, 160, 90};
   Image<Rgb8> image(kShape, Rgb8{90, 100, 110});
   Image<Label> labels(kShape, label::building);

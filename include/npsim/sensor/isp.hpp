@@ -219,20 +219,14 @@ void write_codes(const IspSegment& s, int n, Rgb8* to) noexcept {
 }
 
 // One chroma of the n pixels of two rows becomes the mean of each quad, which begin at even pixels; n >= 1.
-template <class F>
-void share_chroma(float* upper, float* lower, int n) noexcept {
-  alignas(64) float sum[kIspSegment + 2 * simd::kMaxLanes];  // of columns
-  float* columns = sum + simd::kMaxLanes;
-  for (int i = 0; i < n; i += F::lanes) (F::load(upper + i) + F::load(lower + i)).store(columns + i);
-  columns[-1] = 0.0F;
-  columns[n] = columns[n - 1];  // an odd column stands for its neighbour
-  using I = typename F::Int;
-  const auto even = (I::iota() & I(1)) == I(0);
-  for (int i = 0; i < n; i += F::lanes) {
-    const F beside = select(even, F::load(columns + i + 1), F::load(columns + i - 1));
-    const F mean = (F::load(columns + i) + beside) * F(0.25F);
-    mean.store(upper + i);
-    mean.store(lower + i);
+inline void share_chroma(float* upper, float* lower, int n) noexcept {
+  if (n % 2 != 0) {  // an odd column stands for its neighbour
+    upper[n] = upper[n - 1];
+    lower[n] = lower[n - 1];
+  }
+  for (int i = 0; i < n; i += 2) {
+    const float mean = ((upper[i] + lower[i]) + (upper[i + 1] + lower[i + 1])) * 0.25F;
+    upper[i] = upper[i + 1] = lower[i] = lower[i + 1] = mean;
   }
 }
 
@@ -298,8 +292,8 @@ template <class Executor>
       }
       if (count == 1) rows[1] = rows[0];
       if (params.chroma == ChromaSampling::yuv420) {
-        isp_detail::share_chroma<F>(rows[0].x, rows[1].x, n);
-        isp_detail::share_chroma<F>(rows[0].z, rows[1].z, n);
+        isp_detail::share_chroma(rows[0].x, rows[1].x, n);
+        isp_detail::share_chroma(rows[0].z, rows[1].z, n);
       }
       for (int i = 0; i < count; ++i) isp_detail::write_codes<F>(rows[i], n, out.row(2 * pair + i) + begin);
     }
