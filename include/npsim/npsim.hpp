@@ -140,6 +140,7 @@
 #include "npsim/metrics/segmentation_errors.hpp"
 
 // the steps, then the whole
+#include "npsim/pipeline/enlarge_night.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "npsim/pipeline/photograph.hpp"
 #include "npsim/pipeline/picture_masks.hpp"

@@ -50,6 +50,10 @@ class AnySink {
 [[nodiscard]] Status make_nights(const NightParams& params, const SceneView& scene, Workspace& workspace,
                                  AnyExecutor executor, AnyObserver observer, AnySink sink);
 
+// io::make_large_nights().
+[[nodiscard]] Status make_large_nights(const NightParams& params, const SceneView& photograph, const SceneView& work,
+                                       Workspace& workspace, AnyExecutor executor, AnyObserver observer, AnySink sink);
+
 [[nodiscard]] Status make_nights_of_depth(const NightParams& params, const SceneView& scene,
                                           const RefinedDepth& refined, Workspace& workspace, AnyExecutor executor,
                                           AnyObserver observer, AnySink sink);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "npsim/pipeline/night.hpp"
 
+#include "npsim/io/large_night.hpp"
 #include "npsim/pipeline/picture_masks.hpp"
 #include "tool/engine.hpp"
 
@@ -9,6 +10,11 @@ namespace npsim::engine {
 Status make_nights(const NightParams& params, const SceneView& scene, Workspace& workspace, AnyExecutor executor,
                    AnyObserver observer, AnySink sink) {
   return npsim::make_nights(params, scene, workspace, executor, observer, sink);
+}
+
+Status make_large_nights(const NightParams& params, const SceneView& photograph, const SceneView& work,
+                         Workspace& workspace, AnyExecutor executor, AnyObserver observer, AnySink sink) {
+  return io::make_large_nights(params, photograph, work, workspace, executor, observer, sink);
 }
 
 Status make_nights_of_depth(const NightParams& params, const SceneView& scene, const RefinedDepth& refined,

@@ -98,7 +98,10 @@ int main(int argc, char** argv) {
   night_app->add_option("--threads", night.threads, "0 = one per processor")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  night_app->add_option("--size", night.size, "Work at WIDTHxHEIGHT, for instance 960x540; default: the image's size");
+  night_app->add_option("--size", night.size,
+                        "Pictures of WIDTHxHEIGHT, for instance 960x540; default: the image's size");
+  night_app->add_option("--work-size", night.work_size,
+                        "Compute depth and light at WIDTHxHEIGHT; default: the pictures' size, at most 2 megapixels");
   night_app->add_option(
       "--lights", night.light_set,
       "Measured light sources that replace the built-in strengths and colours of the classes they name: a JSON list "

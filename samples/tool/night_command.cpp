@@ -27,12 +27,14 @@
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/camera_file.hpp"
 #include "npsim/io/dng.hpp"
+#include "npsim/io/large_night.hpp"
 #include "npsim/io/light_set.hpp"
 #include "npsim/io/memory.hpp"
 #include "npsim/io/pfm.hpp"
 #include "npsim/io/png_jpeg.hpp"
 #include "npsim/io/raw_picture.hpp"
 #include "npsim/io/scene_doubts.hpp"
+#include "npsim/io/scene_resize.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "options.hpp"
 #include "outputs.hpp"
@@ -94,8 +96,9 @@ namespace {
 // Receives what the pipeline makes and writes it; remembers the first file that could not be written.
 class NightWriter {
  public:
-  NightWriter(const NightOptions& options, const io::Scene& scene, const std::vector<std::string>& doubts,
-              const NightParams& params, Console& console, ThreadPool& pool)
+  // scene: that nights are made of; photograph: of the size of the pictures.
+  NightWriter(const NightOptions& options, const io::Scene& photograph, const io::Scene& scene,
+              const std::vector<std::string>& doubts, const NightParams& params, Console& console, ThreadPool& pool)
       : options_(options),
         scene_(scene),
         doubts_(doubts),
@@ -103,7 +106,7 @@ class NightWriter {
         light_set_(params.relight.activation.light_set),
         console_(console),
         pool_(pool) {
-    if (options.labels) labels_.emplace(scene, params, SignalMaskParams{options.least_snr});
+    if (options.labels) labels_.emplace(photograph, params, SignalMaskParams{options.least_snr});
   }
 
   Status reconstructed(const RefinedDepth& refined, const SceneMesh& mesh, const Relighting& light) {
@@ -138,10 +141,6 @@ class NightWriter {
   Status night(const Night& night) {
     return written(console_.timed("write night", [&]() -> io::Outcome {
       const std::string stem = night_stem(options_.output, night.variant);
-      io::Image<Rgb8> picture(night.picture.shape());
-      for (int y = 0; y < picture.height(); ++y) {
-        std::copy_n(night.picture.row(y), picture.width(), picture.view().row(y));
-      }
       if (auto o = io::write_png(stem + ".png", night.picture); !o) return o;
       if (auto o = io::write_pfm(stem + ".pfm", night.luminance); !o) return o;
       if (options_.jpeg > 0) {
@@ -157,7 +156,11 @@ class NightWriter {
         if (auto o = labels_->write(stem, name + ".png", night, pool_); !o) return o;
       }
       // The contact sheet shows at most six nights; the files hold all.
-      if (night.variant < 6) panels_.push_back({"night " + std::to_string(night.variant), std::move(picture)});
+      if (night.variant < 6) {
+        io::Image<Rgb8> picture(night.picture.shape());
+        copy_pixels(night.picture, picture.view());
+        panels_.push_back({"night " + std::to_string(night.variant), io::resized_nearest(picture, scene_.shape())});
+      }
       return io::write_file(stem + ".json", describe(night).dump(2) + "\n");
     }));
   }
@@ -289,7 +292,8 @@ class NightWriter {
             {"photograph", key_text(params_.photograph)},
             {"preset", options_.preset},
             {"light_set", options_.light_set},
-            {"size", {scene_.image.width(), scene_.image.height()}},
+            {"size", {night.picture.width(), night.picture.height()}},
+            {"work_size", {scene_.image.width(), scene_.image.height()}},
             {"seed", options_.seed},
             {"variant", night.variant},
             {"unseen_street_lamps", params_.relight.rows.behind_m > 0.0F},
@@ -371,6 +375,27 @@ void remove_older_nights(const NightOptions& options, const InputFiles& inputs) 
   }
 }
 
+// The scene that depth and light are computed of; what the pictures at the photograph's size do not need of it goes.
+// size: empty: the usual one.
+[[nodiscard]] io::Expected<io::Scene> at_work_size(io::Scene& photograph, const std::string& size) {
+  Shape shape = io::work_shape(photograph.shape());
+  if (!size.empty()) {
+    const io::Expected<Shape> parsed = parse_size(size, "--work-size");
+    if (!parsed) return parsed.error();
+    shape = parsed.value();
+    if (shape.width > photograph.shape().width || shape.height > photograph.shape().height) {
+      return io::Error{"", "--work-size",
+                       "is '" + size + "', expected at most " + io::size_text(photograph.shape()) + ", the pictures' size"};
+    }
+  }
+  io::Expected<io::Scene> work = io::resized_scene(photograph, shape);
+  photograph.normals = {};
+  photograph.albedo = {};
+  photograph.roughness = {};
+  photograph.depth = {};
+  return work;
+}
+
 [[nodiscard]] io::Expected<io::CameraModel> chosen_camera(const NightOptions& options) {
   const std::string usual = options.preset == "thesis" ? "thesis" : "action-camera";
   io::Expected<io::CameraModel> read = io::read_camera(options.camera.empty() ? usual : options.camera);
@@ -401,11 +426,15 @@ int run_night(const NightOptions& options) {
   Console console(options.quiet);
   io::Expected<io::Scene> loaded = console.timed("read scene", [&] { return load_scene(options.scene, options.size); });
   if (!loaded) return fail(loaded.error());
-  const io::Scene& scene = loaded.value();
+  io::Scene& photograph = loaded.value();
+  const std::vector<std::string> doubts = io::scene_doubts(photograph);
+  const io::Expected<io::Scene> reduced =
+      console.timed("scene at work size", [&] { return at_work_size(photograph, options.work_size); });
+  if (!reduced) return fail(reduced.error());
+  const io::Scene& scene = reduced.value();
   for (const std::string& note : scene.notes) {
     if (!options.quiet) std::fprintf(stderr, "  note: %s\n", note.c_str());
   }
-  const std::vector<std::string> doubts = io::scene_doubts(scene);
   for (const std::string& doubt : doubts) {
     if (!options.quiet) std::fprintf(stderr, "  doubt: %s\n", doubt.c_str());
   }
@@ -462,8 +491,8 @@ int run_night(const NightOptions& options) {
   Workspace workspace = memory.workspace();
   const unsigned threads = thread_count(options.threads);
   ThreadPool pool(threads);
-  NightWriter writer(options, scene, doubts, params, console, pool);
-  const Status status = engine::make_nights(params, view, workspace, pool, console, writer);
+  NightWriter writer(options, photograph, scene, doubts, params, console, pool);
+  const Status status = engine::make_large_nights(params, photograph.view(), view, workspace, pool, console, writer);
   if (writer.error() != nullptr) return fail(*writer.error());
   if (status.code() == StatusCode::no_valid_input) {
     return fail(io::Error{scene.file, "depth",

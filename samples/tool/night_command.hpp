@@ -18,6 +18,7 @@ struct NightOptions {
   std::string preset = "default";
   int threads = 0;
   std::string size;
+  std::string work_size;  // of depth, mesh and light; empty: at most kMostWorkPixels
   std::string light_set;
   int rays = GatherParams{}.rays;  // of each pixel, for indirect light
   float error = 0.0F;              // relative noise to be reached in place of that effort; 0: effort decides

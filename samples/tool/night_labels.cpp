@@ -10,6 +10,7 @@
 #include "engine.hpp"
 #include "npsim/io/pfm.hpp"
 #include "npsim/io/png_jpeg.hpp"
+#include "npsim/io/scene_resize.hpp"
 #include "npsim/labels/boxes.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/labels/light_classes.hpp"
@@ -104,8 +105,7 @@ NightLabels::NightLabels(const io::Scene& scene, const NightParams& params, cons
 }
 
 void NightLabels::keep(const RefinedDepth& refined) {
-  depth_ = copy_of<float>(refined.depth);
-  normals_ = normal_picture(refined.normals);
+  normals_ = io::resized_nearest(normal_picture(refined.normals), scene_.shape());
 }
 
 Status NightLabels::of(const Night& night, AnyExecutor executor, Images& out) const {
@@ -113,7 +113,7 @@ Status NightLabels::of(const Night& night, AnyExecutor executor, Images& out) co
   out.labels = scene_.labels.empty() ? io::Image<Label>(shape) : scene_.labels;
   out.instances = instances_;
   out.lamps = scene_.light_index.empty() ? io::Image<std::uint16_t>(shape) : scene_.light_index;
-  out.depth = depth_;
+  out.depth = copy_of(night.street.depth);
   out.normals = normals_;
   const PhotographParams& camera = params_.camera;
   if (has_motion(camera.motion) && camera.motion.readout_s > 0.0F) {

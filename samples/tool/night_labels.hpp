@@ -31,9 +31,10 @@ inline constexpr const char* kCocoFile = "coco.json";
 
 class NightLabels {
  public:
+  // scene: of the size of the pictures.
   NightLabels(const io::Scene& scene, const NightParams& params, const SignalMaskParams& masks);
 
-  // Keeps what nights are made in the memory of.
+  // Keeps what nights are made in the memory of; refined: of the scene's size or smaller.
   void keep(const RefinedDepth& refined);
   [[nodiscard]] io::Outcome write(const std::string& base, const std::string& picture, const Night& night,
                                   AnyExecutor executor);
@@ -57,7 +58,6 @@ class NightLabels {
   const NightParams& params_;
   SignalMaskParams masks_;
   io::Image<std::uint16_t> instances_;
-  io::Image<float> depth_;
   io::Image<Rgb8> normals_;
   io::CocoWriter coco_;
 };

@@ -152,14 +152,14 @@ inline std::size_t resize_light_index(Image<std::uint16_t>& index, const std::ve
 
 }  // namespace detail
 
-inline Outcome resize_scene(Scene& scene, Shape to, const ReadLimits& limits = {}) {
-  return guarded(scene.file, [&]() -> Outcome {
+[[nodiscard]] inline Expected<Scene> resized_scene(const Scene& scene, Shape to, const ReadLimits& limits = {}) {
+  return guarded(scene.file, [&]() -> Expected<Scene> {
     const Expected<Shape> allowed = checked_shape(scene.file, to.width, to.height, sizeof(Vec3f), limits);
     if (!allowed) return allowed.error();
     const Shape from = scene.shape();
     if (from.empty()) return Error{scene.file, "image", "is empty, expected a scene that was read"};
-    if (from == to) return Done{};
     Scene out = scene;
+    if (from == to) return out;
     out.image = detail::resized_photograph(scene.image, to);
     out.depth = resized_nearest(scene.depth, to);
     if (!scene.labels.empty()) out.labels = resized_nearest(scene.labels, to);
@@ -177,9 +177,16 @@ inline Outcome resize_scene(Scene& scene, Shape to, const ReadLimits& limits = {
     for (const float z : std::as_const(out.depth).view().pixels()) any = any || is_valid_depth(z);
     if (!any)
       return Error{scene.file, "size", "no valid depth is left at " + size_text(to) + ", expected a larger size"};
-    scene = std::move(out);
-    return Done{};
+    return out;
   });
+}
+
+inline Outcome resize_scene(Scene& scene, Shape to, const ReadLimits& limits = {}) {
+  if (scene.shape() == to && !to.empty()) return Done{};
+  Expected<Scene> resized = resized_scene(scene, to, limits);
+  if (!resized) return resized.error();
+  scene = std::move(resized.value());
+  return Done{};
 }
 
 }  // namespace io
