@@ -384,8 +384,9 @@ void remove_older_nights(const NightOptions& options, const InputFiles& inputs) 
     if (!parsed) return parsed.error();
     shape = parsed.value();
     if (shape.width > photograph.shape().width || shape.height > photograph.shape().height) {
-      return io::Error{"", "--work-size",
-                       "is '" + size + "', expected at most " + io::size_text(photograph.shape()) + ", the pictures' size"};
+      return io::Error{
+          "", "--work-size",
+          "is '" + size + "', expected at most " + io::size_text(photograph.shape()) + ", the pictures' size"};
     }
   }
   io::Expected<io::Scene> work = io::resized_scene(photograph, shape);

@@ -58,9 +58,9 @@ class LargeNights {
     depth_ = Image<float>(shape);
     labels_ = Image<Label>(shape);
     for (int y = 0; y < shape.height; ++y) {
-      const int from_y = nearest_sample(y, shape.height, work_.shape().height);
+      const int from_y = nearest_sample(y, work_.shape().height, shape.height);
       for (int x = 0; x < shape.width; ++x) {
-        const int from_x = nearest_sample(x, shape.width, work_.shape().width);
+        const int from_x = nearest_sample(x, work_.shape().width, shape.width);
         depth_(x, y) = refined.depth(from_x, from_y);
         labels_(x, y) = photograph_.labels.empty() ? refined.labels(from_x, from_y) : photograph_.labels(x, y);
       }

@@ -112,10 +112,9 @@ struct Enlarger {
         const Rgb8 other = small.image(qx, qy);
         const float unlike = 1.0F + sharp * square_of_difference(colour, other);
         const float weight = across.weight[i] * down.weight[j] / (unlike * unlike);
-        const float ratio = without_detail(qx, qy)
-                                ? 1.0F
-                                : clamp_to(bright / (day_luminance(other) + params.dark), 1.0F / params.most_detail,
-                                           params.most_detail);
+        const float ratio = without_detail(qx, qy) ? 1.0F
+                                                   : clamp_to(bright / (day_luminance(other) + params.dark),
+                                                              1.0F / params.most_detail, params.most_detail);
         sum += night(qx, qy) * (weight * ratio);
         weights += weight;
       }
