@@ -100,6 +100,7 @@ class NightWriter {
   NightWriter(const NightOptions& options, const io::Scene& photograph, const io::Scene& scene,
               const std::vector<std::string>& doubts, const NightParams& params, Console& console, ThreadPool& pool)
       : options_(options),
+        photograph_(photograph.shape()),
         scene_(scene),
         doubts_(doubts),
         params_(params),
@@ -193,8 +194,10 @@ class NightWriter {
           {"seed", options_.seed},
           {"variants", options_.variants},
           {"threads", threads},
-          {"width", scene_.image.width()},
-          {"height", scene_.image.height()},
+          {"width", photograph_.width},
+          {"height", photograph_.height},
+          {"work_width", scene_.image.width()},
+          {"work_height", scene_.image.height()},
           {"rays", options_.rays},
           {"max_error", options_.error},
           {"bounces", params.relight.bounces}}},
@@ -231,7 +234,7 @@ class NightWriter {
     double seconds = 0;
     for (const StageTime& t : console_.times()) {
       if (t.name == stage_name(Stage::add_lights) || t.name == stage_name(Stage::camera)) {
-        seconds += t.seconds / std::max(1, t.calls);
+        seconds += t.seconds / std::max(1, options_.variants);
       }
     }
     return seconds;
@@ -320,6 +323,7 @@ class NightWriter {
   }
 
   const NightOptions& options_;
+  Shape photograph_;
   const io::Scene& scene_;
   const std::vector<std::string>& doubts_;
   const NightParams& params_;
@@ -501,7 +505,8 @@ int run_night(const NightOptions& options) {
                           "on pixels that are not labelled as sky"});
   }
   if (status.code() == StatusCode::workspace_exhausted) {
-    std::fprintf(stderr, "npsim: %s: more memory is needed at this size than the system gives; try --size\n",
+    std::fprintf(stderr,
+                 "npsim: %s: more memory is needed at this size than the system gives; try --size or --work-size\n",
                  options.scene.c_str());
     return kExitFailed;
   }

@@ -60,10 +60,11 @@ double reference(const Pair& p, const EnlargeNightParams& params, int x, int y) 
   const Rgb8 c = p.full.image(x, y);
   double sum = 0;
   double weights = 0;
-  for (int pass = 0; pass < 2 && !(weights > 0); ++pass) {
+  for (int pass = 0; pass < (p.full.lamps(x, y) != 0 ? 1 : 2) && !(weights > 0); ++pass) {
     for (int qy = 0; qy < p.night.shape().height; ++qy) {
       for (int qx = 0; qx < p.night.shape().width; ++qx) {
-        const bool same = p.full.labels(x, y) == p.small.labels(qx, qy) && p.full.lamps(x, y) == p.small.lamps(qx, qy);
+        const int lamp = p.full.lamps(x, y);
+        const bool same = lamp == p.small.lamps(qx, qy) && (lamp != 0 || p.full.labels(x, y) == p.small.labels(qx, qy));
         const double near = spline(px - qx) * spline(py - qy);
         if (!(near > 0) || (pass == 0 && !same)) continue;
         const Rgb8 q = p.small.image(qx, qy);
@@ -74,13 +75,13 @@ double reference(const Pair& p, const EnlargeNightParams& params, int x, int y) 
         const double dark = static_cast<double>(params.dark);
         const double most = static_cast<double>(params.most_detail);
         double r = std::clamp((day_luminance(c) + dark) / (day_luminance(q) + dark), 1 / most, most);
-        if (p.small.labels(qx, qy) == label::sky) r = 1;
+        if (p.small.labels(qx, qy) == label::sky || lamp != 0) r = 1;
         sum += w * r * static_cast<double>(p.night(qx, qy).y);
         weights += w;
       }
     }
   }
-  return sum / weights;
+  return weights > 0 ? sum / weights : -1.0;  // of a lamp that is nowhere near
 }
 
 }  // namespace
@@ -109,6 +110,7 @@ TEST_CASE("enlarged night: agrees with the formula in double precision, sides in
   for (int y = 4; y < 36; ++y) {
     for (int x = 4; x < 57; ++x) {
       const double right = reference(p, params, x, y);
+      if (right < 0) continue;
       worst = std::max(worst, std::fabs(static_cast<double>(p.out(x, y).y) - right) / right);
     }
   }
@@ -150,6 +152,17 @@ TEST_CASE("enlarged night: a lamp of one small pixel shines from its own pixels 
   for (int y = 0; y < 36; ++y) {
     for (int x = 0; x < 60; ++x) CHECK(p.out(x, y).x == doctest::Approx(p.full.lamps(x, y) == 2 ? 5000.0 : 1.0));
   }
+}
+
+TEST_CASE("enlarged night: a thin tube that kept one small pixel, of another class, shines along all of its length") {
+  Pair p({60, 36}, {180, 108});
+  p.small.lamps(30, 18) = 1;
+  p.small.labels(30, 18) = label::building;
+  p.night(30, 18) = Vec3f{700, 700, 700};
+  for (int x = 20; x < 160; ++x) p.full.lamps(x, 55) = 1;
+  p.enlarge();
+  for (int x = 20; x < 160; ++x) CHECK(p.out(x, 55).x == doctest::Approx(700.0));
+  CHECK(p.out(60, 57).x == doctest::Approx(1.0));
 }
 
 TEST_CASE("enlarged night: texture that the small photograph has lost is in the night, clouds of the day are not") {

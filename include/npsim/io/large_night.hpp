@@ -4,8 +4,8 @@
 // Depth, mesh and light gain nothing from more than some two million pixels, and cost by the pixel. A larger scene is
 // resampled to that (scene_resize.hpp); its nights are then brought to the size of the photograph
 // (pipeline/enlarge_night.hpp), and the camera takes its picture there, with its own noise in each pixel.
-// Memory on the heap: 12 bytes a pixel of the photograph for the light, 3 for the picture, 5 for depth and labels, and
-// what photograph() takes; besides the workspace at the smaller size.
+// Memory on the heap: 12 bytes a pixel of the photograph for the light, 3 for the picture, 5 for depth and labels, 2
+// for raw levels, and what photograph() takes; besides the workspace at the smaller size.
 #ifndef NPSIM_IO_LARGE_NIGHT_HPP
 #define NPSIM_IO_LARGE_NIGHT_HPP
 
@@ -16,12 +16,14 @@
 #include <utility>
 
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/observe.hpp"
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/io/memory.hpp"
 #include "npsim/io/scene_resize.hpp"
+#include "npsim/labels/cityscapes.hpp"
 #include "npsim/pipeline/enlarge_night.hpp"
 #include "npsim/pipeline/night.hpp"
 
@@ -41,20 +43,25 @@ inline constexpr std::size_t kMostWorkPixels = std::size_t{2048} * 1024;
 
 // A sink of make_nights() at the smaller size that hands another sink each night at the photograph's. What is
 // reconstructed it hands on as it is. Where both sizes are the same, so are the nights.
-template <class Executor, class Sink>
+template <class Executor, class Observer, class Sink>
 class LargeNights {
  public:
   // work: the scene that the nights are made of; photograph: image, camera, and labels, instances and lamps where there
   // are any, lamps with the indices of work. Both, and their planes, outlive this.
   LargeNights(const NightParams& params, const SceneView& photograph, const SceneView& work, Executor& executor,
-              Sink& sink)
-      : params_(params), photograph_(photograph), work_(work), executor_(executor), sink_(sink) {}
+              Observer& observer, Sink& sink)
+      : params_(params), photograph_(photograph), work_(work), executor_(executor), observer_(observer), sink_(sink) {}
 
   Status reconstructed(const RefinedDepth& refined, const SceneMesh& mesh, const Relighting& light) {
     const Shape shape = photograph_.shape();
     if (shape == work_.shape()) return sink_.reconstructed(refined, mesh, light);
     work_labels_ = Image<Label>(work_.shape());
     copy_pixels(work_.labels.empty() ? refined.labels : work_.labels, work_labels_.view());
+    for (int y = 0; y < work_.shape().height && work_.labels.empty(); ++y) {
+      for (int x = 0; x < work_.shape().width; ++x) {
+        if (refined.surface(x, y) == 0) work_labels_(x, y) = label::sky;  // where no class says so
+      }
+    }
     depth_ = Image<float>(shape);
     labels_ = Image<Label>(shape);
     for (int y = 0; y < shape.height; ++y) {
@@ -78,12 +85,15 @@ class LargeNights {
     }
     const DayView from{work_.image, std::as_const(work_labels_).view(), work_.light_index};
     const DayView to{photograph_.image, photograph_.labels, photograph_.light_index};
+    observer_.begin(Stage::add_lights);
     NPSIM_RETURN_IF_ERROR(enlarge_night(EnlargeNightParams{}, from, small.luminance, to, light_.view(), executor_));
+    observer_.end(Stage::add_lights);
     Night night = small;
     RawPicture raw;
     raw.levels = levels_.view();
     night.street = {std::as_const(depth_).view(), std::as_const(labels_).view(), photograph_.instances,
                     photograph_.light_index, photograph_.lights};
+    observer_.begin(Stage::camera);
     const std::size_t bytes = photograph_workspace_bytes(params_.camera, shape, photograph_.lights.size());
     HostMemory memory(bytes);
     if (!memory.ok()) return {StatusCode::workspace_exhausted, "memory for the camera cannot be reserved"};
@@ -91,6 +101,7 @@ class LargeNights {
     NPSIM_RETURN_IF_ERROR(photograph(params_.camera, photograph_.camera, small.key,
                                      static_cast<std::uint32_t>(small.variant), std::as_const(light_).view(),
                                      picture_.view(), night.exposure, workspace, executor_, night.street, &raw));
+    observer_.end(Stage::camera);
     night.luminance = std::as_const(light_).view();
     night.picture = std::as_const(picture_).view();
     night.raw = raw;
@@ -102,6 +113,7 @@ class LargeNights {
   const SceneView& photograph_;
   const SceneView& work_;
   Executor& executor_;
+  Observer& observer_;
   Sink& sink_;
   Image<Label> work_labels_, labels_;
   Image<float> depth_;
@@ -114,7 +126,7 @@ class LargeNights {
 template <class Executor, class Observer, class Sink>
 Status make_large_nights(const NightParams& params, const SceneView& photograph, const SceneView& work,
                          Workspace& workspace, Executor& executor, Observer& observer, Sink& sink) {
-  LargeNights<Executor, Sink> large(params, photograph, work, executor, sink);
+  LargeNights<Executor, Observer, Sink> large(params, photograph, work, executor, observer, sink);
   return npsim::make_nights(params, work, workspace, executor, observer, large);
 }
 

@@ -8,8 +8,9 @@
 //   w_q = B(x_p - x_q) B(y_p - y_q) / (1 + |c_p - c_q|^2 / likeness^2)^2
 //   r_q = clamp((Y_p + dark) / (Y_q + dark), 1 / most_detail, most_detail)
 // B: the quadratic B-spline, c: sRGB-encoded colour and Y: linear luminance of the photograph, 0 to 1. Where one of the
-// nine is of the same lamp and class as p, only those that are count. Sky, and the camera's own car, which mirrors the
-// night, have no detail of the day: r = 1.
+// nine is of the same lamp as p, or of p's class and of no lamp as p is, only those that are count; a pixel of a lamp
+// that none of them is of takes the light of the nearest that is, within 64 small pixels. Lamps shine by themselves,
+// sky does, and the camera's own car mirrors the night: they have no detail of the day, r = 1.
 // Invariants: light that is the same everywhere, under a photograph that is, stays within 1e-6 of itself; a pixel never
 // exceeds most_detail times the brightest of the nine; the bits depend on no executor. A night of the same size is
 // copied.
@@ -52,6 +53,8 @@ struct DayView {
 
 namespace enlarge_detail {
 
+inline constexpr int kReach = 64;  // small pixels; of the search for a lamp
+
 struct Neighbours {
   int at[3];
   float weight[3];
@@ -84,9 +87,11 @@ struct Enlarger {
   ImageView<const Vec3f> night;
   DayView full;
 
+  // A lamp that would have lost its last small pixel holds one of another class.
   [[nodiscard]] bool same_thing(int x, int y, int qx, int qy) const noexcept {
-    return (full.light_index.empty() || full.light_index(x, y) == small.light_index(qx, qy)) &&
-           (full.labels.empty() || full.labels(x, y) == small.labels(qx, qy));
+    const std::uint16_t lamp = full.light_index.empty() ? std::uint16_t{0} : full.light_index(x, y);
+    if (!full.light_index.empty() && lamp != small.light_index(qx, qy)) return false;
+    return lamp != 0 || full.labels.empty() || full.labels(x, y) == small.labels(qx, qy);
   }
   [[nodiscard]] bool without_detail(int qx, int qy) const noexcept {
     if (small.labels.empty()) return false;
@@ -94,11 +99,32 @@ struct Enlarger {
     return l == label::sky || l == label::ego_vehicle;
   }
 
-  [[nodiscard]] Vec3f at(int x, int y, const Neighbours& across, const Neighbours& down) const noexcept {
-    bool any = false;
-    for (const int qy : down.at) {
-      for (const int qx : across.at) any = any || same_thing(x, y, qx, qy);
+  // The nearest small pixel of a lamp within kReach of one; that one itself where there is none.
+  [[nodiscard]] Vec3f of_lamp(std::uint16_t lamp, int qx, int qy) const noexcept {
+    const Shape shape = small.light_index.shape();
+    for (int r = 1; r <= kReach; ++r) {
+      for (int dy = -r; dy <= r; ++dy) {
+        const int y = qy + dy;
+        if (y < 0 || y >= shape.height) continue;
+        const int step = dy == -r || dy == r ? 1 : 2 * r;
+        for (int dx = -r; dx <= r; dx += step) {
+          const int x = qx + dx;
+          if (x >= 0 && x < shape.width && small.light_index(x, y) == lamp) return night(x, y);
+        }
+      }
     }
+    return night(qx, qy);
+  }
+
+  [[nodiscard]] Vec3f at(int x, int y, const Neighbours& across, const Neighbours& down) const noexcept {
+    const std::uint16_t lamp = full.light_index.empty() ? std::uint16_t{0} : full.light_index(x, y);
+    bool any = false;
+    for (int j = 0; j < 3; ++j) {
+      for (int i = 0; i < 3; ++i) {
+        any = any || (across.weight[i] * down.weight[j] > 0.0F && same_thing(x, y, across.at[i], down.at[j]));
+      }
+    }
+    if (lamp != 0 && !any) return of_lamp(lamp, across.at[1], down.at[1]);
     const Rgb8 colour = full.image(x, y);
     const float bright = day_luminance(colour) + params.dark;
     const float sharp = 1.0F / (params.likeness * params.likeness);
@@ -112,9 +138,11 @@ struct Enlarger {
         const Rgb8 other = small.image(qx, qy);
         const float unlike = 1.0F + sharp * square_of_difference(colour, other);
         const float weight = across.weight[i] * down.weight[j] / (unlike * unlike);
-        const float ratio = without_detail(qx, qy) ? 1.0F
-                                                   : clamp_to(bright / (day_luminance(other) + params.dark),
-                                                              1.0F / params.most_detail, params.most_detail);
+        float ratio = 1.0F;
+        if (lamp == 0 && !without_detail(qx, qy)) {
+          ratio =
+              clamp_to(bright / (day_luminance(other) + params.dark), 1.0F / params.most_detail, params.most_detail);
+        }
         sum += night(qx, qy) * (weight * ratio);
         weights += weight;
       }
