@@ -158,9 +158,8 @@ class NightWriter {
       }
       // The contact sheet shows at most six nights; the files hold all.
       if (night.variant < 6) {
-        io::Image<Rgb8> picture(night.picture.shape());
-        copy_pixels(night.picture, picture.view());
-        panels_.push_back({"night " + std::to_string(night.variant), io::resized_nearest(picture, scene_.shape())});
+        panels_.push_back(
+            {"night " + std::to_string(night.variant), io::resized_nearest(night.picture, scene_.shape())});
       }
       return io::write_file(stem + ".json", describe(night).dump(2) + "\n");
     }));
@@ -379,8 +378,7 @@ void remove_older_nights(const NightOptions& options, const InputFiles& inputs) 
   }
 }
 
-// The scene that depth and light are computed of; what the pictures at the photograph's size do not need of it goes.
-// size: empty: the usual one.
+// io::take_work_scene() at --work-size; empty: the usual one.
 [[nodiscard]] io::Expected<io::Scene> at_work_size(io::Scene& photograph, const std::string& size) {
   Shape shape = io::work_shape(photograph.shape());
   if (!size.empty()) {
@@ -393,12 +391,7 @@ void remove_older_nights(const NightOptions& options, const InputFiles& inputs) 
           "is '" + size + "', expected at most " + io::size_text(photograph.shape()) + ", the pictures' size"};
     }
   }
-  io::Expected<io::Scene> work = io::resized_scene(photograph, shape);
-  photograph.normals = {};
-  photograph.albedo = {};
-  photograph.roughness = {};
-  photograph.depth = {};
-  return work;
+  return io::take_work_scene(photograph, shape);
 }
 
 [[nodiscard]] io::Expected<io::CameraModel> chosen_camera(const NightOptions& options) {

@@ -4,8 +4,8 @@
 // Depth, mesh and light gain nothing from more than some two million pixels, and cost by the pixel. A larger scene is
 // resampled to that (scene_resize.hpp); its nights are then brought to the size of the photograph
 // (pipeline/enlarge_night.hpp), and the camera takes its picture there, with its own noise in each pixel.
-// Memory on the heap: 12 bytes a pixel of the photograph for the light, 3 for the picture, 5 for depth and labels, 2
-// for raw levels, and what photograph() takes; besides the workspace at the smaller size.
+// Memory on the heap: 12 bytes a pixel of the photograph for the light, 3 for the picture, 4 for depth, 1 for labels
+// where there are none, 2 for raw levels, and what photograph() takes; besides the workspace at the smaller size.
 #ifndef NPSIM_IO_LARGE_NIGHT_HPP
 #define NPSIM_IO_LARGE_NIGHT_HPP
 
@@ -20,8 +20,10 @@
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/io/error.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/io/memory.hpp"
+#include "npsim/io/scene.hpp"
 #include "npsim/io/scene_resize.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/pipeline/enlarge_night.hpp"
@@ -41,13 +43,24 @@ inline constexpr std::size_t kMostWorkPixels = std::size_t{2048} * 1024;
   return {side(picture.width), side(picture.height)};
 }
 
+// The scene that depth and light are computed of. What nights at the photograph's size do not need leaves it.
+[[nodiscard]] inline Expected<Scene> take_work_scene(Scene& photograph, Shape to) {
+  Expected<Scene> work = resized_scene(photograph, to);
+  if (!work) return work;
+  photograph.depth = {};
+  photograph.normals = {};
+  photograph.albedo = {};
+  photograph.roughness = {};
+  return work;
+}
+
 // A sink of make_nights() at the smaller size that hands another sink each night at the photograph's. What is
 // reconstructed it hands on as it is. Where both sizes are the same, so are the nights.
 template <class Executor, class Observer, class Sink>
 class LargeNights {
  public:
   // work: the scene that the nights are made of; photograph: image, camera, and labels, instances and lamps where there
-  // are any, lamps with the indices of work. Both, and their planes, outlive this.
+  // are any, labels only where work has them, lamps with the indices of work. Both, and their planes, outlive this.
   LargeNights(const NightParams& params, const SceneView& photograph, const SceneView& work, Executor& executor,
               Observer& observer, Sink& sink)
       : params_(params), photograph_(photograph), work_(work), executor_(executor), observer_(observer), sink_(sink) {}
@@ -55,22 +68,16 @@ class LargeNights {
   Status reconstructed(const RefinedDepth& refined, const SceneMesh& mesh, const Relighting& light) {
     const Shape shape = photograph_.shape();
     if (shape == work_.shape()) return sink_.reconstructed(refined, mesh, light);
-    work_labels_ = Image<Label>(work_.shape());
-    copy_pixels(work_.labels.empty() ? refined.labels : work_.labels, work_labels_.view());
-    for (int y = 0; y < work_.shape().height && work_.labels.empty(); ++y) {
-      for (int x = 0; x < work_.shape().width; ++x) {
-        if (refined.surface(x, y) == 0) work_labels_(x, y) = label::sky;  // where no class says so
+    depth_ = resized_nearest<float>(refined.depth, shape);
+    if (photograph_.labels.empty()) {
+      work_labels_ = Image<Label>(work_.shape());
+      copy_pixels(refined.labels, work_labels_.view());
+      for (int y = 0; y < work_.shape().height; ++y) {
+        for (int x = 0; x < work_.shape().width; ++x) {
+          if (refined.surface(x, y) == 0) work_labels_(x, y) = label::sky;  // where no class says so
+        }
       }
-    }
-    depth_ = Image<float>(shape);
-    labels_ = Image<Label>(shape);
-    for (int y = 0; y < shape.height; ++y) {
-      const int from_y = nearest_sample(y, work_.shape().height, shape.height);
-      for (int x = 0; x < shape.width; ++x) {
-        const int from_x = nearest_sample(x, work_.shape().width, shape.width);
-        depth_(x, y) = refined.depth(from_x, from_y);
-        labels_(x, y) = photograph_.labels.empty() ? refined.labels(from_x, from_y) : photograph_.labels(x, y);
-      }
+      labels_ = resized_nearest(work_labels_, shape);
     }
     return sink_.reconstructed(refined, mesh, light);
   }
@@ -83,7 +90,8 @@ class LargeNights {
       picture_ = Image<Rgb8>(shape);
       if (params_.raw) levels_ = Image<std::uint16_t>(shape);
     }
-    const DayView from{work_.image, std::as_const(work_labels_).view(), work_.light_index};
+    const bool labelled = !photograph_.labels.empty();
+    const DayView from{work_.image, labelled ? work_.labels : std::as_const(work_labels_).view(), work_.light_index};
     const DayView to{photograph_.image, photograph_.labels, photograph_.light_index};
     observer_.begin(Stage::add_lights);
     NPSIM_RETURN_IF_ERROR(enlarge_night(EnlargeNightParams{}, from, small.luminance, to, light_.view(), executor_));
@@ -91,8 +99,8 @@ class LargeNights {
     Night night = small;
     RawPicture raw;
     raw.levels = levels_.view();
-    night.street = {std::as_const(depth_).view(), std::as_const(labels_).view(), photograph_.instances,
-                    photograph_.light_index, photograph_.lights};
+    night.street = {std::as_const(depth_).view(), labelled ? photograph_.labels : std::as_const(labels_).view(),
+                    photograph_.instances, photograph_.light_index, photograph_.lights};
     observer_.begin(Stage::camera);
     const std::size_t bytes = photograph_workspace_bytes(params_.camera, shape, photograph_.lights.size());
     HostMemory memory(bytes);
@@ -115,7 +123,7 @@ class LargeNights {
   Executor& executor_;
   Observer& observer_;
   Sink& sink_;
-  Image<Label> work_labels_, labels_;
+  Image<Label> work_labels_, labels_;  // of a scene without
   Image<float> depth_;
   Image<Vec3f> light_;
   Image<Rgb8> picture_;

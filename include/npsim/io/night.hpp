@@ -2,9 +2,9 @@
 // The whole of the library in one call, for hosts: a scene folder or arrays in, pictures of its nights out.
 //
 // Memory and threads are taken care of. Who wants more than the pictures (the linear images, the mesh, which lamp is
-// lit, progress) calls make_nights() of pipeline/night.hpp with a sink and an observer. Error: none of its own; the bits
-// are those of make_nights() for any number of threads. Of a folder whose photograph has more than kMostWorkPixels, depth
-// and light are computed at a smaller size (large_night.hpp).
+// lit, progress) calls make_nights() of pipeline/night.hpp with a sink and an observer. Error: none of its own; the
+// bits are those of make_nights() for any number of threads. Of a folder whose photograph has more than
+// kMostWorkPixels, depth and light are computed at a smaller size (large_night.hpp).
 #ifndef NPSIM_IO_NIGHT_HPP
 #define NPSIM_IO_NIGHT_HPP
 
@@ -18,7 +18,6 @@
 #include "npsim/io/large_night.hpp"
 #include "npsim/io/memory.hpp"
 #include "npsim/io/scene.hpp"
-#include "npsim/io/scene_resize.hpp"
 #include "npsim/pipeline/night.hpp"
 
 namespace npsim {
@@ -63,10 +62,10 @@ namespace detail {
 [[nodiscard]] inline Expected<std::vector<Image<Rgb8>>> make_nights(const std::string& scene_folder,
                                                                     NightParams params = default_night_params(),
                                                                     unsigned threads = 0) {
-  const Expected<Scene> scene = read_scene(scene_folder);
+  Expected<Scene> scene = read_scene(scene_folder);
   if (!scene) return scene.error();
   params.photograph = scene.value().photograph;
-  const Expected<Scene> work = resized_scene(scene.value(), work_shape(scene.value().shape()));
+  const Expected<Scene> work = take_work_scene(scene.value(), work_shape(scene.value().shape()));
   if (!work) return work.error();
   Expected<std::vector<Image<Rgb8>>> nights =
       detail::night_pictures(params, scene.value().view(), work.value().view(), threads);

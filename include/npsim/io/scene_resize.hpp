@@ -38,14 +38,18 @@ namespace io {
 }
 
 template <class T>
-[[nodiscard]] Image<T> resized_nearest(const Image<T>& source, Shape to) {
+[[nodiscard]] Image<T> resized_nearest(ImageView<const T> source, Shape to) {
   Image<T> out(to);
   if (source.empty()) return out;
   for (int y = 0; y < to.height; ++y) {
-    const T* row = source.view().row(nearest_sample(y, source.height(), to.height));
+    const T* row = source.row(nearest_sample(y, source.height(), to.height));
     for (int x = 0; x < to.width; ++x) out(x, y) = row[nearest_sample(x, source.width(), to.width)];
   }
   return out;
+}
+template <class T>
+[[nodiscard]] Image<T> resized_nearest(const Image<T>& source, Shape to) {
+  return resized_nearest(source.view(), to);
 }
 
 namespace detail {

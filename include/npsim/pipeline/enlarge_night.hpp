@@ -70,10 +70,6 @@ struct Neighbours {
   return n;
 }
 
-[[nodiscard]] inline float day_luminance(const Rgb8& c) noexcept {
-  return luminance(Vec3f{srgb_decode8(c.r), srgb_decode8(c.g), srgb_decode8(c.b)});
-}
-
 [[nodiscard]] inline float square_of_difference(const Rgb8& a, const Rgb8& b) noexcept {
   const int r = a.r - b.r;
   const int g = a.g - b.g;
@@ -126,7 +122,7 @@ struct Enlarger {
     }
     if (lamp != 0 && !any) return of_lamp(lamp, across.at[1], down.at[1]);
     const Rgb8 colour = full.image(x, y);
-    const float bright = day_luminance(colour) + params.dark;
+    const float bright = luminance(srgb_decode8(colour)) + params.dark;
     const float sharp = 1.0F / (params.likeness * params.likeness);
     Vec3f sum{};
     float weights = 0.0F;
@@ -140,8 +136,8 @@ struct Enlarger {
         const float weight = across.weight[i] * down.weight[j] / (unlike * unlike);
         float ratio = 1.0F;
         if (lamp == 0 && !without_detail(qx, qy)) {
-          ratio =
-              clamp_to(bright / (day_luminance(other) + params.dark), 1.0F / params.most_detail, params.most_detail);
+          ratio = clamp_to(bright / (luminance(srgb_decode8(other)) + params.dark), 1.0F / params.most_detail,
+                           params.most_detail);
         }
         sum += night(qx, qy) * (weight * ratio);
         weights += weight;
