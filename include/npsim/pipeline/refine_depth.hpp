@@ -31,6 +31,7 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/anchor_ground.hpp"
 #include "npsim/depth/border_spill.hpp"
+#include "npsim/depth/car_bodies.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/fill.hpp"
@@ -103,6 +104,7 @@ struct RefineDepthParams {
   GroundMismatchParams ground_mismatches;  // of stereo
   SmoothSurfacesParams smooth;
   BorderSpillParams spill;  // of stereo
+  CarBodiesParams cars;     // of stereo
   // The caller's memory for the losses before each step of the refinement and at its end (figure 4.4), at most
   // refine_max_steps() + 1 of them; RefinedDepth::refinement says how many there were. Empty: none are kept.
   Span<LossValues> loss_curve;
@@ -126,6 +128,7 @@ struct RefineDepthParams {
     params.border_jump = 0;
     params.plants = {};
     params.kerbs.enabled = false;
+    params.cars.enabled = false;
     return params;
   }
 };
@@ -239,6 +242,7 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.ground_mismatches));
   NPSIM_RETURN_IF_ERROR(validate(params.smooth));
   NPSIM_RETURN_IF_ERROR(validate(params.spill));
+  NPSIM_RETURN_IF_ERROR(validate(params.cars));
   return validate(params.refine);
 }
 
@@ -267,7 +271,8 @@ namespace refine_detail {
       planar_segments_workspace_bytes(params.planes, shape), uncertainty_workspace_bytes(params.uncertainty, shape),
       guiding_normals_workspace_bytes(params.normals, shape),
       refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels),
-      kerb_faces_workspace_bytes(shape), ground_mismatches_workspace_bytes(shape));
+      kerb_faces_workspace_bytes(shape), ground_mismatches_workspace_bytes(shape),
+      shape_cars_workspace_bytes(params.cars, shape));
   return 3 * allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
          allocation_bytes<Vec3f>(pixels) + planar_map_bytes(params.planes, shape) + steps + kWorkspaceAlignment;
 }
@@ -568,8 +573,11 @@ template <class Executor>
   }
   out.mesh_depth = out.filled;  // its memory: no step asks any more
   out.filled = {};
-  return smooth_surfaces(params.smooth, ImageView<const float>(out.depth), objects, out.planes, out.noise, scene.camera,
-                         out.ground, out.mesh_depth, executor);
+  NPSIM_RETURN_IF_ERROR(smooth_surfaces(params.smooth, ImageView<const float>(out.depth), objects, out.planes,
+                                        out.noise, scene.camera, out.ground, out.mesh_depth, executor));
+  if (out.source != DepthSource::stereo) return {};
+  return shape_cars(params.cars, ImageView<const float>(out.depth), objects, out.noise, scene.camera, out.ground,
+                    out.normals, out.mesh_depth, workspace, executor);
 }
 
 }  // namespace refine_detail

@@ -1,0 +1,389 @@
+// SPDX-License-Identifier: Apache-2.0
+// Cars as bodies: what stereo shows of paint and glass, drawn to the two upright sides that a car turns to the camera.
+//
+// Matching finds what glass mirrors or shows behind it, guesses on plain paint, and mixes a car's rim with what is
+// behind it: errors half a metre deep and a metre wide, which no local fit tells from shape, and whose normals make
+// night out of the lit side of a car.
+//   Heading and distances: of all rectangles on the ground, turned by kTurn_rad at a time and then finer, the one whose
+//   near corner explains inverse depth best, between belt_low_m and belt_high_m above the ground, where cars are
+//   upright and not of glass. A ray meets the box where the nearer plane's 1/z is the smaller one, and each plane is
+//   n . p = -distance, so that 1/z = -(n . ray) / distance: distances are medians, and the search is over angles alone
+//   (after L-shape fitting, Zhang et al., IV 2017, which has laser points and squared distances).
+//   Profile: each row of pixels on one side has one distance, the median of its own, then the median of the rows over
+//   window_m. How it recedes with height is how far the side leans: bonnet, windscreen, roof. A side wider than
+//   side_m is no end: its rows are within a hand of its doors, and it leans as cars do (lean_of_side()).
+//   Blend: where both planes are within some corner_m of each other the corner is round.
+// A normal turns to the body's where it is farther than turn_rad from it, up to turn_rad: what is curved stays so.
+// Depth keeps what it is off the body where that is little, half of `deviations` of the noise, and less of what is more.
+// Invariant: pixels of other things are not touched, nor cars that no box explains (max_loss), that have no number of
+// their own, or fewer than min_px. Deterministic. Cost: some 10 medians of a car's rows, and 25 x 5 of 2048 samples.
+#ifndef NPSIM_DEPTH_CAR_BODIES_HPP
+#define NPSIM_DEPTH_CAR_BODIES_HPP
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/algorithm.hpp"
+#include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/depth/detail/cars/corner.hpp"
+#include "npsim/depth/object_borders.hpp"
+#include "npsim/depth/source_noise.hpp"
+#include "npsim/geometry/ground.hpp"
+#include "npsim/labels/cityscapes.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+
+struct CarBodiesParams {
+  bool enabled = true;
+  LabelSet cars = LabelSet::of(label::car);
+  float min_px = 1200.0F;  // of an image 2048 x 1024
+  float belt_low_m = 0.25F;
+  float belt_high_m = 0.95F;
+  float relief_m = 0.05F;  // of what is upright: handles, arches, bumpers
+  float max_loss = 4.0F;   // mean difference from the box in deviations of noise and relief, each at most 6
+  float window_m = 0.3F;
+  float side_m = 2.3F;  // wider than the end of any car
+  float corner_m = 0.15F;
+  float turn_rad = 0.35F;
+  float deviations = 4.0F;
+};
+
+[[nodiscard]] inline Status validate(const CarBodiesParams& p) noexcept {
+  const bool good = p.min_px > 0.0F && p.belt_low_m >= 0.0F && p.belt_high_m > p.belt_low_m && p.relief_m >= 0.0F &&
+                    p.max_loss >= 0.0F && p.window_m > 0.0F && p.side_m > 0.0F && p.corner_m > 0.0F &&
+                    p.turn_rad >= 0.0F && p.turn_rad <= 3.1416F && p.deviations > 0.0F;
+  return good ? Status() : Status(StatusCode::invalid_argument, "car bodies: a parameter lies outside its range");
+}
+
+namespace car_detail {
+
+inline constexpr std::size_t kMaxCars = 1024;
+inline constexpr std::size_t kMaxSamples = 2048;
+
+// How far the side of a car leans at this share of its height: doors, windows, the edge of the roof.
+[[nodiscard]] inline float lean_of_side(float share) noexcept {
+  return 0.44F * clamp_to((share - 0.55F) / 0.1F, 0.0F, 1.0F) + 0.61F * clamp_to((share - 0.82F) / 0.12F, 0.0F, 1.0F);
+}
+
+struct Car {
+  std::uint16_t id = 0;
+  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;  // its pixels lie in [x0, x1) x [y0, y1)
+  std::size_t pixels = 0;
+};
+
+// A row of pixels on one side of a car. 0: not known.
+struct Row {
+  float seen_m = 0.0F;      // median distance of its pixels from the camera, along the side's normal
+  float distance_m = 0.0F;  // the same over the rows around it
+  float height_m = 0.0F;    // above the ground
+  float lean_rad = 0.0F;
+};
+
+// Unknown rows take their value from the known ones around them. False where there is none.
+[[nodiscard]] inline bool fill_rows(Span<Row> rows, float Row::*value) noexcept {
+  const std::size_t n = rows.size();
+  std::size_t known = n;  // the last one
+  for (std::size_t i = 0; i < n; ++i) {
+    const float to = rows[i].*value;
+    if (!(to > 0.0F)) continue;
+    const float from = known == n ? to : rows[known].*value;
+    const std::size_t first = known == n ? 0 : known + 1;
+    for (std::size_t j = first; j < i; ++j) {
+      rows[j].*value = from + (to - from) * (static_cast<float>(j + 1 - first) / static_cast<float>(i + 1 - first));
+    }
+    known = i;
+  }
+  for (std::size_t j = known + 1; j < n; ++j) rows[j].*value = rows[known].*value;
+  return known != n;
+}
+
+// What the steps for one car share.
+struct CarFit {
+  const CarBodiesParams& params;
+  ImageView<const float> depth;
+  const ObjectMap& objects;
+  const DepthNoise& noise;
+  const Intrinsics& camera;
+  const GroundPlane& ground;
+  Span<Sample> samples;
+  Span<float> scratch;
+  Span<Row> rows[2];  // of the image's height
+  Car car;
+  Corner corner;
+  float z_m = 0.0F;  // of its middle
+  bool side[2] = {false, false};
+  float top_m[2] = {0.0F, 0.0F};
+
+  [[nodiscard]] bool on_car(int x, int y) const noexcept {
+    return objects.instances(x, y) == car.id && params.cars.contains(objects.labels(x, y)) &&
+           is_valid_depth(depth(x, y));
+  }
+  [[nodiscard]] Span<Row> own_rows(int k) const noexcept {
+    return rows[k].sub(static_cast<std::size_t>(car.y0), static_cast<std::size_t>(car.y1 - car.y0));
+  }
+  [[nodiscard]] float w(int k, int y, const Vec3f& ray) const noexcept {
+    return plane_w(corner.normal[k], rows[k][static_cast<std::size_t>(y)].distance_m, ray);
+  }
+  // Half the window of rows.
+  [[nodiscard]] std::size_t window_px() const noexcept {
+    return static_cast<std::size_t>(max_of(2.0F, 0.5F * params.window_m / z_m * camera.fy));
+  }
+};
+
+[[nodiscard]] inline bool find_corner(CarFit& fit) noexcept {
+  const Car& car = fit.car;
+  int step = 1;
+  const auto area = static_cast<std::size_t>(car.x1 - car.x0) * static_cast<std::size_t>(car.y1 - car.y0);
+  while (area / (static_cast<std::size_t>(step) * static_cast<std::size_t>(step)) > kMaxSamples) ++step;
+  std::size_t n = 0;
+  Vec3f sum;
+  for (int y = car.y0; y < car.y1; y += step) {
+    for (int x = car.x0; x < car.x1; x += step) {
+      if (!fit.on_car(x, y) || n == kMaxSamples) continue;
+      const Vec3f ray = unproject_pixel(fit.camera, x, y, 1.0F);
+      const float z = fit.depth(x, y);
+      const float height = fit.ground.camera_height_m + z * dot(fit.ground.up, ray);
+      if (height < fit.params.belt_low_m || height > fit.params.belt_high_m) continue;
+      fit.samples[n++] = {ray, 1.0F / z};
+      sum += ray * z;
+    }
+  }
+  if (n < 64) return false;
+  const Span<const Sample> samples = fit.samples.sub(0, n);
+  sum = sum * (1.0F / static_cast<float>(n));
+  fit.z_m = sum.z;
+  fit.corner = fit_corner(fit.noise, fit.params.relief_m, fit.ground, sum, samples, fit.scratch);
+  if (fit.corner.loss > fit.params.max_loss) return false;
+  for (int k = 0; k < 2; ++k) {
+    std::size_t count = 0;
+    const Corner& c = fit.corner;
+    for (const Sample& s : samples) {
+      const float w = plane_w(c.normal[k], c.distance_m[k], s.ray);
+      if (w > plane_w(c.normal[1 - k], c.distance_m[1 - k], s.ray)) continue;
+      fit.scratch[count++] = dot(c.normal[1 - k], s.ray) / s.w;
+    }
+    fit.side[k] = false;
+    if (count < 20) continue;
+    float* const first = fit.scratch.data();
+    select_nth(first, first + count / 20, first + count);
+    const float low = first[count / 20];
+    select_nth(first, first + (count - 1 - count / 20), first + count);
+    fit.side[k] = first[count - 1 - count / 20] - low > fit.params.side_m;
+  }
+  return true;
+}
+
+// Median distance and mean height of each row of side k, over the pixels that are its own.
+inline void see_rows(CarFit& fit, int k) noexcept {
+  for (int y = fit.car.y0; y < fit.car.y1; ++y) {
+    std::size_t count = 0;
+    float rise = 0.0F;
+    for (int x = fit.car.x0; x < fit.car.x1; ++x) {
+      if (!fit.on_car(x, y)) continue;
+      const Vec3f ray = unproject_pixel(fit.camera, x, y, 1.0F);
+      const float a = -dot(fit.corner.normal[k], ray);
+      if (a < 0.05F || fit.w(k, y, ray) > fit.w(1 - k, y, ray)) continue;
+      fit.scratch[count++] = fit.depth(x, y) * a;
+      rise += dot(fit.ground.up, ray) / a;
+    }
+    Row& row = fit.rows[k][static_cast<std::size_t>(y)];
+    row.seen_m = count >= 4 ? median(fit.scratch.sub(0, count)) : 0.0F;
+    row.height_m = count >= 4 ? rise / static_cast<float>(count) : 0.0F;  // for now: per metre of distance
+  }
+}
+
+// A side of which no row is seen keeps its distances.
+inline void smooth_rows(CarFit& fit, int k) noexcept {
+  const Span<Row> rows = fit.own_rows(k);
+  const std::size_t window = fit.window_px();
+  bool any = false;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    std::size_t count = 0;
+    for (std::size_t j = i < window ? 0 : i - window; j < rows.size() && j <= i + window; ++j) {
+      if (rows[j].seen_m > 0.0F && count < fit.scratch.size()) fit.scratch[count++] = rows[j].seen_m;
+    }
+    const float smooth = count >= 3 ? median(fit.scratch.sub(0, count)) : 0.0F;
+    any = any || smooth > 0.0F;
+    rows[i].lean_rad = smooth;  // for now
+  }
+  if (!any) return;
+  for (Row& row : rows) row.distance_m = row.lean_rad;
+  (void)fill_rows(rows, &Row::distance_m);
+  if (!fit.side[k]) return;
+  constexpr float kOut_m = 0.1F;  // sills
+  constexpr float kIn_m = 0.25F;  // the roof's edge; what seems farther in is seen through glass
+  const float door_m = fit.corner.distance_m[k];
+  for (Row& row : rows) row.distance_m = clamp_to(row.distance_m, door_m - kOut_m, door_m + kIn_m);
+}
+
+// How far each row leans, from how its distance changes with its height.
+inline void lean_rows(CarFit& fit, int k) noexcept {
+  const Span<Row> rows = fit.own_rows(k);
+  for (Row& row : rows) {
+    row.lean_rad = 0.0F;
+    row.height_m = row.seen_m > 0.0F ? max_of(fit.ground.camera_height_m + row.distance_m * row.height_m, 0.01F) : 0.0F;
+  }
+  fit.top_m[k] = 0.0F;
+  if (!fill_rows(rows, &Row::height_m)) return;
+  for (const Row& row : rows) fit.top_m[k] = max_of(fit.top_m[k], row.height_m);
+  const std::size_t window = fit.window_px();
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const std::size_t first = i < window ? 0 : i - window;
+    const std::size_t last = i + window < rows.size() ? i + window : rows.size() - 1;
+    const float middle = 0.5F * static_cast<float>(last - first);
+    float back = 0.0F;
+    float up = 0.0F;
+    for (std::size_t j = first; j <= last; ++j) {
+      const float above = middle - static_cast<float>(j - first);
+      back += above * rows[j].distance_m;
+      up += above * rows[j].height_m;
+    }
+    rows[i].lean_rad = clamp_to(std::atan2(back, max_of(up, 1e-6F)), -0.26F, 1.48F);
+  }
+}
+
+// The body at a pixel: its depth (0: the ray misses it) and its normal.
+[[nodiscard]] inline float body_at(const CarFit& fit, int y, const Vec3f& ray, Vec3f& normal) noexcept {
+  const float w[2] = {fit.w(0, y, ray), fit.w(1, y, ray)};
+  const float nearest = w[0] < w[1] ? w[0] : w[1];
+  if (!(nearest < kAway)) return 0.0F;
+  Vec3f sum;
+  for (int k = 0; k < 2; ++k) {
+    const float behind_m = (w[k] - nearest) / (nearest * nearest);
+    if (!(behind_m < 20.0F * fit.params.corner_m)) continue;
+    float lean = fit.rows[k][static_cast<std::size_t>(y)].lean_rad;
+    if (fit.side[k]) {
+      const float height = fit.ground.camera_height_m + dot(fit.ground.up, ray) / w[k];
+      lean = lean_of_side(height / max_of(fit.top_m[k], 0.5F));
+    }
+    sum += (fit.corner.normal[k] * std::cos(lean) + fit.ground.up * std::sin(lean)) *
+           std::exp(-behind_m / fit.params.corner_m);
+  }
+  normal = normalized(sum);
+  return 1.0F / nearest;
+}
+
+// `normal`, or what lies turn_rad from `towards` on the way to it.
+[[nodiscard]] inline Vec3f turned(const Vec3f& normal, const Vec3f& towards, float turn_rad) noexcept {
+  const float cosine = dot(normal, towards);
+  if (normal == Vec3f{}) return towards;
+  if (cosine >= std::cos(turn_rad)) return normal;
+  const Vec3f aside = normalized(normal - towards * cosine);
+  return towards * std::cos(turn_rad) + aside * std::sin(turn_rad);
+}
+
+template <class Executor>
+void draw_to_body(const CarFit& fit, ImageView<Vec3f> normals, ImageView<float> surface, Executor& executor) noexcept {
+  const auto rows = static_cast<std::size_t>(fit.car.y1 - fit.car.y0);
+  executor.for_chunks(rows, 16, [&](std::size_t begin, std::size_t end) {
+    for (int y = fit.car.y0 + static_cast<int>(begin); y < fit.car.y0 + static_cast<int>(end); ++y) {
+      for (int x = fit.car.x0; x < fit.car.x1; ++x) {
+        if (!fit.on_car(x, y)) continue;
+        Vec3f normal;
+        const float z = body_at(fit, y, unproject_pixel(fit.camera, x, y, 1.0F), normal);
+        if (!(z > 0.0F) || normal == Vec3f{}) continue;
+        normals(x, y) = turned(normals(x, y), normal, fit.params.turn_rad);
+        const float here = 1.0F / surface(x, y);
+        const float off = (here - 1.0F / z) / (fit.params.deviations * fit.noise.deviation(here));
+        surface(x, y) = 1.0F / (1.0F / z + (here - 1.0F / z) / (1.0F + off * off));
+      }
+    }
+  });
+}
+
+// Cars with a number of their own and enough pixels, in the order of their first pixel.
+[[nodiscard]] inline std::size_t find_cars(const CarBodiesParams& params, const ObjectMap& objects,
+                                           Span<std::uint16_t> car_of_id, Span<Car> cars) noexcept {
+  const Shape shape = objects.labels.shape();
+  std::size_t count = 0;
+  for (std::uint16_t& of : car_of_id) of = 0;
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const std::uint16_t id = objects.instances(x, y);
+      if (id == 0 || !params.cars.contains(objects.labels(x, y))) continue;
+      if (car_of_id[id] == 0) {
+        if (count == cars.size()) continue;
+        cars[count++] = Car{id, x, y, x + 1, y + 1, 0};
+        car_of_id[id] = static_cast<std::uint16_t>(count);
+      }
+      Car& car = cars[car_of_id[id] - std::size_t{1}];
+      car.x0 = std::min(car.x0, x);
+      car.x1 = std::max(car.x1, x + 1);
+      car.y1 = y + 1;
+      ++car.pixels;
+    }
+  }
+  return count;
+}
+
+}  // namespace car_detail
+
+[[nodiscard]] constexpr std::size_t shape_cars_workspace_bytes(const CarBodiesParams&, Shape shape) noexcept {
+  const auto longest = static_cast<std::size_t>(shape.width > shape.height ? shape.width : shape.height);
+  return allocation_bytes<std::uint16_t>(65536) + allocation_bytes<car_detail::Car>(car_detail::kMaxCars) +
+         allocation_bytes<car_detail::Sample>(car_detail::kMaxSamples) +
+         allocation_bytes<float>(max_of(car_detail::kMaxSamples, longest)) +
+         2 * allocation_bytes<car_detail::Row>(static_cast<std::size_t>(shape.height)) + kWorkspaceAlignment;
+}
+
+// depth: as measured and filled. noise: its. normals, surface: changed in place; surface is the depth that a mesh is made
+// of, valid where `depth` is, and not its memory. Without labels, numbers of objects or a ground plane nothing changes.
+template <class Executor>
+[[nodiscard]] Status shape_cars(const CarBodiesParams& params, ImageView<const float> depth, const ObjectMap& objects,
+                                const DepthNoise& noise, const Intrinsics& camera, const GroundPlane& ground,
+                                ImageView<Vec3f> normals, ImageView<float> surface, Workspace& workspace,
+                                Executor& executor) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(params));
+  const Shape shape = depth.shape();
+  if (normals.shape() != shape || surface.shape() != shape || !objects.fits(shape)) {
+    return {StatusCode::shape_mismatch, "car bodies: all planes must have one shape"};
+  }
+  if (!params.enabled || objects.labels.empty() || objects.instances.empty() || !(ground.inlier_share > 0.0F))
+    return {};
+  using namespace car_detail;  // NOLINT(google-build-using-namespace)
+  const WorkspaceScope scope(workspace);
+  Span<std::uint16_t> car_of_id;
+  Span<Car> cars;
+  CarFit fit{params, depth, objects, noise, camera, ground, {}, {}, {}, {}, {}};
+  const auto longest = static_cast<std::size_t>(std::max(shape.width, shape.height));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(65536, car_of_id));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(kMaxCars, cars));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(kMaxSamples, fit.samples));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(max_of(kMaxSamples, longest), fit.scratch));
+  for (Span<Row>& rows : fit.rows) {
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(shape.height), rows));
+  }
+  const float min_px = params.min_px * static_cast<float>(shape.pixels()) / (2048.0F * 1024.0F);
+  for (const Car& car : cars.sub(0, find_cars(params, objects, car_of_id, cars))) {
+    if (static_cast<float>(car.pixels) < min_px) continue;
+    fit.car = car;
+    if (!find_corner(fit)) continue;
+    for (int k = 0; k < 2; ++k) {
+      for (Row& row : fit.own_rows(k)) row = Row{0.0F, fit.corner.distance_m[k], 0.0F, 0.0F};
+    }
+    constexpr int kRounds = 3;  // which pixels are whose follows from the distances
+    for (int round = 0; round < kRounds; ++round) {
+      for (int k = 0; k < 2; ++k) {
+        see_rows(fit, k);
+        smooth_rows(fit, k);
+      }
+    }
+    for (int k = 0; k < 2; ++k) lean_rows(fit, k);
+    draw_to_body(fit, normals, surface, executor);
+  }
+  return {};
+}
+
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_DEPTH_CAR_BODIES_HPP

@@ -1,0 +1,263 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "npsim/depth/car_bodies.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "fixture.hpp"
+#include "npsim/core/executor.hpp"
+#include "npsim/core/random.hpp"
+
+using namespace npsim;
+using npsim_test::Image;
+
+namespace {
+
+constexpr Shape kShape{512, 200};
+constexpr float kCameraHeight_m = 1.4F;
+constexpr float kTop_m = 1.45F;
+constexpr std::uint16_t kCar = 7;
+
+// A box as large as a car on the ground, its corner that is next to the camera at (x, z), turned by an angle, before a
+// wall 30 m away; seen by a stereo pair. The side's plane comes first.
+struct Street {
+  Intrinsics k{560, 560, 256, 60};
+  DepthNoise noise{1e-3F, 0, 2.0F};
+  GroundPlane ground{{0, -1, 0}, kCameraHeight_m, 1.0F};
+  Vec3f normal[2];
+  float distance_m[2];
+  Image<float> truth{kShape}, depth{kShape}, surface{kShape};
+  Image<Vec3f> normals{kShape};
+  Image<Label> labels{kShape, label::road};
+  Image<std::uint16_t> instances{kShape};
+  Image<std::uint8_t> face{kShape, 2};  // 0 and 1: the box's
+
+  explicit Street(float angle_rad, Vec2f corner = {-3.0F, 11.0F}) {
+    const Vec3f at{corner.x, 0.0F, corner.y};
+    normal[0] = {std::cos(angle_rad), 0, std::sin(angle_rad)};
+    normal[1] = {std::sin(angle_rad), 0, -std::cos(angle_rad)};
+    const float extent_m[2] = {4.4F, 1.8F};  // of each face
+    for (int i = 0; i < 2; ++i) {
+      if (dot(normal[i], at) > 0.0F) normal[i] = -normal[i];
+      distance_m[i] = -dot(normal[i], at);
+    }
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        const Vec3f ray = unproject_pixel(k, x, y, 1.0F);
+        truth(x, y) = ray.y * 30.0F > kCameraHeight_m ? kCameraHeight_m / ray.y : 30.0F;
+        normals(x, y) = ray.y * 30.0F > kCameraHeight_m ? ground.up : Vec3f{0, 0, -1};
+        for (int i = 0; i < 2; ++i) {
+          const float w = car_detail::plane_w(normal[i], distance_m[i], ray);
+          const Vec3f p = ray * (1.0F / w);
+          const Vec3f from{p.x - at.x, 0.0F, p.z - at.z};
+          const float height = kCameraHeight_m - p.y;
+          if (length(from) > extent_m[i] || dot(from, normal[1 - i]) > 0.0F || height < 0.0F || height > kTop_m)
+            continue;
+          truth(x, y) = 1.0F / w;
+          normals(x, y) = normal[i];
+          labels(x, y) = label::car;
+          instances(x, y) = kCar;
+          face(x, y) = static_cast<std::uint8_t>(i);
+        }
+      }
+    }
+    depth = truth;
+  }
+  [[nodiscard]] float height(int x, int y) const {
+    return kCameraHeight_m - truth(x, y) * unproject_pixel(k, x, y, 1.0F).y;
+  }
+  [[nodiscard]] bool in_window(int x, int y) const {
+    return face(x, y) == 0 && height(x, y) > 0.9F && height(x, y) < 1.35F;
+  }
+  // Noise, windows that show what is 2 m behind them, and normals as such depth gives them: of windows anything.
+  void measure() {
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        RandomStream random(5, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * kShape.width + x), 0);
+        const float sum = random.uniform() + random.uniform() + random.uniform() + random.uniform() - 2.0F;
+        const float z = truth(x, y) + (in_window(x, y) ? 2.0F : 0.0F);
+        depth(x, y) = 1.0F / (1.0F / z + 1.732F * sum * noise.amplitude);
+        if (in_window(x, y)) normals(x, y) = normalized(Vec3f{-normal[0].x, -0.3F, -0.3F});
+      }
+    }
+  }
+  template <class Executor>
+  [[nodiscard]] Status run(Executor& executor, const CarBodiesParams& params = {}) {
+    surface = depth;
+    npsim_test::Scratch memory(shape_cars_workspace_bytes(params, kShape));
+    return shape_cars(params, depth.cview(), ObjectMap{labels.cview(), instances.cview()}, noise, k, ground,
+                      normals.view(), surface.view(), memory.workspace(), executor);
+  }
+};
+
+float degrees_between(const Vec3f& a, const Vec3f& b) {
+  return std::acos(clamp_to(dot(a, b), -1.0F, 1.0F)) * 57.29578F;
+}
+
+}  // namespace
+
+TEST_CASE("cars: the corner of a box from exact samples, within 1.6 degrees, at any angle and on either side") {
+  for (const float x : {-3.0F, 0.5F, 3.0F}) {
+    for (const float degrees : {-40.0F, -13.0F, 0.0F, 4.0F, 21.0F, 44.0F}) {
+      CAPTURE(x);
+      CAPTURE(degrees);
+      const Street street(degrees / 57.29578F, {x, 11.0F});
+      std::vector<car_detail::Sample> samples;
+      Vec3f about;
+      bool both[2] = {false, false};
+      for (int y = 0; y < kShape.height; y += 3) {
+        for (int u = 0; u < kShape.width; u += 3) {
+          if (street.face(u, y) == 2) continue;
+          both[street.face(u, y)] = true;
+          samples.push_back({unproject_pixel(street.k, u, y, 1.0F), 1.0F / street.truth(u, y)});
+          about += unproject_pixel(street.k, u, y, street.truth(u, y));
+        }
+      }
+      about = about * (1.0F / static_cast<float>(samples.size()));
+      std::vector<float> scratch(samples.size());
+      const car_detail::Corner corner =
+          car_detail::fit_corner(street.noise, 0.05F, street.ground, about, {samples.data(), samples.size()},
+                                 {scratch.data(), scratch.size()});
+      for (int i = 0; i < 2; ++i) {
+        if (!both[i]) continue;
+        const int own = dot(corner.normal[0], street.normal[i]) > dot(corner.normal[1], street.normal[i]) ? 0 : 1;
+        CHECK(degrees_between(corner.normal[own], street.normal[i]) <= 1.6F);
+        CHECK(std::fabs(corner.distance_m[own] - street.distance_m[i]) <= 0.028F * length(about));
+      }
+    }
+  }
+}
+
+TEST_CASE("cars: windows that show what is behind them get the side's normals and depth, and nothing else moves") {
+  Street street(-0.3F);
+  street.measure();
+  const Image<Vec3f> before = street.normals;
+  SerialExecutor serial;
+  REQUIRE(street.run(serial).ok());
+  double off_before = 0;
+  double off_after = 0;
+  double turn_before = 0;
+  double turn_after = 0;
+  int panes = 0;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (street.face(x, y) == 2) {
+        REQUIRE(street.normals(x, y) == before(x, y));
+        REQUIRE(street.surface(x, y) == street.depth(x, y));
+      } else if (street.in_window(x, y)) {
+        ++panes;
+        off_before += static_cast<double>(std::fabs(street.depth(x, y) - street.truth(x, y)));
+        off_after += static_cast<double>(std::fabs(street.surface(x, y) - street.truth(x, y)));
+        turn_before += static_cast<double>(degrees_between(before(x, y), street.normal[0]));
+        turn_after += static_cast<double>(degrees_between(street.normals(x, y), street.normal[0]));
+      }
+    }
+  }
+  REQUIRE(panes > 500);
+  CHECK(off_before / panes > 1.9);
+  CHECK(off_after / panes < 1.0);
+  // 20 degrees of what a normal may keep, and 25 by which windows lean.
+  CHECK(turn_before / panes > 100.0);
+  CHECK(turn_after / panes < 50.0);
+}
+
+TEST_CASE("cars: true normals of doors stay bit by bit, for what is near the body is not turned") {
+  Street street(0.0F);
+  const Image<Vec3f> before = street.normals;
+  SerialExecutor serial;
+  REQUIRE(street.run(serial).ok());
+  int doors = 0;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (street.face(x, y) == 2 || street.height(x, y) < 0.3F || street.height(x, y) > 0.7F) continue;
+      // Within corner_m of the edge the body is round.
+      const Vec3f ray = unproject_pixel(street.k, x, y, 1.0F);
+      const float other =
+          car_detail::plane_w(street.normal[1 - street.face(x, y)], street.distance_m[1 - street.face(x, y)], ray);
+      const float own = 1.0F / street.truth(x, y);
+      if ((other - own) / (own * own) < 0.4F) continue;
+      REQUIRE(street.normals(x, y) == before(x, y));
+      ++doors;
+    }
+  }
+  CHECK(doors > 1000);
+}
+
+TEST_CASE("cars: what is no box, too small, without a number or over unknown ground stays bit by bit") {
+  const auto unchanged = [](Street& street, const CarBodiesParams& params = {}) {
+    const Image<Vec3f> before = street.normals;
+    SerialExecutor serial;
+    REQUIRE(street.run(serial, params).ok());
+    return street.normals == before && street.surface == street.depth;
+  };
+  Street scattered(-0.3F);
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      scattered.depth(x, y) *= 1.0F + 0.2F * static_cast<float>((x / 9 * 3 + y / 7 * 5) % 6);
+    }
+  }
+  scattered.noise.amplitude = 1e-4F;
+  CHECK(unchanged(scattered));
+
+  Street street(-0.3F);
+  street.measure();
+  CarBodiesParams params;
+  params.min_px = 1e6F;
+  CHECK(unchanged(street, params));
+  params = CarBodiesParams{};
+  params.enabled = false;
+  CHECK(unchanged(street, params));
+  const GroundPlane known = street.ground;
+  street.ground.inlier_share = 0.0F;
+  CHECK(unchanged(street));
+  street.ground = known;
+  street.instances = Image<std::uint16_t>(kShape);
+  CHECK(unchanged(street));
+}
+
+TEST_CASE("cars: holes, a car cut by the picture's border and one seen from the front alone leave everything finite") {
+  for (const Vec2f corner : {Vec2f{-6.0F, 9.0F}, Vec2f{0.9F, 12.0F}, Vec2f{-2.0F, 4.2F}}) {
+    CAPTURE(corner.x);
+    Street street(0.02F, corner);
+    street.measure();
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        if ((x * 7 + y * 3) % 11 < 4) street.depth(x, y) = 0.0F;
+      }
+    }
+    SerialExecutor serial;
+    REQUIRE(street.run(serial).ok());
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        if (street.depth(x, y) == 0.0F) {
+          REQUIRE(street.surface(x, y) == 0.0F);
+          continue;
+        }
+        REQUIRE(is_valid_depth(street.surface(x, y)));
+        REQUIRE(length(street.normals(x, y)) == doctest::Approx(1.0F).epsilon(1e-4));
+      }
+    }
+  }
+}
+
+TEST_CASE("cars: the same bits for any order of work, and bad parameters and shapes are refused") {
+  Street a(-0.3F);
+  Street b(-0.3F);
+  a.measure();
+  b.measure();
+  SerialExecutor serial;
+  npsim_test::BackwardExecutor backward;
+  REQUIRE(a.run(serial).ok());
+  REQUIRE(b.run(backward).ok());
+  CHECK(a.normals == b.normals);
+  CHECK(a.surface == b.surface);
+  CarBodiesParams params;
+  params.window_m = std::numeric_limits<float>::quiet_NaN();
+  CHECK(a.run(serial, params).code() == StatusCode::invalid_argument);
+  a.instances = Image<std::uint16_t>(Shape{8, 8});
+  CHECK(a.run(serial).code() == StatusCode::shape_mismatch);
+}
