@@ -128,6 +128,24 @@ TEST_CASE("planar segments: two noisy walls at a corner, parted by a pole, becom
   CHECK(s.at(50, 100)->residual < 1.2F);
 }
 
+TEST_CASE(
+    "planar segments: where noise is as large as the step between two walls they meet in one line, not in a mosaic") {
+  Street s;
+  s.wall(kFront, 14.0F, 0, 240);
+  s.wall(kFront, 14.4F, 240, 480);  // 6 deviations
+  s.measure(2.5F);
+  REQUIRE(s.run().ok());
+  REQUIRE(s.at(60, 120) != nullptr);
+  REQUIRE(s.at(420, 120) != nullptr);
+  REQUIRE(s.of(60, 120) != s.of(420, 120));
+  int changes = 0;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 1; x < kShape.width; ++x) changes += s.of(x, y) != s.of(x - 1, y) ? 1 : 0;
+  }
+  CHECK(changes >= kShape.height);
+  CHECK(changes < 300);
+}
+
 TEST_CASE("planar segments: relief stays, and what is curved is not drawn to planes") {
   Street s = corner();
   for (int y = 60; y < 140; ++y) {

@@ -51,7 +51,7 @@ struct CarBodiesParams {
   float relief_m = 0.05F;  // of what is upright: handles, arches, bumpers
   float max_loss = 4.0F;   // mean difference from the box in deviations of noise and relief, each at most 6
   float window_m = 0.3F;
-  float side_m = 2.3F;  // wider than the end of any car
+  float side_m = 2.0F;  // wider than what is seen of any end, less a tenth of it on either side
   float corner_m = 0.15F;
   float turn_rad = 0.35F;
   float deviations = 4.0F;
@@ -139,6 +139,24 @@ struct CarFit {
   }
 };
 
+// Along the ground, of the samples on side k; a tenth left out at either end.
+[[nodiscard]] inline float seen_width_m(const CarFit& fit, Span<const Sample> samples, int k) noexcept {
+  const Corner& c = fit.corner;
+  std::size_t count = 0;
+  for (const Sample& s : samples) {
+    const float w = plane_w(c.normal[k], c.distance_m[k], s.ray);
+    if (w > plane_w(c.normal[1 - k], c.distance_m[1 - k], s.ray)) continue;
+    fit.scratch[count++] = dot(c.normal[1 - k], s.ray) / s.w;
+  }
+  if (count < 20) return 0.0F;
+  const std::size_t out = count / 10;
+  float* const first = fit.scratch.data();
+  select_nth(first, first + out, first + count);
+  const float low = first[out];
+  select_nth(first + out, first + (count - 1 - out), first + count);
+  return first[count - 1 - out] - low;
+}
+
 [[nodiscard]] inline bool find_corner(CarFit& fit) noexcept {
   const Car& car = fit.car;
   int step = 1;
@@ -163,22 +181,8 @@ struct CarFit {
   fit.z_m = sum.z;
   fit.corner = fit_corner(fit.noise, fit.params.relief_m, fit.ground, sum, samples, fit.scratch);
   if (fit.corner.loss > fit.params.max_loss) return false;
-  for (int k = 0; k < 2; ++k) {
-    std::size_t count = 0;
-    const Corner& c = fit.corner;
-    for (const Sample& s : samples) {
-      const float w = plane_w(c.normal[k], c.distance_m[k], s.ray);
-      if (w > plane_w(c.normal[1 - k], c.distance_m[1 - k], s.ray)) continue;
-      fit.scratch[count++] = dot(c.normal[1 - k], s.ray) / s.w;
-    }
-    fit.side[k] = false;
-    if (count < 20) continue;
-    float* const first = fit.scratch.data();
-    select_nth(first, first + count / 20, first + count);
-    const float low = first[count / 20];
-    select_nth(first, first + (count - 1 - count / 20), first + count);
-    fit.side[k] = first[count - 1 - count / 20] - low > fit.params.side_m;
-  }
+  const float width_m[2] = {seen_width_m(fit, samples, 0), seen_width_m(fit, samples, 1)};
+  for (int k = 0; k < 2; ++k) fit.side[k] = width_m[k] > fit.params.side_m && width_m[k] > width_m[1 - k];
   return true;
 }
 
@@ -260,11 +264,9 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
   for (int k = 0; k < 2; ++k) {
     const float behind_m = (w[k] - nearest) / (nearest * nearest);
     if (!(behind_m < 20.0F * fit.params.corner_m)) continue;
-    float lean = fit.rows[k][static_cast<std::size_t>(y)].lean_rad;
-    if (fit.side[k]) {
-      const float height = fit.ground.camera_height_m + dot(fit.ground.up, ray) / w[k];
-      lean = lean_of_side(height / max_of(fit.top_m[k], 0.5F));
-    }
+    const float height = fit.ground.camera_height_m + dot(fit.ground.up, ray) / w[k];
+    float lean = lean_of_side(height / max_of(fit.top_m[k], 0.5F));
+    if (!fit.side[k]) lean = max_of(lean, fit.rows[k][static_cast<std::size_t>(y)].lean_rad);
     sum += (fit.corner.normal[k] * std::cos(lean) + fit.ground.up * std::sin(lean)) *
            std::exp(-behind_m / fit.params.corner_m);
   }

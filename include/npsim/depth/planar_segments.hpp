@@ -7,7 +7,7 @@
 // agree within the noise are united, also across what stands before them (merge.hpp); and those with enough support are
 // kept. Inverse depth of a plane is linear in the image, and everything is measured in deviations of it
 // (source_noise.hpp).
-// A pixel that a plane explains is on it and takes its normal. Its depth stays as it was measured: buildings have relief,
+// A pixel that a plane explains is on it and takes its normal; where several do, neighbours agree (agreed_plane()). Its depth stays as it was measured: buildings have relief,
 // and on held-out points of real frames depth drawn to planes, even within the noise, is worse. Only where nothing was
 // measured does the plane stand in (extend_planes()), and where a mismatch makes a dent (PlanarSegmentsParams::dent_m).
 // Invariant: all other depth is not touched.
@@ -91,6 +91,12 @@ inline constexpr double kSquare_rad = 0.0087;  // and those that are not known t
 [[nodiscard]] constexpr int cell_px(const PlanarSegmentsParams& p, Shape shape) noexcept {
   const float px = p.cell_px * static_cast<float>(shape.width) / 2048.0F;
   return px < 6.0F ? 6 : (px > 4096.0F ? 4096 : static_cast<int>(px + 0.5F));
+}
+
+// Of the neighbours that a pixel's plane is agreed upon with at first; then half of it, down to the next ones.
+[[nodiscard]] constexpr int agreement_px(Shape shape) noexcept {
+  const int px = shape.width / 256;
+  return px < 1 ? 1 : px;
 }
 
 [[nodiscard]] constexpr float min_support_px(const PlanarSegmentsParams& p, Shape shape) noexcept {
@@ -412,6 +418,21 @@ template <class Executor>
       }
     }
   });
+  const auto agree = [&](ImageView<const std::uint16_t> from, ImageView<std::uint16_t> to, int apart_px) {
+    executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
+      for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+        for (int x = 0; x < shape.width; ++x) {
+          to(x, y) = from(x, y);
+          if (!planar(x, y) || (slots(x, y) != 0 && is_blind(grid, cells, slots(x, y), x, y))) continue;
+          to(x, y) = agreed_plane(in, plane_of, from, params.on_plane, apart_px, x, y);
+        }
+      }
+    });
+  };
+  for (int apart_px = agreement_px(shape); apart_px > 0; apart_px /= 2) {
+    agree(nearest, map.of, apart_px);
+    agree(map.of, nearest, apart_px);
+  }
   const auto reach_px = static_cast<int>(params.dent_px * static_cast<float>(shape.width) / 2048.0F);
   executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
