@@ -271,6 +271,47 @@ TEST_CASE("light shapes: rectangles and polygons, the last one on top, a sliver 
   CHECK(a.index(19, 3) == 5);
 }
 
+TEST_CASE(
+    "light annotation: the rim of a traffic light is no lens, the lens of a small one and of one without a head is") {
+  const TemporaryFolder folder;
+  const std::string path = folder / "lights.json";
+  // A head of 16 x 32 with its rim and a lens in one mark, and one whose rim alone is marked; a far one of 5 x 11 whose
+  // lens is 3 px wide; a lens with as good as no head.
+  put(path, R"({"lights": [
+    {"class": "traffic_light_group", "id": 1, "rectangle": [10, 10, 26, 42]},
+    {"class": "inferred object", "id": 2, "group": 1, "rectangle": [10, 10, 26, 12]},
+    {"class": "inferred object", "id": 3, "group": 1, "rectangle": [14, 15, 22, 23]},
+    {"class": "traffic_light_group", "id": 4, "rectangle": [40, 10, 56, 42]},
+    {"class": "inferred object", "id": 5, "group": 4, "rectangle": [54, 12, 56, 40]},
+    {"class": "traffic_light_group", "id": 6, "rectangle": [70, 10, 75, 21]},
+    {"class": "inferred object", "id": 7, "group": 6, "rectangle": [71, 11, 74, 14]},
+    {"class": "traffic_light_group", "id": 8, "rectangle": [90, 10, 94, 11]},
+    {"class": "inferred object", "id": 9, "group": 8, "rectangle": [90, 11, 94, 15]},
+    {"class": "car_group", "id": 10, "rectangle": [10, 50, 40, 60]},
+    {"class": "parked_rear", "id": 11, "group": 10, "rectangle": [10, 50, 13, 54]}]})");
+  const auto read = io::read_light_shapes(path, {110, 64});
+  require_ok(read);
+  const io::LightAnnotation& lights = read.value();
+  const auto pixels = [&](std::uint16_t mark) {
+    int n = 0;
+    for (int y = 0; y < 64; ++y) {
+      for (int x = 0; x < 110; ++x) n += lights.index(x, y) == mark ? 1 : 0;
+    }
+    return n;
+  };
+  CHECK(pixels(2) == 0);
+  CHECK(pixels(3) == 64);
+  CHECK(pixels(1) == 16 * 32 - 64);
+  CHECK(pixels(5) == 0);
+  CHECK(pixels(7) == 9);
+  CHECK(pixels(9) == 16);
+  CHECK(pixels(11) == 12);  // a lamp at the corner of a car is one
+  std::string all;
+  for (const std::string& note : lights.notes) all += note + "; ";
+  CHECK(all.find("2 parts of marks along the rims of traffic lights") != std::string::npos);
+  CHECK(all.find("2 annotations without pixels: 2, 5") != std::string::npos);
+}
+
 TEST_CASE("light shapes: bad input ends in one line that names it") {
   const TemporaryFolder folder;
   const std::string path = folder / "lights.json";

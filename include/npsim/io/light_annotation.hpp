@@ -5,6 +5,7 @@
 // Marks come in the order of the file; the index plane holds position + 1, 0 is no light. Bitmap pixels spell ids as
 // R + 256 G + 65536 B, 0 = none, alpha ignored. Groups are marks of their own: their pixels are the parts of the
 // object (panel, car) that are no source themselves.
+// What is marked along the rim of a traffic light is no lens (detail/signal_rims.hpp).
 // A source whose entry names no group joins the group that may hold its class (can_hold) and whose bounding box in the
 // bitmap overlaps its own most, where one overlaps at all; the first in the file wins a tie.
 #ifndef NPSIM_IO_LIGHT_ANNOTATION_HPP
@@ -24,6 +25,7 @@
 #include "npsim/io/detail/light_entries.hpp"
 #include "npsim/io/detail/light_shapes.hpp"
 #include "npsim/io/detail/limits.hpp"
+#include "npsim/io/detail/signal_rims.hpp"
 #include "npsim/io/error.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/io/png_jpeg.hpp"
@@ -159,12 +161,18 @@ namespace detail {
 
 // What is left when the index plane is filled: boxes, groups that are joined by them, and notes.
 inline void finish_annotation(LightAnnotation& out) {
-  std::vector<PixelBox> boxes(out.marks.size());
-  for (int y = 0; y < out.index.height(); ++y) {
-    for (int x = 0; x < out.index.width(); ++x) {
-      if (out.index(x, y) != 0) boxes[out.index(x, y) - 1U].include(x, y);
+  const auto boxes_of_marks = [&] {
+    std::vector<PixelBox> boxes(out.marks.size());
+    for (int y = 0; y < out.index.height(); ++y) {
+      for (int x = 0; x < out.index.width(); ++x) {
+        if (out.index(x, y) != 0) boxes[out.index(x, y) - 1U].include(x, y);
+      }
     }
-  }
+    return boxes;
+  };
+  const std::size_t joined = join_groups(boxes_of_marks(), out.marks);
+  const std::size_t trimmed = trim_signal_rims(out.marks, out.index);
+  const std::vector<PixelBox> boxes = boxes_of_marks();
   std::size_t groups = 0;
   constexpr std::size_t kNamed = 8;
   std::size_t without_pixels = 0;
@@ -175,11 +183,14 @@ inline void finish_annotation(LightAnnotation& out) {
       if (++without_pixels <= kNamed) named += (named.empty() ? "" : ", ") + std::to_string(out.marks[i].id);
     }
   }
-  const std::size_t joined = join_groups(boxes, out.marks);
   out.notes.insert(out.notes.begin(), "lights: " + std::to_string(out.marks.size() - groups) + " sources and " +
                                           std::to_string(groups) + " groups");
   if (joined > 0) {
     out.notes.push_back("lights: " + std::to_string(joined) + " sources joined to the group that overlaps them");
+  }
+  if (trimmed > 0) {
+    out.notes.push_back("lights: " + std::to_string(trimmed) +
+                        " parts of marks along the rims of traffic lights taken for no lamps");
   }
   if (without_pixels > 0) {
     out.notes.push_back("lights: " + std::to_string(without_pixels) + " annotations without pixels: " + named +
