@@ -42,6 +42,7 @@
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/depth/outliers.hpp"
 #include "npsim/depth/planar_segments.hpp"
+#include "npsim/depth/pole_cylinders.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/sharpen_edges.hpp"
 #include "npsim/depth/sky.hpp"
@@ -103,8 +104,9 @@ struct RefineDepthParams {
   KerbFaceParams kerbs;
   GroundMismatchParams ground_mismatches;  // of stereo
   SmoothSurfacesParams smooth;
-  BorderSpillParams spill;  // of stereo
-  CarBodiesParams cars;     // of stereo
+  BorderSpillParams spill;   // of stereo
+  CarBodiesParams cars;      // of stereo
+  PoleCylinderParams poles;  // of stereo and laser without given normals
   // The caller's memory for the losses before each step of the refinement and at its end (figure 4.4), at most
   // refine_max_steps() + 1 of them; RefinedDepth::refinement says how many there were. Empty: none are kept.
   Span<LossValues> loss_curve;
@@ -129,6 +131,7 @@ struct RefineDepthParams {
     params.plants = {};
     params.kerbs.enabled = false;
     params.cars.enabled = false;
+    params.poles.enabled = false;
     return params;
   }
 };
@@ -243,6 +246,7 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.smooth));
   NPSIM_RETURN_IF_ERROR(validate(params.spill));
   NPSIM_RETURN_IF_ERROR(validate(params.cars));
+  NPSIM_RETURN_IF_ERROR(validate(params.poles));
   return validate(params.refine);
 }
 
@@ -575,6 +579,10 @@ template <class Executor>
   out.filled = {};
   NPSIM_RETURN_IF_ERROR(smooth_surfaces(params.smooth, ImageView<const float>(out.depth), objects, out.planes,
                                         out.noise, scene.camera, out.ground, out.mesh_depth, executor));
+  if (scene.normals.empty()) {
+    NPSIM_RETURN_IF_ERROR(round_poles(params.poles, ImageView<const float>(out.depth), objects, scene.camera,
+                                      out.ground.up, out.normals, out.mesh_depth, executor));
+  }
   if (out.source != DepthSource::stereo) return {};
   return shape_cars(params.cars, ImageView<const float>(out.depth), objects, out.noise, scene.camera, out.ground,
                     out.normals, out.mesh_depth, workspace, executor);
