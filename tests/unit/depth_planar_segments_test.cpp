@@ -193,6 +193,27 @@ TEST_CASE("planar segments: a dent of 5 m that a wall surrounds is closed, of a 
   CHECK(laser.depth(65, 105) == 19.0F);
 }
 
+TEST_CASE("planar segments: beside a pole, what matching left 4 m before the wall is the wall's; a bay of 2 m stays") {
+  Street s = corner();
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 100; x < 104; ++x) {
+      s.truth(x, y) = 8.0F;
+      s.labels(x, y) = label::pole;
+    }
+  }
+  s.measure();
+  for (int y = 90; y < 110; ++y) {
+    const float bent = 10.0F - 3.0F * std::sin(0.31F * static_cast<float>(y - 90));
+    for (int x = 104; x < 110; ++x) s.measured(x, y) = s.depth(x, y) = bent - 0.1F * static_cast<float>((x * x) % 7);
+    for (int x = 40; x < 46; ++x) s.measured(x, y) = s.depth(x, y) = 12.0F;
+  }
+  REQUIRE(s.run().ok());
+  CHECK(s.depth(106, 100) == doctest::Approx(14.0F).epsilon(0.01));
+  CHECK(s.of(106, 100) == s.of(20, 100));
+  CHECK(s.depth(102, 100) == s.measured(102, 100));
+  CHECK(s.depth(43, 100) == 12.0F);
+}
+
 TEST_CASE("planar segments: above the topmost line of a laser a wall goes on as it was measured") {
   Street s = corner();
   s.noise = {0.02F, 2, 1.0F};

@@ -7,9 +7,10 @@
 // agree within the noise are united, also across what stands before them (merge.hpp); and those with enough support are
 // kept. Inverse depth of a plane is linear in the image, and everything is measured in deviations of it
 // (source_noise.hpp).
-// A pixel that a plane explains is on it and takes its normal; where several do, neighbours agree (agreed_plane()). Its depth stays as it was measured: buildings have relief,
-// and on held-out points of real frames depth drawn to planes, even within the noise, is worse. Only where nothing was
-// measured does the plane stand in (extend_planes()), and where a mismatch makes a dent (PlanarSegmentsParams::dent_m).
+// A pixel that a plane explains is on it and takes its normal; where several do, neighbours agree (agreed_plane()). Its
+// depth stays as it was measured: buildings have relief, and on held-out points of real frames depth drawn to planes,
+// even within the noise, is worse. Only where nothing was measured does the plane stand in (extend_planes()), and where
+// a mismatch makes a dent or a bulge (PlanarSegmentsParams::dent_m).
 // Invariant: all other depth is not touched.
 // Deterministic: seeded, and the same for any number of threads.
 // Cost: some 250 operations a pixel in planar classes. Memory: 1 byte per pixel and some 800 per square.
@@ -56,7 +57,7 @@ struct PlanarSegmentsParams {
   float merge_rise = 1.2F;         // of the residual when planes are united, deviations; of stereo .2 px
   float min_share = 0.5F;          // of a cell's samples that its plane explains
   float on_plane = 6.0F;           // deviations within which a pixel takes a plane's normal
-  float dent_m = 3.0F;             // what a plane surrounds and lies this far behind it is a mismatch, not an opening
+  float dent_m = 3.0F;             // what a plane surrounds and lies this far off it is a mismatch, no opening or bay
   float dent_px = 64.0F;           // reach of the search for what surrounds a dent, of an image 2048 wide
 };
 
@@ -305,24 +306,30 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
 }
 
 // The plane that surrounds a pixel which lies on none: in at least six of eight directions a plane is the first
-// thing of the object's within `reach_px` that lies on any, in `most`, at least three, this one.
+// thing of the object's within `reach_px` that lies on any, in `most`, at least three, this one. What stands before it,
+// as a pole beside which matching went wrong, may take up to two of the six.
 [[nodiscard]] inline std::uint16_t surrounding_plane(const CellInput& in, ImageView<const std::uint16_t> of,
                                                      int reach_px, int x, int y, int& most) noexcept {
   constexpr int kX[8] = {1, -1, 0, 0, 1, -1, 1, -1};
   constexpr int kY[8] = {0, 0, 1, -1, 1, -1, -1, 1};
   std::array<std::uint16_t, 8> met{};
   std::size_t hits = 0;
+  std::size_t hidden = 0;
   for (int k = 0; k < 8; ++k) {
     for (int step = 1; step <= reach_px; ++step) {
       const int i = x + kX[k] * step;
       const int j = y + kY[k] * step;
-      if (!of.contains(i, j) || !in.objects.same(x, y, i, j)) break;
+      if (!of.contains(i, j)) break;
+      if (!in.objects.same(x, y, i, j)) {
+        ++hidden;
+        break;
+      }
       if (of(i, j) == kNoPlane) continue;
       met[hits++] = of(i, j);
       break;
     }
   }
-  if (hits < 6) return kNoPlane;
+  if (hits + std::min(hidden, std::size_t{2}) < 6) return kNoPlane;
   std::uint16_t plane = kNoPlane;
   most = 2;
   for (std::size_t k = 0; k < hits; ++k) {
@@ -446,8 +453,8 @@ template <class Executor>
         const float off = residual_at(in, plane_of(plane), x, y);
         const bool blind = on_plane && slots(x, y) != 0 && is_blind(grid, cells, slots(x, y), x, y);
         const float flat_z = 1.0F / plane_of_ray(in, plane_of(plane), x, y);
-        const bool dent =
-            !on_plane && noise.power != 2 && !objects.labels.empty() && depth(x, y) - flat_z > params.dent_m;
+        const bool dent = !on_plane && noise.power != 2 && !objects.labels.empty() &&
+                          std::fabs(depth(x, y) - flat_z) > params.dent_m && std::fabs(off) > params.on_plane;
         if (!on_plane && !dent && std::fabs(off) > params.outlier) continue;
         map.of(x, y) = plane;
         if ((dent || blind) && flat_z > 0.0F) depth(x, y) = flat_z;
