@@ -60,12 +60,12 @@
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/depth/outliers.hpp"
 #include "npsim/depth/planar_segments.hpp"
-#include "npsim/depth/pole_cylinders.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/sharpen_edges.hpp"
 #include "npsim/depth/sky.hpp"
 #include "npsim/depth/smooth_surfaces.hpp"
 #include "npsim/depth/source_noise.hpp"
+#include "npsim/depth/street_furniture.hpp"
 #include "npsim/depth/uncertainty.hpp"
 
 // sections 3.1, 3.3, 3.5: the layered scene mesh

@@ -42,12 +42,12 @@
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/depth/outliers.hpp"
 #include "npsim/depth/planar_segments.hpp"
-#include "npsim/depth/pole_cylinders.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/sharpen_edges.hpp"
 #include "npsim/depth/sky.hpp"
 #include "npsim/depth/smooth_surfaces.hpp"
 #include "npsim/depth/source_noise.hpp"
+#include "npsim/depth/street_furniture.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
@@ -104,9 +104,9 @@ struct RefineDepthParams {
   KerbFaceParams kerbs;
   GroundMismatchParams ground_mismatches;  // of stereo
   SmoothSurfacesParams smooth;
-  BorderSpillParams spill;   // of stereo
-  CarBodiesParams cars;      // of stereo
-  PoleCylinderParams poles;  // of stereo and laser without given normals
+  BorderSpillParams spill;          // of stereo
+  CarBodiesParams cars;             // of stereo
+  StreetFurnitureParams furniture;  // of stereo and laser without given normals
   // The caller's memory for the losses before each step of the refinement and at its end (figure 4.4), at most
   // refine_max_steps() + 1 of them; RefinedDepth::refinement says how many there were. Empty: none are kept.
   Span<LossValues> loss_curve;
@@ -131,7 +131,7 @@ struct RefineDepthParams {
     params.plants = {};
     params.kerbs.enabled = false;
     params.cars.enabled = false;
-    params.poles.enabled = false;
+    params.furniture.enabled = false;
     return params;
   }
 };
@@ -246,7 +246,7 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.smooth));
   NPSIM_RETURN_IF_ERROR(validate(params.spill));
   NPSIM_RETURN_IF_ERROR(validate(params.cars));
-  NPSIM_RETURN_IF_ERROR(validate(params.poles));
+  NPSIM_RETURN_IF_ERROR(validate(params.furniture));
   return validate(params.refine);
 }
 
@@ -580,8 +580,8 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(smooth_surfaces(params.smooth, ImageView<const float>(out.depth), objects, out.planes,
                                         out.noise, scene.camera, out.ground, out.mesh_depth, executor));
   if (scene.normals.empty()) {
-    NPSIM_RETURN_IF_ERROR(round_poles(params.poles, ImageView<const float>(out.depth), objects, scene.camera,
-                                      out.ground.up, out.normals, out.mesh_depth, executor));
+    NPSIM_RETURN_IF_ERROR(shape_furniture(params.furniture, ImageView<const float>(out.depth), objects, out.planes,
+                                          scene.camera, out.ground.up, out.normals, out.mesh_depth, executor));
   }
   if (out.source != DepthSource::stereo) return {};
   return shape_cars(params.cars, ImageView<const float>(out.depth), objects, out.noise, scene.camera, out.ground,

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+// Poles as cylinders, signs and signals as plates: what the noise of measured depth made of them is drawn to what they
+// are.
+//
+// A mast is as wide as the window that matching compares, or as the gap between two points of a laser: its depth jumps
+// by metres from row to row, and in the light of one lamp it comes out in bright and dark pieces. Pole pixels lie on a
+// pole that stands (their run along the column is the longer one) or on an arm that lies.
+//   Depth: the median of 1/z of the thing's pixels within reach_m along it, so as far as a straight pole keeps its depth.
+//   Normal of a pole: that of a cylinder across the shorter run, square to it: over the run it turns from side to side.
+//   Normal of a plate: level, towards the camera, for signs and signals face the traffic that sees them.
+// Invariant: pixels of other labels, what lies on a plane of its own and poles thicker than max_width_m are not touched.
+// No pixel's new depth is outside of those around it on its thing. Deterministic. Cost: for each pixel of such things
+// those within reach, at most kMaxSamples; they are some per cent of a picture.
+#ifndef NPSIM_DEPTH_STREET_FURNITURE_HPP
+#define NPSIM_DEPTH_STREET_FURNITURE_HPP
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+#include "npsim/core/algorithm.hpp"
+#include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/depth/object_borders.hpp"
+#include "npsim/depth/planar_segments.hpp"
+#include "npsim/labels/cityscapes.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+
+struct StreetFurnitureParams {
+  bool enabled = true;
+  LabelSet poles = LabelSet::of(label::pole, label::polegroup);
+  LabelSet plates = LabelSet::of(label::traffic_sign, label::traffic_light);
+  float reach_m = 1.5F;      // along the thing, to either side
+  float max_width_m = 1.0F;  // of a pole: advertising columns have a shape that can be measured
+};
+
+[[nodiscard]] inline Status validate(const StreetFurnitureParams& p) noexcept {
+  const bool good = p.reach_m > 0.0F && std::isfinite(p.reach_m) && p.max_width_m > 0.0F;
+  return good ? Status() : Status(StatusCode::invalid_argument, "street furniture: a parameter lies outside its range");
+}
+
+namespace furniture_detail {
+
+inline constexpr std::size_t kMaxSamples = 512;
+inline constexpr int kLongest_px = 4096;  // of a run
+
+// Pixels of the object around (x, y) along a direction: to either side, itself left out.
+struct Run {
+  int before = 0;
+  int after = 0;
+  [[nodiscard]] int length() const noexcept { return before + after + 1; }
+};
+[[nodiscard]] inline Run run_along(const ObjectMap& objects, int x, int y, int dx, int dy) noexcept {
+  const auto count = [&](int sign) {
+    int n = 0;
+    while (n < kLongest_px && objects.labels.contains(x + (n + 1) * sign * dx, y + (n + 1) * sign * dy) &&
+           objects.same(x, y, x + (n + 1) * sign * dx, y + (n + 1) * sign * dy)) {
+      ++n;
+    }
+    return n;
+  };
+  return {count(-1), count(1)};
+}
+
+// Median inverse depth of the pole's pixels on the lines across it within `reach` of (x, y); 0 where there is none.
+[[nodiscard]] inline float typical_w(ImageView<const float> depth, const ObjectMap& objects, int x, int y, bool stands,
+                                     const Run& across, int reach) noexcept {
+  std::array<float, kMaxSamples> w;
+  std::size_t n = 0;
+  const auto pixels = static_cast<std::size_t>(across.length()) * static_cast<std::size_t>(2 * reach + 1);
+  const int step = 1 + static_cast<int>(pixels / kMaxSamples);
+  for (int along = -reach; along <= reach; along += step) {
+    for (int side = -across.before; side <= across.after; ++side) {
+      const int u = stands ? x + side : x + along;
+      const int v = stands ? y + along : y + side;
+      if (n == kMaxSamples || !depth.contains(u, v) || !objects.same(x, y, u, v) || !is_valid_depth(depth(u, v))) {
+        continue;
+      }
+      w[n++] = 1.0F / depth(u, v);
+    }
+  }
+  if (n == 0) return 0.0F;
+  select_nth(w.data(), w.data() + n / 2, w.data() + n);
+  return w[n / 2];
+}
+
+}  // namespace furniture_detail
+
+// depth: as measured and filled. planes: of it, may be empty. up: of the ground, unit. normals, surface: changed in place;
+// surface is the depth that a mesh is made of, and not the memory of `depth`. Without labels nothing changes.
+template <class Executor>
+[[nodiscard]] Status shape_furniture(const StreetFurnitureParams& params, ImageView<const float> depth,
+                                     const ObjectMap& objects, const PlanarMap& planes, const Intrinsics& camera,
+                                     const Vec3f& up, ImageView<Vec3f> normals, ImageView<float> surface,
+                                     Executor& executor) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(params));
+  const Shape shape = depth.shape();
+  if (normals.shape() != shape || surface.shape() != shape || !objects.fits(shape)) {
+    return {StatusCode::shape_mismatch, "street furniture: all planes must have one shape"};
+  }
+  if (!params.enabled || objects.labels.empty()) return {};
+  const auto shape_pixel = [&](int x, int y, bool plate) {
+    const furniture_detail::Run row = furniture_detail::run_along(objects, x, y, 1, 0);
+    const furniture_detail::Run column = furniture_detail::run_along(objects, x, y, 0, 1);
+    const bool stands = plate || column.length() >= row.length();
+    const furniture_detail::Run& across = stands ? row : column;
+    const float reach_px = params.reach_m * (stands ? camera.fy : camera.fx) / depth(x, y);
+    const int reach = static_cast<int>(clamp_to(reach_px, 1.0F, static_cast<float>(shape.height)));
+    const float w = furniture_detail::typical_w(depth, objects, x, y, stands, across, reach);
+    const float focal = stands ? camera.fx : camera.fy;
+    if (!(w > 0.0F) || (!plate && static_cast<float>(across.length()) > params.max_width_m * focal * w)) return;
+    surface(x, y) = 1.0F / w;
+    // Square to the axis towards the camera, and from there to the right of a pole that stands, down on an arm.
+    const Vec3f ray = unproject_pixel(camera, x, y, 1.0F);
+    const Vec3f axis = stands ? up : normalized(cross(ray, up));
+    const Vec3f facing = normalized(axis * dot(axis, ray) - ray);
+    const Vec3f side = cross(axis, facing);
+    const auto off_middle = static_cast<float>(across.before - across.after);
+    const float t = plate ? 0.0F : clamp_to(off_middle / static_cast<float>(across.length()), -0.95F, 0.95F);
+    normals(x, y) = normalized(facing * std::sqrt(1.0F - t * t) + side * t);
+  };
+  executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
+    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        const bool plate = params.plates.contains(objects.labels(x, y));
+        if ((!plate && !params.poles.contains(objects.labels(x, y))) || !is_valid_depth(depth(x, y))) continue;
+        if (planes.at(x, y) == nullptr) shape_pixel(x, y, plate);
+      }
+    }
+  });
+  return {};
+}
+
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_DEPTH_STREET_FURNITURE_HPP

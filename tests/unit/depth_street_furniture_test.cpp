@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "npsim/depth/street_furniture.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "fixture.hpp"
+#include "npsim/core/executor.hpp"
+#include "npsim/core/random.hpp"
+
+using namespace npsim;
+using npsim_test::Image;
+
+namespace {
+
+constexpr Shape kShape{160, 120};
+constexpr float kPole_m = 12.0F;
+
+// Before a wall at 40 m stand, 12 m away, a mast 8 px wide with an arm 4 px high, a sign, a column 1.4 m wide and a sign
+// that lies on a plane of its own.
+struct Street {
+  Intrinsics k{400, 400, 80, 60};
+  Image<float> depth{kShape, 40.0F}, surface{kShape};
+  Image<Vec3f> normals{kShape, Vec3f{0, 0, -1}};
+  Image<Label> labels{kShape, label::building};
+  Image<std::uint16_t> plane_of{kShape};
+  PlanarSegment plane;
+
+  Street() {
+    put(20, 10, 28, 118, label::pole);
+    put(28, 10, 80, 14, label::pole);
+    put(90, 30, 106, 46, label::traffic_sign);
+    put(110, 60, 157, 118, label::pole);
+    put(120, 20, 136, 36, label::traffic_sign);
+    for (int y = 20; y < 36; ++y) {
+      for (int x = 120; x < 136; ++x) plane_of(x, y) = 1;
+    }
+  }
+  void put(int x0, int y0, int x1, int y1, Label label) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = x0; x < x1; ++x) {
+        RandomStream random(9, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y / 3),
+                            static_cast<std::uint32_t>(x / 3));
+        depth(x, y) = kPole_m + 3.0F * (random.uniform() - 0.5F);
+        normals(x, y) = normalized(Vec3f{random.uniform() - 0.5F, random.uniform() - 0.5F, -0.3F});
+        labels(x, y) = label;
+      }
+    }
+  }
+  template <class Executor>
+  [[nodiscard]] Status run(Executor& executor, const StreetFurnitureParams& params = {}) {
+    surface = depth;
+    PlanarMap planes;
+    planes.segments = Span<PlanarSegment>(&plane, 1);
+    planes.of = plane_of.view();
+    return shape_furniture(params, depth.cview(), ObjectMap{labels.cview(), {}}, planes, k, Vec3f{0, -1, 0},
+                           normals.view(), surface.view(), executor);
+  }
+};
+
+}  // namespace
+
+TEST_CASE(
+    "street furniture: a mast and its arm lose their noise and are round, from left to right and from top to bottom") {
+  Street s;
+  s.depth(23, 60) = 0.0F;  // a hole stays one
+  SerialExecutor serial;
+  REQUIRE(s.run(serial).ok());
+  CHECK(s.surface(23, 60) == 0.0F);
+  for (int y = 20; y < 110; ++y) {
+    for (int x = 20; x < 28; ++x) {
+      if (x == 23 && y == 60) continue;
+      REQUIRE(std::fabs(s.surface(x, y) - kPole_m) < 0.6F);
+      REQUIRE(length(s.normals(x, y)) == doctest::Approx(1.0).epsilon(1e-5));
+      REQUIRE(std::fabs(s.normals(x, y).y) < 1e-5F);
+    }
+    CHECK(s.normals(20, y).x < -0.6F);
+    CHECK(s.normals(27, y).x > 0.6F);
+    CHECK(s.normals(24, y).z < -0.9F);
+  }
+  for (int x = 40; x < 76; ++x) {
+    CHECK(s.normals(x, 10).y < -0.6F);
+    CHECK(s.normals(x, 13).y > 0.6F);
+  }
+}
+
+TEST_CASE("street furniture: a sign is level and faces the camera; a wide column, a plane's sign and the wall stay") {
+  Street s;
+  const Image<Vec3f> before = s.normals;
+  SerialExecutor serial;
+  REQUIRE(s.run(serial).ok());
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (s.labels(x, y) == label::traffic_sign && s.plane_of(x, y) == 0) {
+        const Vec3f ray = unproject_pixel(s.k, x, y, 1.0F);
+        REQUIRE(s.normals(x, y).y == 0.0F);
+        REQUIRE(dot(s.normals(x, y), normalized(ray)) < -0.99F);
+        REQUIRE(std::fabs(s.surface(x, y) - kPole_m) < 0.6F);
+      } else if (s.labels(x, y) != label::pole || x >= 110) {
+        REQUIRE(s.normals(x, y) == before(x, y));
+        REQUIRE(s.surface(x, y) == s.depth(x, y));
+      }
+    }
+  }
+}
+
+TEST_CASE("street furniture: no pixel leaves what its thing measured, in any order of work; bad input is refused") {
+  Street a;
+  Street b;
+  SerialExecutor serial;
+  npsim_test::BackwardExecutor backward;
+  REQUIRE(a.run(serial).ok());
+  REQUIRE(b.run(backward).ok());
+  CHECK(a.normals == b.normals);
+  CHECK(a.surface == b.surface);
+  const auto [least, most] = std::minmax_element(a.depth.cview().pixels().begin(), a.depth.cview().pixels().end());
+  for (const float z : a.surface.cview().pixels()) REQUIRE((z >= *least * 0.9999F && z <= *most * 1.0001F));
+  StreetFurnitureParams params;
+  params.reach_m = 0.0F;
+  CHECK(a.run(serial, params).code() == StatusCode::invalid_argument);
+  params = StreetFurnitureParams{};
+  params.enabled = false;
+  REQUIRE(a.run(serial, params).ok());
+  CHECK(a.surface == a.depth);
+  a.labels = Image<Label>(Shape{4, 4});
+  CHECK(a.run(serial).code() == StatusCode::shape_mismatch);
+}
