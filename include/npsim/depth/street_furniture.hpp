@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Poles as cylinders, signs and signals as plates: what the noise of measured depth made of them is drawn to what they
-// are.
+// Poles and persons as cylinders, signs and signals as plates: what the noise of measured depth made of them is drawn to
+// what they are.
 //
 // A mast is as wide as the window that matching compares, or as the gap between two points of a laser: its depth jumps
 // by metres from row to row, and in the light of one lamp it comes out in bright and dark pieces. Pole pixels lie on a
 // pole that stands (their run along the column is the longer one) or on an arm that lies.
 //   Depth: the median of 1/z of the thing's pixels within reach_m along it, so as far as a straight pole keeps its depth.
-//   Normal of a pole: that of a cylinder across the shorter run, square to it: over the run it turns from side to side.
+//   Normal of what is round: that of a cylinder across the shorter run, square to it: over the run it turns from side to side.
 //   Normal of a plate: level, towards the camera, for signs and signals face the traffic that sees them.
-// Invariant: pixels of other labels, what lies on a plane of its own and poles thicker than max_width_m are not touched.
+// Invariant: pixels of other labels, what lies on a plane of its own and what is round but wider than max_width_m are not touched.
 // No pixel's new depth is outside of those around it on its thing. Deterministic. Cost: for each pixel of such things
 // those within reach, at most kMaxSamples; they are some per cent of a picture.
 #ifndef NPSIM_DEPTH_STREET_FURNITURE_HPP
@@ -34,10 +34,11 @@ inline namespace NPSIM_ABI {
 
 struct StreetFurnitureParams {
   bool enabled = true;
-  LabelSet poles = LabelSet::of(label::pole, label::polegroup);
+  LabelSet round = LabelSet::of(label::pole, label::polegroup, label::person, label::rider);
   LabelSet plates = LabelSet::of(label::traffic_sign, label::traffic_light);
-  float reach_m = 1.5F;      // along the thing, to either side
-  float max_width_m = 1.0F;  // of a pole: advertising columns have a shape that can be measured
+  float reach_m = 1.5F;  // along the thing, to either side
+  float max_width_m =
+      1.0F;  // of what is round: advertising columns and groups of persons have a shape that can be measured
 };
 
 [[nodiscard]] inline Status validate(const StreetFurnitureParams& p) noexcept {
@@ -129,7 +130,7 @@ template <class Executor>
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
       for (int x = 0; x < shape.width; ++x) {
         const bool plate = params.plates.contains(objects.labels(x, y));
-        if ((!plate && !params.poles.contains(objects.labels(x, y))) || !is_valid_depth(depth(x, y))) continue;
+        if ((!plate && !params.round.contains(objects.labels(x, y))) || !is_valid_depth(depth(x, y))) continue;
         if (planes.at(x, y) == nullptr) shape_pixel(x, y, plate);
       }
     }
