@@ -123,6 +123,20 @@ TEST_CASE(
   CHECK(set_back == doctest::Approx(20.0F - SmoothSurfacesParams{}.plane_deviations).epsilon(0.01));
 }
 
+TEST_CASE(
+    "smooth surfaces: what is on a wall's plane and 4 m before it becomes the wall, a bay of 2 m moves by the bound") {
+  Street street;
+  for (int y = 20; y < 30; ++y) {
+    for (int x = 20; x < 30; ++x) street.depth(x, y) = 8.0F;
+    for (int x = 60; x < 70; ++x) street.depth(x, y) = 10.0F;
+  }
+  SerialExecutor serial;
+  REQUIRE(street.run(serial).ok());
+  CHECK(street.smooth(25, 25) == doctest::Approx(12.0F).epsilon(1e-5));
+  const float moved = (1.0F / 10.0F - 1.0F / street.smooth(65, 25)) / street.noise.amplitude;
+  CHECK(moved == doctest::Approx(SmoothSurfacesParams{}.plane_deviations).epsilon(0.01));
+}
+
 TEST_CASE("smooth surfaces: plants, missing depth and depth without surroundings stay bit by bit") {
   Street street;
   street.add_noise();

@@ -10,7 +10,7 @@
 // A pixel that a plane explains is on it and takes its normal; where several do, neighbours agree (agreed_plane()). Its
 // depth stays as it was measured: buildings have relief, and on held-out points of real frames depth drawn to planes,
 // even within the noise, is worse. Only where nothing was measured does the plane stand in (extend_planes()), and where
-// a mismatch makes a dent or a bulge (PlanarSegmentsParams::dent_m).
+// a mismatch makes a dent (PlanarSegmentsParams::dent_m). A bulge as large is on the plane, and its depth stays.
 // Invariant: all other depth is not touched.
 // Deterministic: seeded, and the same for any number of threads.
 // Cost: some 250 operations a pixel in planar classes. Memory: 1 byte per pixel and some 800 per square.
@@ -57,7 +57,7 @@ struct PlanarSegmentsParams {
   float merge_rise = 1.2F;         // of the residual when planes are united, deviations; of stereo .2 px
   float min_share = 0.5F;          // of a cell's samples that its plane explains
   float on_plane = 6.0F;           // deviations within which a pixel takes a plane's normal
-  float dent_m = 3.0F;             // what a plane surrounds and lies this far off it is a mismatch, no opening or bay
+  float dent_m = 3.0F;             // what a plane surrounds and lies this far off it is a mismatch
   float dent_px = 64.0F;           // reach of the search for what surrounds a dent, of an image 2048 wide
 };
 
@@ -457,7 +457,8 @@ template <class Executor>
                           std::fabs(depth(x, y) - flat_z) > params.dent_m && std::fabs(off) > params.on_plane;
         if (!on_plane && !dent && std::fabs(off) > params.outlier) continue;
         map.of(x, y) = plane;
-        if ((dent || blind) && flat_z > 0.0F) depth(x, y) = flat_z;
+        const bool behind = dent && depth(x, y) > flat_z;
+        if ((behind || blind) && flat_z > 0.0F) depth(x, y) = flat_z;
       }
     }
   });

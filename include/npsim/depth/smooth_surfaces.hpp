@@ -5,11 +5,12 @@
 // makes it worse. As a surface it is not. Light of headlamps and street lamps comes in within a few degrees of roads
 // and walls, where noise between neighbours throws shadows that are not there. So each depth is drawn, by at most some
 // deviations of its noise, to
-//   the plane of its facade (planar_segments.hpp), by at most plane_deviations: relief beyond that stays, less high;
+//   the plane of its facade (planar_segments.hpp), by at most plane_deviations: relief beyond that stays, less high,
+//   but for bulges of bulge_m, which no facade has: they are the plane's;
 //   else the middle of the plane in 1/z that fits its surroundings (fitted_normals.hpp), by at most `deviations`, on the
 //   ground ground_deviations. A kerb is another plane to such a fit, and stays.
 // Plants stay as they were measured.
-// Error: |1/smooth - 1/depth| is at most that many deviations.
+// Error: |1/smooth - 1/depth| is at most that many deviations, but for bulges.
 // Cost: 2 x 81 samples per pixel that lies on no plane. Memory: that of the result.
 #ifndef NPSIM_DEPTH_SMOOTH_SURFACES_HPP
 #define NPSIM_DEPTH_SMOOTH_SURFACES_HPP
@@ -41,11 +42,12 @@ struct SmoothSurfacesParams {
   float ground_deviations = 12.0F;  // 3 cm of height for stereo at 5 m
   float plane_deviations = 6.0F;    // PlanarSegmentsParams::on_plane
   float deviations = 3.0F;          // of all else
+  float bulge_m = 3.0F;             // what is on a plane and so far before it was matched wrongly
 };
 
 [[nodiscard]] inline Status validate(const SmoothSurfacesParams& p) noexcept {
   const bool good = p.ground_height_m >= 0.0F && p.ground_deviations >= 0.0F && p.deviations >= 0.0F &&
-                    p.plane_deviations >= 0.0F;  // false for NaN
+                    p.plane_deviations >= 0.0F && p.bulge_m > 0.0F;  // false for NaN
   if (!good) return {StatusCode::invalid_argument, "smooth surfaces: a parameter lies outside its range"};
   return validate(p.fit);
 }
@@ -84,7 +86,12 @@ template <class Executor>
         const PlanarSegment* const plane = planes.at(x, y);
         if (plane == nullptr || !is_valid_depth(depth(x, y))) continue;
         const float w = dot(plane->q, unproject_pixel(camera, x, y, 1.0F));
-        if (w > 0.0F) draw(x, y, w, params.plane_deviations);
+        if (!(w > 0.0F)) continue;
+        if (1.0F / w - depth(x, y) > params.bulge_m) {
+          smooth(x, y) = 1.0F / w;
+        } else {
+          draw(x, y, w, params.plane_deviations);
+        }
       }
     }
   });

@@ -6,11 +6,11 @@
 // by metres from row to row, and in the light of one lamp it comes out in bright and dark pieces. Pole pixels lie on a
 // pole that stands (their run along the column is the longer one) or on an arm that lies.
 //   Depth: the median of 1/z of the thing's pixels within reach_m along it, so as far as a straight pole keeps its depth.
-//   Normal of what is round: that of a cylinder across the shorter run, square to it: over the run it turns from side to side.
+//   Normal of what is round: that of a cylinder across the shorter run: over the run it turns from side to side.
 //   Normal of a plate: level, towards the camera, for signs and signals face the traffic that sees them.
-// Invariant: pixels of other labels, what lies on a plane of its own and what is round but wider than max_width_m are not touched.
-// No pixel's new depth is outside of those around it on its thing. Deterministic. Cost: for each pixel of such things
-// those within reach, at most kMaxSamples; they are some per cent of a picture.
+// Invariant: pixels of other labels, what lies on a plane of its own and what is round but wider than max_width_m are
+// not touched. No pixel's new depth is outside of those around it on its thing. Deterministic. Cost: for each run of
+// such things the pixels within reach, at most kMaxSamples, and for each pixel its runs, at most kLongest_px long.
 #ifndef NPSIM_DEPTH_STREET_FURNITURE_HPP
 #define NPSIM_DEPTH_STREET_FURNITURE_HPP
 
@@ -36,9 +36,8 @@ struct StreetFurnitureParams {
   bool enabled = true;
   LabelSet round = LabelSet::of(label::pole, label::polegroup, label::person, label::rider);
   LabelSet plates = LabelSet::of(label::traffic_sign, label::traffic_light);
-  float reach_m = 1.5F;  // along the thing, to either side
-  float max_width_m =
-      1.0F;  // of what is round: advertising columns and groups of persons have a shape that can be measured
+  float reach_m = 1.5F;      // along the thing, to either side
+  float max_width_m = 1.0F;  // of what is round: columns and groups have a shape that can be measured
 };
 
 [[nodiscard]] inline Status validate(const StreetFurnitureParams& p) noexcept {
@@ -106,14 +105,13 @@ template <class Executor>
     return {StatusCode::shape_mismatch, "street furniture: all planes must have one shape"};
   }
   if (!params.enabled || objects.labels.empty()) return {};
-  const auto shape_pixel = [&](int x, int y, bool plate) {
-    const furniture_detail::Run row = furniture_detail::run_along(objects, x, y, 1, 0);
-    const furniture_detail::Run column = furniture_detail::run_along(objects, x, y, 0, 1);
-    const bool stands = plate || column.length() >= row.length();
-    const furniture_detail::Run& across = stands ? row : column;
+  using namespace furniture_detail;  // NOLINT(google-build-using-namespace)
+  const auto thing_w = [&](int x, int y, bool stands, const Run& across) {
     const float reach_px = params.reach_m * (stands ? camera.fy : camera.fx) / depth(x, y);
     const int reach = static_cast<int>(clamp_to(reach_px, 1.0F, static_cast<float>(shape.height)));
-    const float w = furniture_detail::typical_w(depth, objects, x, y, stands, across, reach);
+    return typical_w(depth, objects, x, y, stands, across, reach);
+  };
+  const auto write = [&](int x, int y, bool plate, bool stands, const Run& across, float w) {
     const float focal = stands ? camera.fx : camera.fy;
     if (!(w > 0.0F) || (!plate && static_cast<float>(across.length()) > params.max_width_m * focal * w)) return;
     surface(x, y) = 1.0F / w;
@@ -128,10 +126,20 @@ template <class Executor>
   };
   executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+      float standing_w = 0.0F;  // of the run that x is in; 0: not known yet
       for (int x = 0; x < shape.width; ++x) {
+        if (x > 0 && !objects.same(x - 1, y, x, y)) standing_w = 0.0F;
         const bool plate = params.plates.contains(objects.labels(x, y));
         if ((!plate && !params.round.contains(objects.labels(x, y))) || !is_valid_depth(depth(x, y))) continue;
-        if (planes.at(x, y) == nullptr) shape_pixel(x, y, plate);
+        if (planes.at(x, y) != nullptr) continue;
+        const Run row = run_along(objects, x, y, 1, 0);
+        const Run column = run_along(objects, x, y, 0, 1);
+        if (!plate && column.length() < row.length()) {
+          write(x, y, false, false, column, thing_w(x, y, false, column));
+          continue;
+        }
+        if (!(standing_w > 0.0F)) standing_w = thing_w(x, y, true, row);
+        write(x, y, plate, true, row, standing_w);
       }
     }
   });
