@@ -119,7 +119,7 @@ TEST_CASE("rows of two classes and of both sides go on by themselves; signals an
   }
   CHECK(right == 2);  // -8, -36
   CHECK(left == 2);   // -16, -44
-  CHECK(low == 3);    // every 22 m: -13, -35, -57
+  CHECK(low == 4);    // every 14 m: -5, -19, -33, -47
   s.params.behind_m = 0;
   CHECK(s.unseen().empty());
 }

@@ -4,7 +4,7 @@
 // Lamps of one class and kind on one side of the road are a row. From its nearest lamp it is walked towards the camera
 // and past it, parallel to the viewing direction, at the median of the row's gaps; where one lamp alone is known, or
 // its gaps are none of a row (min_gap_m to max_gap_m), at 3.5 times its height, which is what the luminance classes of
-// EN 13201-2 take with common luminaires; lanterns at 5.5 times theirs, as those of 4 m stand 20 to 25 m apart [default]. Each station outside the picture gets a lamp like the nearest one, as
+// EN 13201-2 take with common luminaires. Each station outside the picture gets a lamp like the nearest one, as
 // high above the ground. The first station that the picture would show and does not ends the row, as it stops there for
 // all that one sees; and so does one inside a house. One that something else hides, such as leaves, is passed over: a
 // lamp that nobody sees would light just what hides it.
@@ -71,7 +71,6 @@ inline constexpr int kRows = 12;
 
 inline constexpr LabelSet kHouses = LabelSet::of(label::building, label::wall, label::bridge, label::tunnel);
 inline constexpr float kGapPerHeight = 3.5F;
-inline constexpr float kLanternGapPerHeight = 5.5F;
 inline constexpr std::size_t kMaxOfRow = 16;  // lamps whose gaps are looked at
 
 // The distances of a row's nearest lamps along the road, sorted.
@@ -87,7 +86,7 @@ struct RowDistances {
   }
 };
 
-[[nodiscard]] inline float row_gap(const ContinuedRowParams& p, const RowDistances& row, const Emitter& lamp) noexcept {
+[[nodiscard]] inline float row_gap(const ContinuedRowParams& p, const RowDistances& row, float height_m) noexcept {
   float gaps[kMaxOfRow];
   std::size_t count = 0;
   float last = row.count > 0 ? row.z[0] : 0.0F;
@@ -101,8 +100,7 @@ struct RowDistances {
     gaps[at] = gap;
   }
   if (count > 0) return gaps[count / 2];
-  const float per_height = lamp.profile == EmissionProfile::lantern ? kLanternGapPerHeight : kGapPerHeight;
-  return clamp_to(per_height * lamp.mounting_height_m, p.min_gap_m, p.max_gap_m);
+  return clamp_to(kGapPerHeight * height_m, p.min_gap_m, p.max_gap_m);
 }
 
 // What the picture says of a lamp at a station.
@@ -201,7 +199,7 @@ inline void continue_row(const ContinuedRowParams& p, const PlacementScene& scen
     }
     if (nearest == placed) continue;
     any = true;
-    const float gap = light_detail::row_gap(p, distances, lamps[nearest]);
+    const float gap = light_detail::row_gap(p, distances, lamps[nearest].mounting_height_m);
     light_detail::continue_row(p, scene, lamps[nearest], nearest_m, gap, lamps, count, unseen);
   }
   if (!any && p.assumed_width_m > 0.0F) {
