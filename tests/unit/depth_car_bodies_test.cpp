@@ -255,6 +255,7 @@ TEST_CASE("cars: the same bits for any order of work, and bad parameters and sha
   REQUIRE(b.run(backward).ok());
   CHECK(a.normals == b.normals);
   CHECK(a.surface == b.surface);
+  CHECK(!(a.surface == a.depth));
   CarBodiesParams params;
   params.window_m = std::numeric_limits<float>::quiet_NaN();
   CHECK(a.run(serial, params).code() == StatusCode::invalid_argument);

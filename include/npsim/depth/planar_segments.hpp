@@ -13,7 +13,7 @@
 // a mismatch makes a dent (PlanarSegmentsParams::dent_m). A bulge as large is on the plane, and its depth stays.
 // Invariant: all other depth is not touched.
 // Deterministic: seeded, and the same for any number of threads.
-// Cost: some 250 operations a pixel in planar classes. Memory: 1 byte per pixel and some 800 per square.
+// Cost: some 500 operations a pixel in planar classes. Memory: 1 byte per pixel and some 800 per square.
 #ifndef NPSIM_DEPTH_PLANAR_SEGMENTS_HPP
 #define NPSIM_DEPTH_PLANAR_SEGMENTS_HPP
 
@@ -306,10 +306,10 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
 }
 
 // The plane that surrounds a pixel which lies on none: in at least six of eight directions a plane is the first
-// thing of the object's within `reach_px` that lies on any, in `most`, at least three, this one. What stands before it,
-// as a pole beside which matching went wrong, may take up to two of the six.
+// thing of the object's within `reach_px` that lies on any, in `most`, at least three, this one. What stands before the
+// pixel, as a pole beside which matching went wrong, may take up to two of the six; then it is not `open` all around.
 [[nodiscard]] inline std::uint16_t surrounding_plane(const CellInput& in, ImageView<const std::uint16_t> of,
-                                                     int reach_px, int x, int y, int& most) noexcept {
+                                                     int reach_px, int x, int y, int& most, bool& open) noexcept {
   constexpr int kX[8] = {1, -1, 0, 0, 1, -1, 1, -1};
   constexpr int kY[8] = {0, 0, 1, -1, 1, -1, -1, 1};
   std::array<std::uint16_t, 8> met{};
@@ -321,7 +321,7 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
       const int j = y + kY[k] * step;
       if (!of.contains(i, j)) break;
       if (!in.objects.same(x, y, i, j)) {
-        ++hidden;
+        hidden += is_valid_depth(in.depth(i, j)) && in.depth(i, j) < 1.1F * in.depth(x, y) ? 1U : 0U;
         break;
       }
       if (of(i, j) == kNoPlane) continue;
@@ -329,6 +329,7 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
       break;
     }
   }
+  open = hits >= 6;
   if (hits + std::min(hidden, std::size_t{2}) < 6) return kNoPlane;
   std::uint16_t plane = kNoPlane;
   most = 2;
@@ -448,13 +449,16 @@ template <class Executor>
         if (!planar(x, y)) continue;
         const bool on_plane = nearest(x, y) != kNoPlane;
         int around = 0;
-        const std::uint16_t plane = on_plane ? nearest(x, y) : surrounding_plane(in, nearest, reach_px, x, y, around);
+        bool open = true;
+        const std::uint16_t plane =
+            on_plane ? nearest(x, y) : surrounding_plane(in, nearest, reach_px, x, y, around, open);
         if (plane == kNoPlane) continue;
         const float off = residual_at(in, plane_of(plane), x, y);
         const bool blind = on_plane && slots(x, y) != 0 && is_blind(grid, cells, slots(x, y), x, y);
         const float flat_z = 1.0F / plane_of_ray(in, plane_of(plane), x, y);
         const bool dent = !on_plane && noise.power != 2 && !objects.labels.empty() &&
-                          std::fabs(depth(x, y) - flat_z) > params.dent_m && std::fabs(off) > params.on_plane;
+                          std::fabs(depth(x, y) - flat_z) > params.dent_m && std::fabs(off) > params.on_plane &&
+                          (open || depth(x, y) < flat_z);
         if (!on_plane && !dent && std::fabs(off) > params.outlier) continue;
         map.of(x, y) = plane;
         const bool behind = dent && depth(x, y) > flat_z;

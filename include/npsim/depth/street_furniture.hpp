@@ -34,7 +34,8 @@ inline namespace NPSIM_ABI {
 
 struct StreetFurnitureParams {
   bool enabled = true;
-  LabelSet round = LabelSet::of(label::pole, label::polegroup, label::person, label::rider);
+  LabelSet poles = LabelSet::of(label::pole, label::polegroup);
+  LabelSet persons = LabelSet::of(label::person, label::rider);  // with a number of their own; they stand
   LabelSet plates = LabelSet::of(label::traffic_sign, label::traffic_light);
   float reach_m = 1.5F;      // along the thing, to either side
   float max_width_m = 1.0F;  // of what is round: columns and groups have a shape that can be measured
@@ -47,7 +48,7 @@ struct StreetFurnitureParams {
 
 namespace furniture_detail {
 
-inline constexpr std::size_t kMaxSamples = 512;
+inline constexpr std::size_t kMaxSamples = 640;
 inline constexpr int kLongest_px = 4096;  // of a run
 
 // Pixels of the object around (x, y) along a direction: to either side, itself left out.
@@ -74,9 +75,10 @@ struct Run {
   std::array<float, kMaxSamples> w;
   std::size_t n = 0;
   const auto pixels = static_cast<std::size_t>(across.length()) * static_cast<std::size_t>(2 * reach + 1);
-  const int step = 1 + static_cast<int>(pixels / kMaxSamples);
-  for (int along = -reach; along <= reach; along += step) {
-    for (int side = -across.before; side <= across.after; ++side) {
+  int step = 1;
+  while (pixels > kMaxSamples * static_cast<std::size_t>(step) * static_cast<std::size_t>(step)) ++step;
+  for (int along = -(reach / step) * step; along <= reach; along += step) {
+    for (int side = -(across.before / step) * step; side <= across.after; side += step) {
       const int u = stands ? x + side : x + along;
       const int v = stands ? y + along : y + side;
       if (n == kMaxSamples || !depth.contains(u, v) || !objects.same(x, y, u, v) || !is_valid_depth(depth(u, v))) {
@@ -101,14 +103,17 @@ template <class Executor>
                                      Executor& executor) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(params));
   const Shape shape = depth.shape();
-  if (normals.shape() != shape || surface.shape() != shape || !objects.fits(shape)) {
+  NPSIM_RETURN_IF_ERROR(validate(camera));
+  if (normals.shape() != shape || surface.shape() != shape || !objects.fits(shape) ||
+      !(planes.of.empty() || planes.of.shape() == shape)) {
     return {StatusCode::shape_mismatch, "street furniture: all planes must have one shape"};
   }
   if (!params.enabled || objects.labels.empty()) return {};
   using namespace furniture_detail;  // NOLINT(google-build-using-namespace)
   const auto thing_w = [&](int x, int y, bool stands, const Run& across) {
     const float reach_px = params.reach_m * (stands ? camera.fy : camera.fx) / depth(x, y);
-    const int reach = static_cast<int>(clamp_to(reach_px, 1.0F, static_cast<float>(shape.height)));
+    const int reach =
+        static_cast<int>(clamp_to(reach_px, 1.0F, static_cast<float>(stands ? shape.height : shape.width)));
     return typical_w(depth, objects, x, y, stands, across, reach);
   };
   const auto write = [&](int x, int y, bool plate, bool stands, const Run& across, float w) {
@@ -129,12 +134,16 @@ template <class Executor>
       float standing_w = 0.0F;  // of the run that x is in; 0: not known yet
       for (int x = 0; x < shape.width; ++x) {
         if (x > 0 && !objects.same(x - 1, y, x, y)) standing_w = 0.0F;
-        const bool plate = params.plates.contains(objects.labels(x, y));
-        if ((!plate && !params.round.contains(objects.labels(x, y))) || !is_valid_depth(depth(x, y))) continue;
+        const Label label = objects.labels(x, y);
+        const bool plate = params.plates.contains(label);
+        const bool pole = params.poles.contains(label);
+        const bool person =
+            params.persons.contains(label) && !objects.instances.empty() && objects.instances(x, y) != 0;
+        if (!(plate || pole || person) || !is_valid_depth(depth(x, y))) continue;
         if (planes.at(x, y) != nullptr) continue;
         const Run row = run_along(objects, x, y, 1, 0);
         const Run column = run_along(objects, x, y, 0, 1);
-        if (!plate && column.length() < row.length()) {
+        if (pole && column.length() < row.length()) {
           write(x, y, false, false, column, thing_w(x, y, false, column));
           continue;
         }

@@ -579,10 +579,9 @@ template <class Executor>
   out.filled = {};
   NPSIM_RETURN_IF_ERROR(smooth_surfaces(params.smooth, ImageView<const float>(out.depth), objects, out.planes,
                                         out.noise, scene.camera, out.ground, out.mesh_depth, executor));
-  if (scene.normals.empty()) {
-    NPSIM_RETURN_IF_ERROR(shape_furniture(params.furniture, ImageView<const float>(out.depth), objects, out.planes,
-                                          scene.camera, out.ground.up, out.normals, out.mesh_depth, executor));
-  }
+  if (!scene.normals.empty()) return {};  // given normals know more than shapes do
+  NPSIM_RETURN_IF_ERROR(shape_furniture(params.furniture, ImageView<const float>(out.depth), objects, out.planes,
+                                        scene.camera, out.ground.up, out.normals, out.mesh_depth, executor));
   if (out.source != DepthSource::stereo) return {};
   return shape_cars(params.cars, ImageView<const float>(out.depth), objects, out.noise, scene.camera, out.ground,
                     out.normals, out.mesh_depth, workspace, executor);

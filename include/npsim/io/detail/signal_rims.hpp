@@ -3,7 +3,8 @@
 //
 // Who marks the bright pixels of a traffic light marks the white rim of its housing as well, and the rim would shine at
 // night. A part of a signal's mark that lies along the edge of the head, which is the group's pixels and those of its
-// lenses, is no lens and goes to the group. Heads of which fewer pixels are marked than of their lenses stay as they are.
+// lenses, is no lens and goes to the group. Heads of which fewer pixels are marked than of their lenses, small ones and
+// those with a lens whose state the file names stay as they are.
 // Cost: some passes over the boxes of traffic lights.
 #ifndef NPSIM_IO_DETAIL_SIGNAL_RIMS_HPP
 #define NPSIM_IO_DETAIL_SIGNAL_RIMS_HPP
@@ -32,14 +33,31 @@ struct SignalHead {
   std::size_t lens_px = 0;  // of its members
 };
 
-// Steps to the nearest pixel outside the head, 1 at its edge; 0 outside. Along rows, columns and diagonals.
+// Steps to the nearest pixel outside the head's outline, 1 at its edge; 0 outside. Along rows, columns and diagonals.
+// Inside is what lies between the head's pixels along its row and its column, marked or not.
 [[nodiscard]] inline Image<int> steps_to_edge(const Image<std::uint16_t>& index, const SignalHead& head,
                                               const std::vector<std::uint16_t>& head_of, std::uint16_t group) {
   Image<int> steps({head.right - head.left + 1, head.bottom - head.top + 1});
-  const auto at = [&](int x, int y) { return steps.view().contains(x, y) ? steps(x, y) : 0; };
+  std::vector<std::pair<int, int>> rows(static_cast<std::size_t>(steps.height()), {steps.width(), -1});
+  std::vector<std::pair<int, int>> columns(static_cast<std::size_t>(steps.width()), {steps.height(), -1});
   for (int y = 0; y < steps.height(); ++y) {
     for (int x = 0; x < steps.width(); ++x) {
       if (head_of[index(head.left + x, head.top + y)] != group) continue;
+      auto& row = rows[static_cast<std::size_t>(y)];
+      auto& column = columns[static_cast<std::size_t>(x)];
+      row = {std::min(row.first, x), std::max(row.second, x)};
+      column = {std::min(column.first, y), std::max(column.second, y)};
+    }
+  }
+  const auto inside = [&](int x, int y) {
+    const auto& row = rows[static_cast<std::size_t>(y)];
+    const auto& column = columns[static_cast<std::size_t>(x)];
+    return x >= row.first && x <= row.second && y >= column.first && y <= column.second;
+  };
+  const auto at = [&](int x, int y) { return steps.view().contains(x, y) ? steps(x, y) : 0; };
+  for (int y = 0; y < steps.height(); ++y) {
+    for (int x = 0; x < steps.width(); ++x) {
+      if (!inside(x, y)) continue;
       steps(x, y) = 1 + std::min({at(x - 1, y), at(x - 1, y - 1), at(x, y - 1), at(x + 1, y - 1)});
     }
   }
@@ -56,8 +74,9 @@ struct SignalHead {
 // Gives the parts along the edge of one head to its group. Returns how many there were.
 inline std::size_t trim_rim(const SignalHead& head, const std::vector<std::uint16_t>& head_of, std::uint16_t group,
                             Image<std::uint16_t>& index) {
-  constexpr float kRimShare = 0.12F;   // of the narrower side of the head
-  constexpr float kLeastShare = 0.6F;  // of a part's pixels that are so near the edge
+  constexpr float kRimShare = 0.12F;  // of the narrower side of the head
+  constexpr int kNarrow_px = 8;       // all of a smaller head is near its edge
+  if (std::min(head.right - head.left, head.bottom - head.top) + 1 < kNarrow_px) return 0;
   const Image<int> steps = steps_to_edge(index, head, head_of, group);
   const auto side_px = static_cast<float>(std::min(steps.width(), steps.height()));
   const int rim_px = std::max(1, static_cast<int>(kRimShare * side_px + 0.5F));
@@ -67,7 +86,7 @@ inline std::size_t trim_rim(const SignalHead& head, const std::vector<std::uint1
   for (int y = 0; y < steps.height(); ++y) {
     for (int x = 0; x < steps.width(); ++x) {
       const std::uint16_t mark = index(head.left + x, head.top + y);
-      if (steps(x, y) == 0 || mark == group || seen(x, y) != 0) continue;
+      if (head_of[mark] != group || mark == group || seen(x, y) != 0) continue;
       std::size_t near = 0;
       part.assign(1, {x, y});
       seen(x, y) = 1;
@@ -82,7 +101,7 @@ inline std::size_t trim_rim(const SignalHead& head, const std::vector<std::uint1
           }
         }
       }
-      if (static_cast<float>(near) < kLeastShare * static_cast<float>(part.size())) continue;
+      if (5 * near <= 3 * part.size()) continue;  // of a rim, more than three pixels of five are so near the edge
       for (const auto& [px, py] : part) index(head.left + px, head.top + py) = group;
       ++trimmed;
     }
@@ -111,6 +130,9 @@ inline std::size_t trim_signal_rims(const std::vector<LightMark>& marks, Image<s
     }
   }
   std::size_t trimmed = 0;
+  for (const LightMark& mark : marks) {
+    if (mark.state != SignalState::unknown && mark.group != 0) heads[mark.group].lens_px = 0;
+  }
   for (std::size_t group = 1; group < heads.size(); ++group) {
     const SignalHead& head = heads[group];
     if (head.lens_px == 0 || head.own_px < head.lens_px) continue;

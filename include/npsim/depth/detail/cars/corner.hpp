@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The corner that a car turns to the camera: two upright planes at right angles, found in inverse depth.
 //
-// Of all rectangles on the ground, turned by kTurn_rad at a time and then by a quarter of that, the one whose near
+// Of all rectangles on the ground, turned by kTurn_rad at a time, then by a half and a quarter of that, the one whose near
 // corner explains the samples best. A ray meets a box where the plane with the smaller 1/z is, and each plane is
 // n . p = -distance, so 1/z = -(n . ray) / distance: given the angle, distances are medians of the samples that are
 // theirs, and the search is over angles alone. After L-shape fitting (Zhang et al., IV 2017), which has laser points

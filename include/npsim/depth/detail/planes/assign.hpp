@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
@@ -92,15 +93,16 @@ template <class PlaneOf>
     ++count[kind];
   }
   std::uint16_t best = found[0];
-  float least = 0.0F;
+  float least = std::numeric_limits<float>::infinity();
   for (int kind = 0; kind < kinds && kinds > 1; ++kind) {
     float cost = inlier * inlier - 4.0F * kDiffers;  // of none
     if (found[kind] != kNoPlane) {
       const float off = residual_at(in, plane_of(found[kind]), x, y);
-      cost = std::min(off * off, inlier * inlier);
+      if (!(std::fabs(off) <= inlier)) continue;  // no number of neighbours puts a pixel on what does not explain it
+      cost = off * off;
     }
     cost += kDiffers * static_cast<float>(neighbours - count[kind]);
-    if (kind > 0 && cost >= least) continue;
+    if (cost >= least) continue;
     least = cost;
     best = found[kind];
   }
