@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Poles and persons as cylinders, signs and signals as plates: what the noise of measured depth made of them is drawn to
-// what they are.
+// Poles and persons as cylinders, signs and signals as plates: what the noise of measured depth made of them is drawn
+// to what they are.
 //
 // A mast is as wide as the window that matching compares, or as the gap between two points of a laser: its depth jumps
 // by metres from row to row, and in the light of one lamp it comes out in bright and dark pieces. Pole pixels lie on a
