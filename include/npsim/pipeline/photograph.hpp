@@ -89,7 +89,7 @@ struct PhotographParams {
   WhiteBalanceParams white_balance;
   RawDenoiseParams denoise;
   IspParams isp;              // but its gains and where it withdraws colour
-  float sharpening = 0.0F;    // strength of sharpen(); cameras use .5 to 1 [assumed], and their noise grows with it
+  float sharpening = 0.7F;    // strength of sharpen(): real nights are as sharp (docs/camera.md); noise grows with it
   float colour_noise = 3.0F;  // standard deviations of the read noise below which colour is withdrawn
 
   // Sensors of video read a frame in half to all of its time. Assumed, not measured.
@@ -107,6 +107,7 @@ struct PhotographParams {
     params.glare.halo = params.glare.veil = 0.0F;
     params.ideal_sensor = true;
     params.residual_noise = 1.0F;
+    params.sharpening = 0.0F;
     return params;
   }
   [[nodiscard]] static constexpr PhotographParams action_camera() noexcept { return {}; }
@@ -139,6 +140,7 @@ struct PhotographParams {
     params.sensor.black = 64.0F;
     params.sensor.vignetting = 0.2F;
     params.residual_noise = 0.35F;
+    params.sharpening = 0.0F;
     params.isp.saturation = 1.0F;
     params.isp.tone.kind = ToneKind::log;
     params.isp.tone.lift = 1000.0F;
@@ -158,6 +160,7 @@ struct PhotographParams {
     params.residual_noise = 1.0F;
     params.white_balance.fixed_k = 5000.0F;
     params.denoise.strength = 0.0F;
+    params.sharpening = 0.0F;
     params.colour_noise = 0.0F;
     params.isp.demosaic = Demosaic::bilinear;
     params.isp.chroma = ChromaSampling::yuv444;

@@ -60,7 +60,7 @@ struct SensorParams {
   int bits = 14;            // of the mean, where many read-outs are averaged
   float black = 256.0F;     // level of the converter for no light
   float vignetting = 0.4F;  // share of the cos^4 law that the lens leaves; 0: none
-  float blur_px = 0.7F;     // standard deviation, at most .8; at .71 nothing of the mosaic's own frequency passes
+  float blur_px = 0.6F;     // standard deviation, at most .8; at .71 nothing of the mosaic's own frequency passes
   int exposures = 1;        // 1 to 4
   float ratio = 16.0F;      // of exposure times, from one to the next
   float row_noise = 0.0F;   // of the read noise; [0, 10]. Visible from a tenth on
