@@ -11,6 +11,7 @@
 #include "npsim/io/truth_mesh.hpp"
 #include "npsim/light/activation.hpp"
 #include "npsim/light/sky.hpp"
+#include "npsim/material/roughness.hpp"
 #include "true_lamps.hpp"
 
 namespace npsim::tool {
@@ -230,7 +231,7 @@ void look(const io::Scene& scene, const SkyParams& sky, const std::map<std::uint
         continue;
       }
       if (!scene.albedo.empty()) seen.at.albedo = vec_cast<double>(scene.albedo(x, y));
-      if (!scene.roughness.empty()) seen.at.alpha = static_cast<double>(scene.roughness(x, y));
+      if (!scene.roughness.empty()) seen.at.alpha = static_cast<double>(alpha_of_roughness(scene.roughness(x, y)));
       seen.at.retro = retro(x, y);
       const auto lit = luminance.find(night.scene.lamp_of_face(seen.face));
       if (lit != luminance.end()) night.emitted[p] = vec_cast<double>(lit->second);
@@ -275,7 +276,8 @@ Expected<TruthNight> make_truth_night(const io::Scene& scene, const std::string&
   out.faces = std::move(mesh.value().mesh.faces);
   out.face_material = std::move(mesh.value().face_material);
   out.face_lamp = std::move(mesh.value().face_emitter);
-  for (const io::TrueMaterial& m : mesh.value().materials) out.materials.push_back({m.albedo, m.alpha});
+  for (const io::TrueMaterial& m : mesh.value().materials)
+    out.materials.push_back({m.albedo, alpha_of_roughness(m.roughness)});
   SkyParams sky;
   sky.up = lamps.value().ground.up;
   out.sky = reference::Sky(sky);

@@ -45,9 +45,9 @@ TEST_CASE("truth mesh: faces have the material and the emitter that stand above 
   CHECK(mesh.value().face_material == std::vector<std::uint32_t>{0, 0, 1, 1});
   REQUIRE(mesh.value().materials.size() == 2);
   CHECK(mesh.value().materials[0].albedo == npsim::Vec3f{0.1F, 0.2F, 0.3F});
-  CHECK(mesh.value().materials[0].alpha == 0.5F);
+  CHECK(mesh.value().materials[0].roughness == 0.5F);
   CHECK(mesh.value().materials[1].albedo == npsim::Vec3f{1, 0, 0});
-  CHECK(mesh.value().materials[1].alpha == 0.25F);
+  CHECK(mesh.value().materials[1].roughness == 0.25F);
 }
 
 TEST_CASE("truth mesh: what is missing or wrong is named with its line") {

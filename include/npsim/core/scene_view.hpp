@@ -51,7 +51,7 @@ struct SceneView {
   ImageView<const std::uint16_t> instances;    // any ids; equal id and label = same object
   ImageView<const Vec3f> normals;              // unit, camera frame, facing the camera; zero = none
   ImageView<const Vec3f> albedo;               // linear RGB
-  ImageView<const float> roughness;            // GGX alpha
+  ImageView<const float> roughness;            // perceptual; GGX alpha is its square (Burley 2012)
   ImageView<const std::uint16_t> light_index;  // position + 1 in lights, 0 = none
   Span<const LightMark> lights;
 

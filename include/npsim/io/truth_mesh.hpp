@@ -3,8 +3,8 @@
 //
 // The OBJ that truth.mesh names: triangles; a line "g e<id>" before the faces of emitter <id>, any other group for
 // faces of none; a line "usemtl" before those of a material. The material file beside it: "newmtl", "Kd" (diffuse
-// albedo, linear) and "Pr" (GGX alpha); other lines are left alone.
-// Invariant: face_emitter and face_material have an element per face; every material exists; albedo and alpha are 0..1.
+// albedo, linear) and "Pr" (roughness, the root of GGX alpha); other lines are left alone.
+// Invariant: face_emitter and face_material have an element per face; every material exists; albedo and roughness are 0..1.
 // Cost: that of read_obj, and one pass more over the file.
 #ifndef NPSIM_IO_TRUTH_MESH_HPP
 #define NPSIM_IO_TRUTH_MESH_HPP
@@ -34,7 +34,7 @@ namespace io {
 
 struct TrueMaterial {
   Vec3f albedo;
-  float alpha = 1;
+  float roughness = 1;
 };
 
 struct TrueMesh {
@@ -95,7 +95,7 @@ inline Outcome read_true_materials(const std::string& path, const ReadLimits& li
                          if (count == 3) {
                            out.back().albedo = {values[0], values[1], values[2]};
                          } else {
-                           out.back().alpha = values[0];
+                           out.back().roughness = values[0];
                          }
                          return Done{};
                        });

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Roughness (GGX alpha) of every pixel by its class, dry, where no inverse-rendering network supplies it.
+// Roughness (GGX alpha) of every pixel by its class, dry, where no inverse-rendering network supplies it, and the alpha
+// of such a network's roughness.
 //
 // Cost: one look-up per pixel.
 #ifndef NPSIM_MATERIAL_ROUGHNESS_HPP
@@ -15,6 +16,9 @@
 
 namespace npsim {
 inline namespace NPSIM_ABI {
+
+// Roughness as renderers, glTF and networks give it, 0..1, looks even; GGX alpha is its square (Burley, SIGGRAPH 2012).
+[[nodiscard]] constexpr float alpha_of_roughness(float roughness) noexcept { return roughness * roughness; }
 
 // GGX alpha by class. `labels` may be empty: one class.
 template <class Executor>

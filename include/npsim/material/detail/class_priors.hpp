@@ -3,7 +3,7 @@
 //
 // Albedo: asphalt new .07-.08, aged .12-.15; concrete .14-.20; soil .22; grass .21 (broadband; the visible part of
 // leaves reflects about .1). The others, and all of roughness, are plausible defaults [default]: dry asphalt .8-1,
-// foliage .5-.7, painted and glazed things .1-.4. A photograph shows relative albedo only; the prior sets its scale per
+// foliage .5-.7, clear coat .05-.1, other painted things .1-.4. A photograph shows relative albedo only; the prior sets its scale per
 // class.
 #ifndef NPSIM_MATERIAL_DETAIL_CLASS_PRIORS_HPP
 #define NPSIM_MATERIAL_DETAIL_CLASS_PRIORS_HPP
@@ -48,14 +48,14 @@ inline constexpr std::array<SurfacePrior, kLabelCount> kSurfacePriors = {{
     {0.20F, 1.00F},  // sky: no surface
     {0.20F, 0.90F},  // person: cloth
     {0.20F, 0.90F},  // rider
-    {0.20F, 0.25F},  // car: paint under clear coat, tyres and panes
-    {0.25F, 0.35F},  // truck
-    {0.30F, 0.30F},  // bus
-    {0.40F, 0.35F},  // caravan
-    {0.25F, 0.40F},  // trailer
-    {0.30F, 0.35F},  // train
-    {0.12F, 0.35F},  // motorcycle
-    {0.15F, 0.45F},  // bicycle
+    {0.20F, 0.10F},  // car: paint under clear coat, and panes
+    {0.25F, 0.12F},  // truck
+    {0.30F, 0.10F},  // bus
+    {0.40F, 0.15F},  // caravan
+    {0.25F, 0.20F},  // trailer
+    {0.30F, 0.12F},  // train
+    {0.12F, 0.20F},  // motorcycle
+    {0.15F, 0.30F},  // bicycle
 }};
 
 // Ids outside the definition count as unlabeled.

@@ -121,7 +121,7 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
     NPSIM_RETURN_IF_ERROR(estimate_roughness(refined.labels, alpha, executor));
   } else {
     for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) alpha(x, y) = share(scene.roughness(x, y));
+      for (int x = 0; x < shape.width; ++x) alpha(x, y) = alpha_of_roughness(share(scene.roughness(x, y)));
     }
   }
   NPSIM_RETURN_IF_ERROR(find_retroreflectors(params.retroreflection, params.film.wetness, scene.labels, albedo, retro,
