@@ -64,3 +64,63 @@ TEST_CASE("a dense depth map is all surface") {
   v.run();
   for (const std::uint8_t s : v.surface.view().pixels()) CHECK(s == 1);
 }
+
+namespace {
+
+// A sensor that looks up to row 10: walls on either side answer all the way, the gap between them only below row 40. The
+// sky fills the gap and all above the walls, which are taller than the field of view and end at row 4.
+struct Canyon {
+  Shape shape{200, 60};
+  Image<Rgb8> image{shape};
+  Image<float> depth{shape, 0.0F};
+  Image<std::uint8_t> surface{shape, 9};
+  static bool wall(int x, int y) { return y >= 4 && (x < 70 || x >= 130); }
+  // grain: how much the two differ from pixel to pixel.
+  Canyon(const Rgb8& of_wall, int wall_grain, const Rgb8& of_sky, int sky_grain) {
+    const auto rough = [](const Rgb8& c, int grain, int x, int y) {
+      const int off = ((x * 7 + y * 13) % 3 - 1) * grain;
+      const auto add = [off](int v) { return static_cast<std::uint8_t>(v + off); };
+      return Rgb8{add(c.r), add(c.g), add(c.b)};
+    };
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        const bool ground = y >= 40;
+        image(x, y) = ground       ? Rgb8{90, 90, 90}
+                      : wall(x, y) ? rough(of_wall, wall_grain, x, y)
+                                   : rough(of_sky, sky_grain, x, y);
+        if ((ground || (wall(x, y) && y >= 10)) && (x + y) % 3 == 0) depth(x, y) = 20.0F;
+      }
+    }
+  }
+  int wrong() {
+    find_sky(image.cview(), depth.cview(), surface.view());
+    int n = 0;
+    for (int y = 0; y < 40; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        if (x > 60 && x < 140 && y >= 10 && y < 42 && (x < 80 || x >= 120)) continue;  // beside measurements
+        n += surface(x, y) == (wall(x, y) ? 1 : 0) ? 0 : 1;
+      }
+    }
+    return n;
+  }
+};
+
+}  // namespace
+
+TEST_CASE(
+    "a deep blue sky behind white walls, and dark clouds above bright ones, are what the sensor had no answer from") {
+  CHECK(Canyon({240, 235, 225}, 6, {60, 110, 190}, 0).wrong() == 0);
+  CHECK(Canyon({190, 190, 190}, 5, {100, 104, 110}, 1).wrong() == 0);
+  CHECK(Canyon({70, 60, 50}, 5, {200, 215, 240}, 1).wrong() == 0);  // as ever
+}
+
+TEST_CASE("far trees that do not answer are no sky") {
+  Canyon v({60, 70, 40}, 20, {235, 240, 245}, 0);
+  for (int y = 8; y < 40; ++y) {
+    for (int x = 70; x < 130; ++x) v.image(x, y) = v.image(x - 60, y);
+  }
+  find_sky(v.image.cview(), v.depth.cview(), v.surface.view());
+  CHECK(v.surface(20, 8) == 1);  // the wall's top, above the field of view
+  CHECK(v.surface(100, 2) == 0);
+  CHECK(v.surface(20, 1) == 0);
+}

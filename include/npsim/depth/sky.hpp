@@ -6,13 +6,18 @@
 // sky is the brightest thing in it: the luma of the pixels above falls into two classes (Otsu, "A threshold selection
 // method from gray-level histograms", 1979), and sky is what is bright and connected to the picture's upper edge. What
 // is not, and is connected to the surface below, is surface too, so that trees and houses keep their outlines instead
-// of ending at the sensor's last row. If the bright class is not at least 1.5 times as bright as the dark one, if one
-// of them holds less than 2 % of the pixels, or if the measured surfaces are brighter than the bright class, all above
-// is sky.
+// of ending at the sensor's last row. The classes are told apart if the bright one is at least 1.5 times as bright as the
+// dark one, neither holds less than 2 % of the pixels, and the measured surfaces are not brighter than the bright one.
+// A deep blue sky, or a dark one of clouds, is not the brightest. What the sensor looked at without an answer, below its
+// topmost rows nearby, tells: where less than a tenth of that is in the bright class, or there is none, the classes are of
+// how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one. Where neither way
+// tells them apart, all above is sky.
 // A dense depth map has nothing above and is all surface. Cost: a few passes. Memory: none.
 #ifndef NPSIM_DEPTH_SKY_HPP
 #define NPSIM_DEPTH_SKY_HPP
 
+#include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 
@@ -27,53 +32,169 @@ namespace depth_detail {
 
 inline constexpr std::uint8_t kSky = 0;
 inline constexpr std::uint8_t kSurface = 1;
-inline constexpr std::uint8_t kBright = 2;
-inline constexpr std::uint8_t kDark = 3;
+inline constexpr std::uint8_t kLike = 2;    // looks like the sky
+inline constexpr std::uint8_t kUnlike = 3;  // does not
 
 [[nodiscard]] inline int luma(const Rgb8& c) noexcept { return (c.r + 2 * c.g + c.b) / 4; }
 
-// The luma from which on a pixel above all measurements is sky; 256: none is told apart.
-[[nodiscard]] inline int sky_luma(ImageView<const Rgb8> image, ImageView<const std::uint8_t> surface) noexcept {
-  double above[256] = {};
+[[nodiscard]] inline int difference(const Rgb8& a, const Rgb8& b) noexcept {
+  const auto off = [](int u, int v) { return u > v ? u - v : v - u; };
+  return max_of(off(a.r, b.r), off(a.g, b.g), off(a.b, b.b));
+}
+
+using ByteHistogram = std::array<double, 256>;
+
+// Two classes of bytes: below `level`, and from there on. level 256: one would hold less than 2 %.
+struct TwoClasses {
+  int level = 256;
+  double low_mean = 0;
+  double high_mean = 0;
+};
+[[nodiscard]] inline TwoClasses two_classes(const ByteHistogram& histogram) noexcept {
   double sum = 0;
   double count = 0;
-  double below_sum = 0;
-  double below_count = 0;
-  for (int y = 0; y < image.height(); ++y) {
-    for (int x = 0; x < image.width(); ++x) {
-      const int l = luma(image(x, y));
-      if (surface(x, y) == kSurface) {
-        below_sum += l;
-        below_count += 1;
-      } else {
-        above[l] += 1;
-        sum += l;
-        count += 1;
-      }
-    }
+  for (int l = 0; l < 256; ++l) {
+    sum += histogram[static_cast<std::size_t>(l)] * l;
+    count += histogram[static_cast<std::size_t>(l)];
   }
-  int best = 256;
+  TwoClasses best;
   double best_spread = 0;
-  double best_dark = 0;
-  double best_bright = 0;
-  double dark = 0;
-  double dark_sum = 0;
+  double low = 0;
+  double low_sum = 0;
   for (int l = 1; l < 256; ++l) {
-    dark += above[l - 1];
-    dark_sum += above[l - 1] * (l - 1);
-    const double bright = count - dark;
-    if (dark < 0.02 * count || bright < 0.02 * count || !(dark > 0) || !(bright > 0)) continue;
-    const double dark_mean = dark_sum / dark;
-    const double bright_mean = (sum - dark_sum) / bright;
-    const double spread = dark * bright * (bright_mean - dark_mean) * (bright_mean - dark_mean);
+    low += histogram[static_cast<std::size_t>(l - 1)];
+    low_sum += histogram[static_cast<std::size_t>(l - 1)] * (l - 1);
+    const double high = count - low;
+    if (low < 0.02 * count || high < 0.02 * count || !(low > 0) || !(high > 0)) continue;
+    const double low_mean = low_sum / low;
+    const double high_mean = (sum - low_sum) / high;
+    const double spread = low * high * (high_mean - low_mean) * (high_mean - low_mean);
     if (!(spread > best_spread)) continue;
     best_spread = spread;
-    best_dark = dark_mean;
-    best_bright = bright_mean;
-    best = l;
+    best = {l, low_mean, high_mean};
   }
-  const bool apart = best_bright >= 1.5 * best_dark && best_bright * below_count > below_sum;
-  return apart ? best : 256;
+  return best;
+}
+
+[[nodiscard]] inline int quantile_of(const ByteHistogram& histogram, double share) noexcept {
+  double count = 0;
+  for (const double n : histogram) count += n;
+  double below = 0;
+  for (int l = 0; l < 256; ++l) {
+    below += histogram[static_cast<std::size_t>(l)];
+    if (below >= share * count) return l;
+  }
+  return 255;
+}
+
+// The rows where the sensor's field of view begins: the topmost measurement within a sixteenth of the width around.
+class FieldOfView {
+ public:
+  // surface: kSurface below the topmost measurement of each column.
+  explicit FieldOfView(ImageView<const std::uint8_t> surface) noexcept : width_(surface.width()) {
+    top_.fill(surface.height());
+    for (int x = 0; x < surface.width(); ++x) {
+      int y = 0;
+      while (y < surface.height() && surface(x, y) != kSurface) ++y;
+      int& top = top_[block_of(x)];
+      top = y < top ? y : top;
+    }
+  }
+  [[nodiscard]] bool contains(int x, int y) const noexcept {
+    const std::size_t b = block_of(x);
+    int top = top_[b];
+    if (b > 0) top = std::min(top, top_[b - 1]);
+    if (b + 1 < kBlocks) top = std::min(top, top_[b + 1]);
+    return y > top;
+  }
+
+ private:
+  static constexpr std::size_t kBlocks = 16;
+  [[nodiscard]] std::size_t block_of(int x) const noexcept {
+    return static_cast<std::size_t>(x) * kBlocks / static_cast<std::size_t>(width_);
+  }
+  int width_;
+  std::array<int, kBlocks> top_{};
+};
+
+// Whether a pixel above all measurements looks like the sky.
+struct SkyLook {
+  bool known = false;
+  bool by_colour = false;  // else by luma
+  int level = 256;
+  Rgb8 colour{};
+
+  [[nodiscard]] bool of(const Rgb8& c) const noexcept {
+    return by_colour ? difference(c, colour) < level : luma(c) >= level;
+  }
+};
+
+// Mean step of luma to the next pixel, among those above all measurements that look alike or not.
+[[nodiscard]] inline double mean_step(const SkyLook& look, bool like, ImageView<const Rgb8> image,
+                                      ImageView<const std::uint8_t> surface) noexcept {
+  double sum = 0;
+  double count = 0;
+  for (int y = 0; y < image.height(); ++y) {
+    for (int x = 0; x + 1 < image.width(); ++x) {
+      if (surface(x, y) == kSurface || look.of(image(x, y)) != like) continue;
+      const int step = luma(image(x + 1, y)) - luma(image(x, y));
+      sum += step < 0 ? -step : step;
+      count += 1;
+    }
+  }
+  return count > 0 ? sum / count : 255.0;
+}
+
+[[nodiscard]] inline SkyLook sky_look(ImageView<const Rgb8> image, ImageView<const std::uint8_t> surface) noexcept {
+  constexpr double kLeastUnanswered = 0.002;  // of the picture
+  constexpr double kFar = 0.9;                // of it: what is out of the sensor's reach answers as little as the sky
+  const FieldOfView field(surface);
+  ByteHistogram above{}, unanswered{}, red{}, green{}, blue{};
+  double below_sum = 0;
+  double below_count = 0;
+  double unanswered_count = 0;
+  for (int y = 0; y < image.height(); ++y) {
+    for (int x = 0; x < image.width(); ++x) {
+      const Rgb8 c = image(x, y);
+      if (surface(x, y) == kSurface) {
+        below_sum += luma(c);
+        below_count += 1;
+        continue;
+      }
+      above[static_cast<std::size_t>(luma(c))] += 1;
+      if (!field.contains(x, y)) continue;
+      unanswered[static_cast<std::size_t>(luma(c))] += 1;
+      red[c.r] += 1;
+      green[c.g] += 1;
+      blue[c.b] += 1;
+      unanswered_count += 1;
+    }
+  }
+  const TwoClasses by_luma = two_classes(above);
+  SkyLook bright;
+  bright.level = by_luma.level;
+  bright.known =
+      by_luma.level < 256 && by_luma.high_mean >= 1.5 * by_luma.low_mean && by_luma.high_mean * below_count > below_sum;
+  const bool looked = unanswered_count >= kLeastUnanswered * static_cast<double>(image.shape().pixels());
+  if (!looked || (bright.known && quantile_of(unanswered, kFar) >= bright.level)) return bright;
+  SkyLook alike;
+  alike.by_colour = true;
+  alike.colour = {static_cast<std::uint8_t>(quantile_of(red, 0.5)), static_cast<std::uint8_t>(quantile_of(green, 0.5)),
+                  static_cast<std::uint8_t>(quantile_of(blue, 0.5))};
+  ByteHistogram differences{};
+  for (int y = 0; y < image.height(); ++y) {
+    for (int x = 0; x < image.width(); ++x) {
+      if (surface(x, y) != kSurface) differences[static_cast<std::size_t>(difference(image(x, y), alike.colour))] += 1;
+    }
+  }
+  const TwoClasses by_colour = two_classes(differences);
+  alike.level = by_colour.level;
+  // Far trees leave the sensor without an answer too; the sky is the smoother.
+  const double step = mean_step(alike, true, image, surface);
+  alike.known = by_colour.level < 256 && by_colour.high_mean >= 2.0 * by_colour.low_mean + 16.0 &&
+                step < mean_step(alike, false, image, surface) &&
+                !(bright.known && step >= mean_step(bright, true, image, surface));
+  return alike.known ? alike : bright;
 }
 
 // Turns what may become `to` and touches it into it, by raster passes to and fro; at most 16, which leaves only
@@ -121,17 +242,16 @@ inline void find_sky(ImageView<const Rgb8> image, ImageView<const float> depth,
     any = any || top > 0;
   }
   if (!any) return;
-  const int threshold = sky_luma(image, surface);
-  if (threshold > 255) return;
+  const SkyLook look = sky_look(image, surface);
+  if (!look.known) return;
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       if (surface(x, y) == kSurface) continue;
-      const bool bright = luma(image(x, y)) >= threshold;
-      surface(x, y) = !bright ? kDark : (y == 0 ? kSky : kBright);
+      surface(x, y) = !look.of(image(x, y)) ? kUnlike : (y == 0 ? kSky : kLike);
     }
   }
-  grow(surface, kSky, [](std::uint8_t c) { return c == kBright; });
-  grow(surface, kSurface, [](std::uint8_t c) { return c == kBright || c == kDark; });
+  grow(surface, kSky, [](std::uint8_t c) { return c == kLike; });
+  grow(surface, kSurface, [](std::uint8_t c) { return c == kLike || c == kUnlike; });
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) surface(x, y) = surface(x, y) == kSurface ? 1 : 0;
   }
