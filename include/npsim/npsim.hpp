@@ -50,6 +50,7 @@
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/fill.hpp"
 #include "npsim/depth/fitted_normals.hpp"
+#include "npsim/depth/ground_contact.hpp"
 #include "npsim/depth/ground_mismatches.hpp"
 #include "npsim/depth/guiding_normals.hpp"
 #include "npsim/depth/kerb_faces.hpp"

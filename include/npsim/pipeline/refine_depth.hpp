@@ -35,6 +35,7 @@
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/fill.hpp"
+#include "npsim/depth/ground_contact.hpp"
 #include "npsim/depth/ground_mismatches.hpp"
 #include "npsim/depth/guiding_normals.hpp"
 #include "npsim/depth/kerb_faces.hpp"
@@ -107,6 +108,7 @@ struct RefineDepthParams {
   BorderSpillParams spill;          // of stereo
   CarBodiesParams cars;             // of stereo
   StreetFurnitureParams furniture;  // of stereo and laser without given normals
+  GroundContactParams contact;      // of stereo and laser
   // The caller's memory for the losses before each step of the refinement and at its end (figure 4.4), at most
   // refine_max_steps() + 1 of them; RefinedDepth::refinement says how many there were. Empty: none are kept.
   Span<LossValues> loss_curve;
@@ -132,6 +134,7 @@ struct RefineDepthParams {
     params.kerbs.enabled = false;
     params.cars.enabled = false;
     params.furniture.enabled = false;
+    params.contact.deepest_m = 0;
     return params;
   }
 };
@@ -247,6 +250,7 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.spill));
   NPSIM_RETURN_IF_ERROR(validate(params.cars));
   NPSIM_RETURN_IF_ERROR(validate(params.furniture));
+  NPSIM_RETURN_IF_ERROR(validate(params.contact));
   return validate(params.refine);
 }
 
@@ -579,12 +583,16 @@ template <class Executor>
   out.filled = {};
   NPSIM_RETURN_IF_ERROR(smooth_surfaces(params.smooth, ImageView<const float>(out.depth), objects, out.planes,
                                         out.noise, scene.camera, out.ground, out.mesh_depth, executor));
-  if (!scene.normals.empty()) return {};  // given normals know more than shapes do
-  NPSIM_RETURN_IF_ERROR(shape_furniture(params.furniture, ImageView<const float>(out.depth), objects, out.planes,
-                                        scene.camera, out.ground.up, out.normals, out.mesh_depth, executor));
-  if (out.source != DepthSource::stereo) return {};
-  return shape_cars(params.cars, ImageView<const float>(out.depth), objects, out.noise, scene.camera, out.ground,
-                    out.normals, out.mesh_depth, workspace, executor);
+  if (scene.normals.empty()) {  // given normals know more than shapes do
+    NPSIM_RETURN_IF_ERROR(shape_furniture(params.furniture, ImageView<const float>(out.depth), objects, out.planes,
+                                          scene.camera, out.ground.up, out.normals, out.mesh_depth, executor));
+    if (out.source == DepthSource::stereo) {
+      NPSIM_RETURN_IF_ERROR(shape_cars(params.cars, ImageView<const float>(out.depth), objects, out.noise, scene.camera,
+                                       out.ground, out.normals, out.mesh_depth, workspace, executor));
+    }
+  }
+  return keep_above_ground(params.contact, scene.labels, scene.camera, out.ground, out.normals, out.mesh_depth,
+                           executor);
 }
 
 }  // namespace refine_detail

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+// Nothing that stands on the ground reaches below it: the feet of what measured depth places behind the ground before
+// them are drawn up to the ground.
+//
+// Noise, loose labels and the shapes that poles and cars are given put the lowest rows of a thing farther away than the
+// ground in the rows below goes on, which is under it. In the mesh these rows lie beneath the ground: no lamp reaches
+// them, and masts, walls and bicycles end in black rims.
+// In each column the ground of the nearest ground pixel below goes on in parallel to the ground plane: as far below the
+// camera, so that a ray r meets it at z = z_ground dot(up, r_ground) / dot(up, r).
+// A surface that lies less than clear_m above that, or at most deepest_m below it, takes the depth of clear_m above: the
+// mesh has the ground itself there too, completed behind the thing. One that was more than bare_m below shows ground
+// that a loose label gave to the thing, and takes the ground's normal.
+// Invariant: ground pixels, pixels without ground below them in their column, and what lies deeper are not touched; no
+// depth grows, none falls to 0 or below. The same bits for any thread count. Cost: one pass over the image.
+#ifndef NPSIM_DEPTH_GROUND_CONTACT_HPP
+#define NPSIM_DEPTH_GROUND_CONTACT_HPP
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/geometry/ground.hpp"
+#include "npsim/labels/cityscapes.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+
+struct GroundContactParams {
+  float deepest_m = 0.4F;  // what lies deeper is a slope beyond the ground's edge; 0 switches the step off
+  float bare_m = 0.05F;
+  float clear_m = 0.05F;
+  LabelSet ground = kGroundLabels;
+};
+
+[[nodiscard]] inline Status validate(const GroundContactParams& p) noexcept {
+  const bool good = p.deepest_m >= 0.0F && std::isfinite(p.deepest_m) && p.bare_m >= 0.0F && p.clear_m >= 0.0F &&
+                    std::isfinite(p.clear_m);
+  return good ? Status() : Status(StatusCode::invalid_argument, "ground contact: heights are finite, not negative");
+}
+
+// surface: z-depth, m, and normals: changed in place. Without labels nothing changes.
+template <class Executor>
+[[nodiscard]] Status keep_above_ground(const GroundContactParams& params, ImageView<const Label> labels,
+                                       const Intrinsics& camera, const GroundPlane& ground, ImageView<Vec3f> normals,
+                                       ImageView<float> surface, Executor& executor) noexcept {
+  NPSIM_RETURN_IF_ERROR(validate(params));
+  NPSIM_RETURN_IF_ERROR(validate(camera));
+  const Shape shape = surface.shape();
+  if (normals.shape() != shape || !(labels.empty() || labels.shape() == shape)) {
+    return {StatusCode::shape_mismatch, "ground contact: all planes must have one shape"};
+  }
+  if (labels.empty() || !(params.deepest_m > 0.0F)) return {};
+  constexpr std::size_t kColumns = 64;
+  executor.for_chunks(static_cast<std::size_t>(shape.width), kColumns, [&](std::size_t begin, std::size_t end) {
+    float under_m[kColumns] = {};  // how far the ground met last lies below the camera; 0: none yet
+    Vec3f normal[kColumns];
+    for (int y = shape.height - 1; y >= 0; --y) {
+      for (std::size_t column = begin; column < end; ++column) {
+        const auto x = static_cast<int>(column);
+        const float z = surface(x, y);
+        const float fall = -dot(ground.up, unproject_pixel(camera, x, y, 1.0F));
+        if (!is_valid_depth(z) || !(fall > 0.0F)) continue;
+        if (params.ground.contains(labels(x, y))) {
+          under_m[column - begin] = z * fall;
+          normal[column - begin] = normals(x, y);
+          continue;
+        }
+        const float below_m = z * fall - under_m[column - begin];
+        const float clear_m = under_m[column - begin] - params.clear_m;  // below the camera
+        if (!(below_m > -params.clear_m) || below_m > params.deepest_m || !(clear_m > 0.0F)) continue;
+        surface(x, y) = std::min(z, clear_m / fall);
+        if (below_m > params.bare_m) normals(x, y) = normal[column - begin];
+      }
+    }
+  });
+  return {};
+}
+
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_DEPTH_GROUND_CONTACT_HPP
