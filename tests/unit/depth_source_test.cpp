@@ -225,6 +225,41 @@ TEST_CASE("without labels the road goes on as a plane below the lowest row of a 
   }
 }
 
+TEST_CASE("without labels the road beyond a laser's answers leads to the foot of the house, and is known as ground") {
+  const Intrinsics k{300, 300, 160, 90};
+  const Image<Rgb8> image(kShape, Rgb8{90, 100, 110});
+  constexpr float kHeight_m = 1.5F;
+  constexpr float kWall_m = 40.0F;
+  const auto truth = [&](int y) {
+    const float fall = (static_cast<float>(y) + 0.5F - k.cy) / k.fy;
+    return fall * kWall_m > kHeight_m ? kHeight_m / fall : kWall_m;
+  };
+  Image<float> depth(kShape, 0.0F);
+  for (int y = 0; y < kShape.height; ++y) {
+    const bool answers = truth(y) < 12.0F || (truth(y) == kWall_m && y < 80);  // the wall from 1.3 m up
+    for (int x = 0; x < kShape.width; ++x) depth(x, y) = answers && y % 4 == 0 ? truth(y) : 0.0F;
+  }
+  SceneView scene;
+  scene.camera = k;
+  scene.image = image.cview();
+  scene.depth = depth.cview();
+  scene.depth_source = DepthSource::lidar;
+  const RefineDepthParams params;
+  npsim_test::Scratch scratch(refine_depth_workspace_bytes(params, kShape));
+  SerialExecutor serial;
+  NullObserver observer;
+  RefinedDepth out;
+  REQUIRE(refine_depth(params, scene, scratch.workspace(), serial, observer, out).ok());
+  REQUIRE(out.ground.inlier_share > 0.0F);
+  for (int y = 60; y < kShape.height; ++y) {
+    for (int x = 8; x < kShape.width - 8; x += 7) {
+      CAPTURE(y);
+      CHECK(out.depth(x, y) == doctest::Approx(truth(y)).epsilon(0.04));
+      if (y < 95 || y > 105) CHECK(out.labels(x, y) == (y < 100 ? label::unlabeled : label::ground));
+    }
+  }
+}
+
 TEST_CASE("depth source: names and sources belong together, other names are none") {
   for (std::size_t i = 0; i < kDepthSourceNames.size(); ++i) {
     CHECK(depth_source_named(kDepthSourceNames[i]) == static_cast<DepthSource>(i));

@@ -143,7 +143,7 @@ struct RefinedDepth {
   ImageView<float> depth;             // m; 0 where there is no surface
   ImageView<float> mesh_depth;        // what a mesh is made of, where it is not that: of measured depth without its
                                       // sensor's noise, of a network's with plants as they were given
-  ImageView<const Label> labels;      // the scene's, or all one class
+  ImageView<const Label> labels;      // the scene's; without any, ground near its plane, else one class
   ImageView<std::uint8_t> surface;    // 1 where the pixel shows a surface of the scene
   ImageView<std::uint8_t> uncertain;  // U of (3.3)
   ImageView<Vec3f> normals;           // that guided the refinement: given or derived, smoothed, the ground's made plain
@@ -294,8 +294,10 @@ namespace refine_detail {
   return params.planes.enabled && scene.normals.empty() && !scene.labels.empty();
 }
 
+// guessed: the labels, where the scene has none.
 [[nodiscard]] inline Status allocate_planes(const RefineDepthParams& params, const SceneView& scene,
-                                            Workspace& workspace, RefinedDepth& out) noexcept {
+                                            Workspace& workspace, RefinedDepth& out,
+                                            ImageView<Label>& guessed) noexcept {
   const Shape shape = scene.shape();
   if (out.trust.bounded) {
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.filled));
@@ -311,11 +313,24 @@ namespace refine_detail {
   }
   out.labels = scene.labels;
   if (!scene.labels.empty()) return {};
-  ImageView<Label> one_class;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, one_class));
-  for (Label& l : one_class.pixels()) l = label::unlabeled;
-  out.labels = one_class;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, guessed));
+  for (Label& l : guessed.pixels()) l = label::unlabeled;
+  out.labels = guessed;
   return {};
+}
+
+// Without labels what lies within kGroundHeight_m of the plane is ground, and all else one class.
+inline constexpr float kGroundHeight_m = 0.15F;
+inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
+                         ImageView<Label> labels) noexcept {
+  if (!(ground.inlier_share > 0.0F)) return;
+  for (int y = 0; y < labels.height(); ++y) {
+    for (int x = 0; x < labels.width(); ++x) {
+      if (!is_valid_depth(depth(x, y))) continue;
+      const float height_m = ground.camera_height_m + dot(ground.up, unproject_pixel(camera, x, y, depth(x, y)));
+      if (std::fabs(height_m) < kGroundHeight_m) labels(x, y) = label::ground;
+    }
+  }
 }
 
 // The sky is what is labelled so, without labels what the picture shows above all measurements.
@@ -356,13 +371,51 @@ inline void rate_confidence(ImageView<const float> measured, float reach_px, Ima
   }
 }
 
+// Between ground and what a laser sees above it in the same column, rays meet the ground as long as the plane, scaled
+// to the ground measured last, is nearer: the rows up to the foot of a house are road, not a ramp that ends at its first
+// storey. Up to kFarGround_m, for what lies farther no lamp shows; and not where measurements a sixty-fourth of the width
+// to either side show that the sensor would have answered. given: the depth as it was measured.
+inline constexpr int kGroundSeam_px = 2;
+inline constexpr float kFarGround_m = 100.0F;
+inline void continue_ground_upwards(const GroundPlane& ground, const Intrinsics& camera, ImageView<const float> given,
+                                    ImageView<float> measured) noexcept {
+  const int reach = std::max(given.width() / 64, 1);
+  const int rows = std::max(given.height() / 128, 1);
+  const auto answers = [&](int x, int y) {
+    for (int v = std::max(0, y - rows); v <= std::min(given.height() - 1, y + rows); ++v) {
+      for (int u = std::max(0, x - reach); u <= std::min(given.width() - 1, x + reach); ++u) {
+        if (is_valid_depth(given(u, v))) return true;
+      }
+    }
+    return false;
+  };
+  for (int x = 0; x < measured.width(); ++x) {
+    int seen = -1;         // the row measured last, from below
+    float under_m = 0.0F;  // how far its ground lies below the camera; 0: no ground
+    for (int y = measured.height() - 1; y >= -1; --y) {
+      if (y >= 0 && !is_valid_depth(measured(x, y))) continue;
+      const float fall = y < 0 ? 0.0F : -dot(ground.up, unproject_pixel(camera, x, y, 1.0F));
+      const float next_m = y < 0 ? 0.0F : fall * measured(x, y);
+      const bool is_ground = std::fabs(ground.camera_height_m - next_m) < kGroundHeight_m;
+      const float nearest = y < 0 ? kFarGround_m : std::min(kFarGround_m, measured(x, y));
+      for (int v = seen - kGroundSeam_px; under_m > 0.0F && !is_ground && v > y + kGroundSeam_px; --v) {
+        const float fall_v = -dot(ground.up, unproject_pixel(camera, x, v, 1.0F));
+        if (!(under_m < nearest * fall_v)) break;
+        if (!answers(x, v)) measured(x, v) = under_m / fall_v;
+      }
+      seen = y;
+      under_m = is_ground ? next_m : 0.0F;
+    }
+  }
+}
+
 // Without labels nothing says that the ground goes on below the lowest row that a laser sees. Where that row shows
 // ground, within kGroundHeight_m of the plane, what lies more than kGroundSeam_px below it takes the plane's depth,
-// scaled as the ground in the columns nearby is: virtual measurements, for the fill alone.
-inline constexpr float kGroundHeight_m = 0.15F;
-inline constexpr int kGroundSeam_px = 2;
+// scaled as the ground in the columns nearby is: virtual measurements, for the fill alone. Above its topmost ground the
+// same.
 [[nodiscard]] inline Status continue_ground(const GroundPlane& ground, const Intrinsics& camera,
-                                            ImageView<float> measured, Workspace& workspace) {
+                                            ImageView<const float> given, ImageView<float> measured,
+                                            Workspace& workspace) {
   const int width = measured.width();
   const int height = measured.height();
   const WorkspaceScope scope(workspace);
@@ -393,6 +446,7 @@ inline constexpr int kGroundSeam_px = 2;
       if (down(x, y) > 0.0F) measured(x, y) = ground.camera_height_m / down(x, y) * sum / static_cast<float>(count);
     }
   }
+  continue_ground_upwards(ground, camera, given, measured);
   return {};
 }
 
@@ -420,7 +474,7 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, out.ground));
   NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, objects, out, measured, executor));
   const bool continued = scene.labels.empty() && out.ground.inlier_share > 0.0F;
-  if (continued) NPSIM_RETURN_IF_ERROR(continue_ground(out.ground, scene.camera, measured, workspace));
+  if (continued) NPSIM_RETURN_IF_ERROR(continue_ground(out.ground, scene.camera, scene.depth, measured, workspace));
   FillParams fill = params.fill;
   if (out.noise.power == 0) fill.edge_inverse += 1.2F * out.noise.amplitude;
   NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), objects, out.depth,
@@ -623,11 +677,13 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
   const float baseline_m = scene.stereo_baseline_m > 0.0F ? scene.stereo_baseline_m : params.source.unknown_baseline_m;
   out.trust = depth_trust(params.source, params.use_source ? out.source : DepthSource::network, out.noise,
                           scene.camera.fx * baseline_m);
-  NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(params, scene, workspace, out));
+  ImageView<Label> guessed;
+  NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(params, scene, workspace, out, guessed));
 
   NPSIM_RETURN_IF_ERROR(step(
       Stage::fill, [&] { return refine_detail::complete_depth(params, scene, objects, workspace, executor, out); },
       true));
+  if (!labelled) refine_detail::guess_ground(out.depth, scene.camera, out.ground, guessed);
   if (params.sharpen.radius_px > 0.0F && !out.trust.bounded) {
     NPSIM_RETURN_IF_ERROR(step(
         Stage::sharpen, [&] { return refine_detail::sharpen(params, objects, workspace, executor, out); }, true));
