@@ -58,9 +58,21 @@ TEST_CASE("where the picture does not tell the sky apart it begins above the top
   for (int y = 0; y < 60; ++y) CHECK(night.surface(50, y) == (y >= 40 ? 1 : 0));
 }
 
-TEST_CASE("a dense depth map is all surface") {
+TEST_CASE("a dense depth map is all surface but for what is far and looks like the sky, below an arm across it too") {
   View v;
   for (float& z : v.depth.view().pixels()) z = 10.0F;
+  v.run();
+  for (const std::uint8_t s : v.surface.view().pixels()) CHECK(s == 1);
+  const auto sky = [](int x, int y) { return y < 30 && y != 20 && !(x >= 30 && x < 60 && y >= 10); };
+  for (int y = 0; y < 30; ++y) {
+    for (int x = 0; x < 100; ++x) v.depth(x, y) = y == 20 ? 25.0F : 80.0F;  // an arm; the tower is far too
+  }
+  for (int x = 0; x < 100; ++x) v.image(x, 20) = Rgb8{60, 60, 60};
+  v.run();
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) CHECK(v.surface(x, y) == (sky(x, y) ? 0 : 1));
+  }
+  for (Rgb8& c : v.image.view().pixels()) c = Rgb8{120, 120, 120};  // nothing is told apart
   v.run();
   for (const std::uint8_t s : v.surface.view().pixels()) CHECK(s == 1);
 }

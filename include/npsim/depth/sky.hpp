@@ -12,7 +12,8 @@
 // topmost rows nearby, tells: where less than a tenth of that is in the bright class, or there is none, the classes are of
 // how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one. Where neither way
 // tells them apart, all above is sky.
-// A dense depth map has nothing above and is all surface. Cost: a few passes. Memory: none.
+// A dense depth map, such as a network's, has nothing above. Its sky is far: of what lies beyond kFarSky_m the picture
+// decides in the same way, wherever it is, and where it tells nothing apart all is surface. Cost: a few passes. Memory: none.
 #ifndef NPSIM_DEPTH_SKY_HPP
 #define NPSIM_DEPTH_SKY_HPP
 
@@ -224,13 +225,46 @@ void grow(ImageView<std::uint8_t> map, std::uint8_t to, May&& may) noexcept {
 
 }  // namespace depth_detail
 
+namespace depth_detail {
+
+inline constexpr float kFarSky_m = 60.0F;  // networks end at 80 m or more
+inline constexpr double kDense = 0.95;     // share of valid depth
+
+[[nodiscard]] inline bool is_dense(ImageView<const float> depth) noexcept {
+  std::size_t valid = 0;
+  for (int y = 0; y < depth.height(); ++y) {
+    for (int x = 0; x < depth.width(); ++x) valid += is_valid_depth(depth(x, y)) ? 1U : 0U;
+  }
+  return static_cast<double>(valid) >= kDense * static_cast<double>(depth.shape().pixels());
+}
+
+inline void find_sky_of_dense_depth(ImageView<const Rgb8> image, ImageView<const float> depth,
+                                    ImageView<std::uint8_t> surface) noexcept {
+  const Shape shape = surface.shape();
+  const auto is_far = [&](int x, int y) { return !(depth(x, y) < kFarSky_m); };
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) surface(x, y) = is_far(x, y) ? kSky : kSurface;
+  }
+  const SkyLook look = sky_look(image, surface);
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      surface(x, y) = look.known && is_far(x, y) && look.of(image(x, y)) ? kSky : kSurface;
+    }
+  }
+}
+
+}  // namespace depth_detail
+
 // surface: 1 where there is one, 0 for the sky. All of one shape.
 inline void find_sky(ImageView<const Rgb8> image, ImageView<const float> depth,
                      ImageView<std::uint8_t> surface) noexcept {
   using namespace depth_detail;
+  if (is_dense(depth)) {
+    find_sky_of_dense_depth(image, depth, surface);
+    return;
+  }
   constexpr int kReach = 8;
   const Shape shape = surface.shape();
-  bool any = false;
   for (int x = 0; x < shape.width; ++x) {
     int top = shape.height;
     for (int i = max_of(0, x - kReach); i < shape.width && i <= x + kReach; ++i) {
@@ -239,9 +273,7 @@ inline void find_sky(ImageView<const Rgb8> image, ImageView<const float> depth,
       top = y;
     }
     for (int y = 0; y < shape.height; ++y) surface(x, y) = y >= top ? kSurface : kSky;
-    any = any || top > 0;
   }
-  if (!any) return;
   const SkyLook look = sky_look(image, surface);
   if (!look.known) return;
   for (int y = 0; y < shape.height; ++y) {
