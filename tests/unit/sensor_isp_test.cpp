@@ -346,12 +346,17 @@ TEST_CASE("sensor: sharpening leaves flat areas, raises sinusoids by its strengt
       CHECK(grown == doctest::Approx(1 + static_cast<double>(strength) * (period == 2 ? 0.963 : 0.48)).epsilon(0.03));
     }
   }
-  Picture edge({4, 1}, Rgb8{0, 0, 0});
-  edge(2, 0) = edge(3, 0) = {255, 255, 255};
+  Picture edge({4, 1}, Rgb8{20, 20, 20});
+  edge(2, 0) = edge(3, 0) = {180, 250, 10};  // its luma is 217: half the strength
   npsim_test::Image<float> luma({4, 1});
   REQUIRE(npsim::sharpen(4.0F, edge.view(), luma.view(), executor).ok());
   CHECK(edge(1, 0).g == 0);
   CHECK(edge(2, 0).g == 255);
+  CHECK(edge(0, 0).g == 20);
+  Picture lamp({4, 1}, Rgb8{30, 30, 30});
+  lamp(2, 0) = lamp(3, 0) = {255, 255, 255};
+  REQUIRE(npsim::sharpen(4.0F, lamp.view(), luma.view(), executor).ok());
+  CHECK(lamp(1, 0).g == 30);  // no dark ring
   CHECK(npsim::sharpen(5.0F, edge.view(), luma.view(), executor).code() == npsim::StatusCode::invalid_argument);
   Picture other({5, 1});
   CHECK(npsim::sharpen(1.0F, other.view(), luma.view(), executor).code() == npsim::StatusCode::shape_mismatch);
