@@ -64,7 +64,7 @@ TEST_CASE("ground contact: the foot of a wall that is placed behind its road com
     for (int y = 0; y < kShape.height; ++y) {
       for (int x = 0; x < kShape.width; ++x) {
         const float was_m = before.height_m(x, y);
-        if (s.labels(x, y) == label::road || was_m > 0.05F || was_m < -0.4F) {
+        if (s.labels(x, y) == label::road || was_m > 0.05F || 0.9F * (kHeight_m - was_m) > kHeight_m - 0.05F) {
           CHECK_UNARY(s.surface(x, y) == before.surface(x, y));
           CHECK_UNARY(s.normals(x, y) == before.normals(x, y));
           continue;
@@ -76,8 +76,8 @@ TEST_CASE("ground contact: the foot of a wall that is placed behind its road com
         CHECK_UNARY(s.normals(x, y) == (shows_ground ? s.ground.up : Vec3f{0, 0, -1}));
       }
     }
-    CHECK(drawn > 300);
-    CHECK(bare > 100);
+    CHECK(drawn > 100);
+    CHECK(bare > 30);
     CHECK(bare < drawn);
   }
 }
@@ -91,7 +91,7 @@ TEST_CASE("ground contact: a valley beyond a parapet, a wall in front of its foo
     for (int y = 0; y < kShape.height; ++y) {
       for (int x = 0; x < kShape.width; ++x) {
         // At 60 m the rows just below the horizon are as near to the ground's level as a foot is.
-        if (before.height_m(x, y) < 0.05F && before.height_m(x, y) > -0.4F) continue;
+        if (before.height_m(x, y) < 0.05F && before.height_m(x, y) > -0.2F) continue;
         CHECK_UNARY(s.surface(x, y) == before.surface(x, y));
       }
     }
@@ -108,6 +108,18 @@ TEST_CASE("ground contact: a valley beyond a parapet, a wall in front of its foo
   CHECK(unlabelled.surface(60, 75) == 9.0F);
 }
 
+TEST_CASE("ground contact: a car that is seen over a raised edge is not drawn to the edge") {
+  Street s(12.0F, 70);
+  for (int y = 70; y < kShape.height; ++y) {  // ground .25 m higher, from 7 m on
+    for (int x = 20; x < 130; ++x) s.surface(x, y) = (kHeight_m - 0.25F) / s.fall(x, y);
+  }
+  SerialExecutor serial;
+  REQUIRE(s.run(serial).ok());
+  for (int y = 0; y < 70; ++y) {
+    for (int x = 20; x < 130; ++x) CHECK(s.surface(x, y) >= 0.9F * 12.0F);
+  }
+}
+
 TEST_CASE("ground contact: holes stay, bad arguments are refused, and the bits are those of any number of threads") {
   SerialExecutor serial;
   npsim_test::BackwardExecutor backward;
@@ -119,7 +131,7 @@ TEST_CASE("ground contact: holes stay, bad arguments are refused, and the bits a
   REQUIRE(a.run(serial).ok());
   REQUIRE(b.run(backward).ok());
   CHECK(a.surface(60, 76) == 0.0F);
-  CHECK(a.height_m(61, 76) == doctest::Approx(0.05).epsilon(1e-3));
+  CHECK(a.height_m(61, 74) == doctest::Approx(0.05).epsilon(1e-3));
   for (int y = 0; y < kShape.height; ++y) {
     for (int x = 0; x < kShape.width; ++x) {
       CHECK_UNARY(x == 61 || a.surface(x, y) == b.surface(x, y));
@@ -128,6 +140,9 @@ TEST_CASE("ground contact: holes stay, bad arguments are refused, and the bits a
   }
   GroundContactParams params;
   params.clear_m = -1;
+  CHECK(a.run(serial, params).code() == StatusCode::invalid_argument);
+  params = {};
+  params.bare_m = std::numeric_limits<float>::infinity();
   CHECK(a.run(serial, params).code() == StatusCode::invalid_argument);
   Image<Vec3f> small({3, 3});
   CHECK(keep_above_ground({}, a.labels.cview(), a.k, a.ground, small.view(), a.surface.view(), serial).code() ==

@@ -3,6 +3,9 @@
 
 #include <doctest/doctest.h>
 
+#include <cstdint>
+#include <limits>
+
 #include "fixture.hpp"
 
 using namespace npsim;
@@ -79,8 +82,8 @@ TEST_CASE("a dense depth map is all surface but for what is far and looks like t
 
 namespace {
 
-// A sensor that looks up to row 10: walls on either side answer all the way, the gap between them only below row 40. The
-// sky fills the gap and all above the walls, which are taller than the field of view and end at row 4.
+// A sensor that looks up to row 10: walls on either side answer all the way, the gap between them only below row 40.
+// The sky fills the gap and all above the walls, which are taller than the field of view and end at row 4.
 struct Canyon {
   Shape shape{200, 60};
   Image<Rgb8> image{shape};
@@ -135,4 +138,59 @@ TEST_CASE("far trees that do not answer are no sky") {
   CHECK(v.surface(20, 8) == 1);  // the wall's top, above the field of view
   CHECK(v.surface(100, 2) == 0);
   CHECK(v.surface(20, 1) == 0);
+}
+
+TEST_CASE("smooth houses out of reach below rough clouds are not the sky") {
+  Canyon v({70, 60, 50}, 8, {200, 205, 210}, 6);
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 200; ++x) {
+      if (!Canyon::wall(x, y) && y < 8)
+        v.image(x, y) = Rgb8{110, static_cast<std::uint8_t>(110 + (x * 7 + y) % 9), 115};
+      if (!Canyon::wall(x, y) && y >= 8 && y < 40) v.image(x, y) = Rgb8{90, 60, 40};
+    }
+  }
+  find_sky(v.image.cview(), v.depth.cview(), v.surface.view());
+  for (int x = 0; x < 200; ++x) CHECK(v.surface(x, 1) == 0);
+}
+
+TEST_CASE("nearly dense depth with its sky left out has the sky where nothing was measured") {
+  for (const float missing : {0.0F, std::numeric_limits<float>::infinity()}) {
+    View v;
+    for (float& z : v.depth.view().pixels()) z = 12.0F;
+    for (int x = 66; x < 90; ++x) {  // 4 % of the picture
+      for (int y = 0; y < 10; ++y) v.depth(x, y) = missing;
+    }
+    v.run();
+    for (int x = 75; x < 81; ++x) CHECK(v.surface(x, 3) == 0);
+    CHECK(v.surface(40, 20) == 1);
+    CHECK(v.surface(95, 3) == 1);
+  }
+}
+
+TEST_CASE("of a network's depth a bright house that is far stays, and a sky that alone is far is one, clouds and all") {
+  View v;
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) v.depth(x, y) = y < 30 && !(x >= 30 && x < 60 && y >= 10) ? 90.0F : 12.0F;
+  }
+  for (int y = 30; y < 36; ++y) {
+    for (int x = 40; x < 50; ++x) {  // white, apart from the sky
+      v.depth(x, y) = 65.0F;
+      v.image(x, y) = Rgb8{230, 230, 230};
+    }
+  }
+  v.run();
+  CHECK(v.surface(45, 33) == 1);
+  CHECK(v.surface(80, 20) == 0);
+  View clouds;
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      clouds.depth(x, y) = y < 20 ? 80.0F : 15.0F;
+      if (y < 20) clouds.image(x, y) = x < 50 ? Rgb8{110, 150, 220} : Rgb8{245, 245, 245};
+      if (y >= 20) clouds.image(x, y) = Rgb8{70, 70, 60};
+    }
+  }
+  clouds.run();
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) CHECK(clouds.surface(x, y) == (y < 20 ? 0 : 1));
+  }
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <string>
 #include <vector>
 
 #include "npsim/color/chromaticity.hpp"
@@ -360,6 +361,11 @@ TEST_CASE("sensor: sharpening leaves flat areas, raises sinusoids by its strengt
   CHECK(npsim::sharpen(5.0F, edge.view(), luma.view(), executor).code() == npsim::StatusCode::invalid_argument);
   Picture other({5, 1});
   CHECK(npsim::sharpen(1.0F, other.view(), luma.view(), executor).code() == npsim::StatusCode::shape_mismatch);
+  for (const Named& camera : cameras()) {
+    CAPTURE(camera.name);
+    const std::string name = camera.name;
+    CHECK((camera.params.sharpening > 0) == (name == "action-camera" || name == "dashcam"));
+  }
   PhotographParams params;
   params.sharpening = 1;
   photographed(params, Image({1, 1}, {1, 1, 1}));

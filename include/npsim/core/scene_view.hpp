@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the method starts from: one daytime photograph and everything known about it, as views over caller's memory.
 //
-// Only image, depth and camera are required. Empty labels: all is one class; empty instances: connected components of a
+// Only image, depth and camera are required. Empty labels: ground and all else; empty instances: connected components of a
 // label stand for objects; empty normals, albedo, roughness: computed; empty lights: nothing is marked. An unknown depth
 // source is found from the depth.
 #ifndef NPSIM_CORE_SCENE_VIEW_HPP

@@ -7,11 +7,11 @@
 // them, and masts, walls and bicycles end in black rims.
 // In each column the ground of the nearest ground pixel below goes on in parallel to the ground plane: as far below the
 // camera, so that a ray r meets it at z = z_ground dot(up, r_ground) / dot(up, r).
-// A surface that lies less than clear_m above that, or at most deepest_m below it, takes the depth of clear_m above: the
-// mesh has the ground itself there too, completed behind the thing. One that was more than bare_m below shows ground
-// that a loose label gave to the thing, and takes the ground's normal.
-// Invariant: ground pixels, pixels without ground below them in their column, and what lies deeper are not touched; no
-// depth grows, none falls to 0 or below. The same bits for any thread count. Cost: one pass over the image.
+// A surface that lies less than clear_m above that, or below it, takes the depth of clear_m above, if it does not come
+// nearer by more than most_share: the mesh has the ground itself there too, completed behind the thing. One that was
+// more than bare_m below shows ground that a loose label gave to the thing, and takes the ground's normal.
+// Invariant: ground pixels, pixels without ground below them in their column, and what lies farther behind are not
+// touched; no depth grows, none falls to 0 or below. The same bits for any thread count. Cost: one pass over the image.
 #ifndef NPSIM_DEPTH_GROUND_CONTACT_HPP
 #define NPSIM_DEPTH_GROUND_CONTACT_HPP
 
@@ -31,16 +31,20 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 struct GroundContactParams {
-  float deepest_m = 0.4F;  // what lies deeper is a slope beyond the ground's edge; 0 switches the step off
   float bare_m = 0.05F;
   float clear_m = 0.05F;
+  // Of its depth that a pixel may come nearer; what would more is no foot, but seen over a raised edge, or a slope
+  // beyond. 0 switches the step off.
+  float most_share = 0.1F;
   LabelSet ground = kGroundLabels;
 };
 
 [[nodiscard]] inline Status validate(const GroundContactParams& p) noexcept {
-  const bool good = p.deepest_m >= 0.0F && std::isfinite(p.deepest_m) && p.bare_m >= 0.0F && p.clear_m >= 0.0F &&
-                    std::isfinite(p.clear_m);
-  return good ? Status() : Status(StatusCode::invalid_argument, "ground contact: heights are finite, not negative");
+  const bool good = p.bare_m >= 0.0F && std::isfinite(p.bare_m) && p.clear_m >= 0.0F && p.most_share >= 0.0F &&
+                    p.most_share <= 1.0F && std::isfinite(p.clear_m);
+  return good
+             ? Status()
+             : Status(StatusCode::invalid_argument, "ground contact: heights finite and not negative, share in [0, 1]");
 }
 
 // surface: z-depth, m, and normals: changed in place. Without labels nothing changes.
@@ -54,7 +58,7 @@ template <class Executor>
   if (normals.shape() != shape || !(labels.empty() || labels.shape() == shape)) {
     return {StatusCode::shape_mismatch, "ground contact: all planes must have one shape"};
   }
-  if (labels.empty() || !(params.deepest_m > 0.0F)) return {};
+  if (labels.empty() || !(params.most_share > 0.0F)) return {};
   constexpr std::size_t kColumns = 64;
   executor.for_chunks(static_cast<std::size_t>(shape.width), kColumns, [&](std::size_t begin, std::size_t end) {
     float under_m[kColumns] = {};  // how far the ground met last lies below the camera; 0: none yet
@@ -72,7 +76,8 @@ template <class Executor>
         }
         const float below_m = z * fall - under_m[column - begin];
         const float clear_m = under_m[column - begin] - params.clear_m;  // below the camera
-        if (!(below_m > -params.clear_m) || below_m > params.deepest_m || !(clear_m > 0.0F)) continue;
+        if (!(below_m > -params.clear_m) || !(clear_m > 0.0F)) continue;
+        if (z * fall - clear_m > params.most_share * z * fall) continue;
         surface(x, y) = std::min(z, clear_m / fall);
         if (below_m > params.bare_m) normals(x, y) = normal[column - begin];
       }

@@ -6,14 +6,18 @@
 // sky is the brightest thing in it: the luma of the pixels above falls into two classes (Otsu, "A threshold selection
 // method from gray-level histograms", 1979), and sky is what is bright and connected to the picture's upper edge. What
 // is not, and is connected to the surface below, is surface too, so that trees and houses keep their outlines instead
-// of ending at the sensor's last row. The classes are told apart if the bright one is at least 1.5 times as bright as the
-// dark one, neither holds less than 2 % of the pixels, and the measured surfaces are not brighter than the bright one.
-// A deep blue sky, or a dark one of clouds, is not the brightest. What the sensor looked at without an answer, below its
-// topmost rows nearby, tells: where less than a tenth of that is in the bright class, or there is none, the classes are of
-// how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one. Where neither way
-// tells them apart, all above is sky.
-// A dense depth map, such as a network's, has nothing above. Its sky is far: of what lies beyond kFarSky_m the picture
-// decides in the same way, wherever it is, and where it tells nothing apart all is surface. Cost: a few passes. Memory: none.
+// of ending at the sensor's last row. The classes are told apart if the bright one is at least 1.5 times as bright as
+// the dark one, neither holds less than 2 % of the pixels, and the measured surfaces are not brighter than the bright
+// one.
+// A deep blue sky, or a dark one of clouds, is not the brightest. What the sensor looked at without an answer, below
+// its topmost rows nearby, tells: where less than a tenth of that is in the bright class, or there is none, the classes
+// are of how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one. Where
+// neither way tells them apart, all above is sky.
+// A dense depth map, such as a network's, has nothing above: its sky is far. Of what lies beyond kFarSky_m the picture
+// decides in the same way, with all of it where even its darker class is much brighter than what is near. Sky is what
+// looks so and is connected to the upper edge, and what looks so elsewhere and is as far. Where nothing is told apart
+// all is surface.
+// Cost: a few passes. Memory: none.
 #ifndef NPSIM_DEPTH_SKY_HPP
 #define NPSIM_DEPTH_SKY_HPP
 
@@ -88,7 +92,8 @@ struct TwoClasses {
   return 255;
 }
 
-// The rows where the sensor's field of view begins: the topmost measurement within a sixteenth of the width around.
+// The rows where the sensor's field of view begins: the topmost measurement in a sixteenth of the width and in the one
+// to either side.
 class FieldOfView {
  public:
   // surface: kSurface below the topmost measurement of each column.
@@ -121,6 +126,7 @@ class FieldOfView {
 // Whether a pixel above all measurements looks like the sky.
 struct SkyLook {
   bool known = false;
+  bool all = false;        // even the darker class is much brighter than the measured surfaces
   bool by_colour = false;  // else by luma
   int level = 256;
   Rgb8 colour{};
@@ -148,7 +154,8 @@ struct SkyLook {
 
 [[nodiscard]] inline SkyLook sky_look(ImageView<const Rgb8> image, ImageView<const std::uint8_t> surface) noexcept {
   constexpr double kLeastUnanswered = 0.002;  // of the picture
-  constexpr double kFar = 0.9;                // of it: what is out of the sensor's reach answers as little as the sky
+  constexpr double kUnansweredShare = 0.9;    // of these: the rest may be surfaces out of reach
+  constexpr double kMuchBrighter = 1.5;
   const FieldOfView field(surface);
   ByteHistogram above{}, unanswered{}, red{}, green{}, blue{};
   double below_sum = 0;
@@ -176,8 +183,10 @@ struct SkyLook {
   bright.level = by_luma.level;
   bright.known =
       by_luma.level < 256 && by_luma.high_mean >= 1.5 * by_luma.low_mean && by_luma.high_mean * below_count > below_sum;
+  const double darkest = by_luma.level < 256 ? by_luma.low_mean : quantile_of(above, 0.02);
+  bright.all = below_count > 0 && darkest * below_count >= kMuchBrighter * below_sum;
   const bool looked = unanswered_count >= kLeastUnanswered * static_cast<double>(image.shape().pixels());
-  if (!looked || (bright.known && quantile_of(unanswered, kFar) >= bright.level)) return bright;
+  if (!looked || (bright.known && quantile_of(unanswered, kUnansweredShare) >= bright.level)) return bright;
   SkyLook alike;
   alike.by_colour = true;
   alike.colour = {static_cast<std::uint8_t>(quantile_of(red, 0.5)), static_cast<std::uint8_t>(quantile_of(green, 0.5)),
@@ -190,11 +199,14 @@ struct SkyLook {
   }
   const TwoClasses by_colour = two_classes(differences);
   alike.level = by_colour.level;
-  // Far trees leave the sensor without an answer too; the sky is the smoother.
+  alike.all = bright.all;
+  // Far trees and houses leave the sensor without an answer too; the sky is the smoother, and reaches the upper edge.
+  bool at_edge = false;
+  for (int x = 0; x < image.width(); ++x) at_edge = at_edge || (surface(x, 0) != kSurface && alike.of(image(x, 0)));
   const double step = mean_step(alike, true, image, surface);
   alike.known = by_colour.level < 256 && by_colour.high_mean >= 2.0 * by_colour.low_mean + 16.0 &&
                 step < mean_step(alike, false, image, surface) &&
-                !(bright.known && step >= mean_step(bright, true, image, surface));
+                !(bright.known && step >= mean_step(bright, true, image, surface)) && at_edge;
   return alike.known ? alike : bright;
 }
 
@@ -228,29 +240,47 @@ void grow(ImageView<std::uint8_t> map, std::uint8_t to, May&& may) noexcept {
 namespace depth_detail {
 
 inline constexpr float kFarSky_m = 60.0F;  // networks end at 80 m or more
-inline constexpr double kDense = 0.95;     // share of valid depth
+inline constexpr double kDense = 0.95;     // share of valid depth, of the picture and of its upper edge
 
 [[nodiscard]] inline bool is_dense(ImageView<const float> depth) noexcept {
-  std::size_t valid = 0;
-  for (int y = 0; y < depth.height(); ++y) {
-    for (int x = 0; x < depth.width(); ++x) valid += is_valid_depth(depth(x, y)) ? 1U : 0U;
-  }
-  return static_cast<double>(valid) >= kDense * static_cast<double>(depth.shape().pixels());
+  const auto valid_in = [&](int rows) {
+    double valid = 0;
+    for (int y = 0; y < rows; ++y) {
+      for (int x = 0; x < depth.width(); ++x) valid += is_valid_depth(depth(x, y)) ? 1.0 : 0.0;
+    }
+    return valid >= kDense * static_cast<double>(depth.width()) * static_cast<double>(rows);
+  };
+  return valid_in(1) && valid_in(depth.height());
 }
 
 inline void find_sky_of_dense_depth(ImageView<const Rgb8> image, ImageView<const float> depth,
                                     ImageView<std::uint8_t> surface) noexcept {
+  constexpr double kAsFar = 0.9;
   const Shape shape = surface.shape();
-  const auto is_far = [&](int x, int y) { return !(depth(x, y) < kFarSky_m); };
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) surface(x, y) = is_far(x, y) ? kSky : kSurface;
-  }
-  const SkyLook look = sky_look(image, surface);
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      surface(x, y) = look.known && is_far(x, y) && look.of(image(x, y)) ? kSky : kSurface;
+  const auto each = [&](const auto& f) {
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) f(x, y);
     }
-  }
+  };
+  const auto is_far = [&](int x, int y) { return !(depth(x, y) < kFarSky_m); };
+  each([&](int x, int y) { surface(x, y) = is_far(x, y) ? kSky : kSurface; });
+  const SkyLook look = sky_look(image, surface);
+  each([&](int x, int y) {
+    const bool like = is_far(x, y) && (look.all || (look.known && look.of(image(x, y))));
+    surface(x, y) = !like ? kSurface : (y == 0 ? kSky : kLike);
+  });
+  grow(surface, kSky, [](std::uint8_t c) { return c == kLike; });
+  double sum = 0;
+  double count = 0;
+  each([&](int x, int y) {
+    if (surface(x, y) != kSky || !is_valid_depth(depth(x, y))) return;
+    sum += static_cast<double>(depth(x, y));
+    count += 1;
+  });
+  each([&](int x, int y) {
+    const bool as_far = count > 0 && static_cast<double>(depth(x, y)) * count >= kAsFar * sum;
+    if (surface(x, y) == kLike) surface(x, y) = as_far ? kSky : kSurface;
+  });
 }
 
 }  // namespace depth_detail

@@ -4,7 +4,8 @@
 // The OBJ that truth.mesh names: triangles; a line "g e<id>" before the faces of emitter <id>, any other group for
 // faces of none; a line "usemtl" before those of a material. The material file beside it: "newmtl", "Kd" (diffuse
 // albedo, linear) and "Pr" (roughness, the root of GGX alpha); other lines are left alone.
-// Invariant: face_emitter and face_material have an element per face; every material exists; albedo and roughness are 0..1.
+// Invariant: face_emitter and face_material have an element per face; every material exists; albedo and roughness are
+// 0..1.
 // Cost: that of read_obj, and one pass more over the file.
 #ifndef NPSIM_IO_TRUTH_MESH_HPP
 #define NPSIM_IO_TRUTH_MESH_HPP

@@ -139,6 +139,7 @@ struct PhotographParams {
     params.sensor.bits = 12;
     params.sensor.black = 64.0F;
     params.sensor.vignetting = 0.2F;
+    params.sensor.blur_px = 0.7F;
     params.residual_noise = 0.35F;
     params.sharpening = 0.0F;
     params.isp.saturation = 1.0F;
@@ -155,6 +156,7 @@ struct PhotographParams {
     params.sensor.bits = 12;
     params.sensor.black = 64.0F;
     params.sensor.vignetting = 0.2F;
+    params.sensor.blur_px = 0.7F;
     params.sensor.row_noise = 0.1F;  // these two: assumed; the other cameras are taken to have corrected theirs
     params.sensor.hot_pixels = 1e-5F;
     params.residual_noise = 1.0F;

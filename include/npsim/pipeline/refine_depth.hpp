@@ -7,10 +7,10 @@
 // The thesis has neither sharpening nor anchoring, and no kerbs. The first two, and the filter, mend what networks do
 // wrong and harm what was measured (docs/evaluation.md), so they are left out for stereo, laser and exact depth
 // (depth/depth_source.hpp), and what refinement does to such depth is held within what its source leaves open. The
-// uncertain map is of the filtered depth: refinement moves
-// surfaces, not the edges between them. Without labels everything is one class and nothing is uncertain. Without given
-// normals those of the filtered depth, smoothed within each class, guide the refinement: it then flattens noise rather
-// than correcting shape. What each default is worth on generated streets stands in docs/evaluation.md.
+// uncertain map is of the filtered depth: refinement moves surfaces, not the edges between them. Without labels there
+// is the ground and all else, and nothing is uncertain. Without given normals those of the filtered depth, smoothed
+// within each class, guide the refinement: it then flattens noise rather than correcting shape. What each default is
+// worth on generated streets stands in docs/evaluation.md.
 // Cost: that of the steps. Memory: see refine_depth_workspace_bytes(); the planes of RefinedDepth stay in the
 // workspace.
 #ifndef NPSIM_PIPELINE_REFINE_DEPTH_HPP
@@ -109,6 +109,7 @@ struct RefineDepthParams {
   CarBodiesParams cars;             // of stereo
   StreetFurnitureParams furniture;  // of stereo and laser without given normals
   GroundContactParams contact;      // of stereo and laser
+  bool guess_ground = true;         // without labels
   // The caller's memory for the losses before each step of the refinement and at its end (figure 4.4), at most
   // refine_max_steps() + 1 of them; RefinedDepth::refinement says how many there were. Empty: none are kept.
   Span<LossValues> loss_curve;
@@ -134,7 +135,8 @@ struct RefineDepthParams {
     params.kerbs.enabled = false;
     params.cars.enabled = false;
     params.furniture.enabled = false;
-    params.contact.deepest_m = 0;
+    params.contact.most_share = 0;
+    params.guess_ground = false;
     return params;
   }
 };
@@ -319,21 +321,23 @@ namespace refine_detail {
   return {};
 }
 
-// Without labels what lies within kGroundHeight_m of the plane is ground, and all else one class.
+// Without labels what lies within kGroundHeight_m of the plane is ground, and all else one class. A network's depth may
+// be of another scale: then within a tenth of the camera's height.
 inline constexpr float kGroundHeight_m = 0.15F;
 inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
                          ImageView<Label> labels) noexcept {
   if (!(ground.inlier_share > 0.0F)) return;
+  const float most_m = std::min(kGroundHeight_m, 0.1F * ground.camera_height_m);
   for (int y = 0; y < labels.height(); ++y) {
     for (int x = 0; x < labels.width(); ++x) {
       if (!is_valid_depth(depth(x, y))) continue;
       const float height_m = ground.camera_height_m + dot(ground.up, unproject_pixel(camera, x, y, depth(x, y)));
-      if (std::fabs(height_m) < kGroundHeight_m) labels(x, y) = label::ground;
+      if (std::fabs(height_m) < most_m) labels(x, y) = label::ground;
     }
   }
 }
 
-// The sky is what is labelled so, without labels what the picture shows above all measurements.
+// The sky is what is labelled so, without labels what depth/sky.hpp finds.
 inline void mark_surface(const SceneView& scene, ImageView<const float> depth,
                          ImageView<std::uint8_t> surface) noexcept {
   const Shape shape = surface.shape();
@@ -372,20 +376,32 @@ inline void rate_confidence(ImageView<const float> measured, float reach_px, Ima
 }
 
 // Between ground and what a laser sees above it in the same column, rays meet the ground as long as the plane, scaled
-// to the ground measured last, is nearer: the rows up to the foot of a house are road, not a ramp that ends at its first
-// storey. Up to kFarGround_m, for what lies farther no lamp shows; and not where measurements a sixty-fourth of the width
-// to either side show that the sensor would have answered. given: the depth as it was measured.
+// to the ground measured last, is nearer: the rows up to the foot of a house are road, not a ramp that ends at its
+// first storey. Up to kFarGround_m, for what lies farther no lamp shows; and not where measurements within a 64th of
+// the width to either side, in rows within a 128th of the height, show that the sensor would have answered. given: the
+// depth as it was measured. Cost: two passes, and the rows of the window for each pixel in between.
 inline constexpr int kGroundSeam_px = 2;
 inline constexpr float kFarGround_m = 100.0F;
-inline void continue_ground_upwards(const GroundPlane& ground, const Intrinsics& camera, ImageView<const float> given,
-                                    ImageView<float> measured) noexcept {
+[[nodiscard]] inline Status continue_ground_upwards(const GroundPlane& ground, const Intrinsics& camera,
+                                                    ImageView<const float> given, ImageView<float> measured,
+                                                    Workspace& workspace) {
   const int reach = std::max(given.width() / 64, 1);
   const int rows = std::max(given.height() / 128, 1);
+  const WorkspaceScope scope(workspace);
+  ImageView<std::uint8_t> answered;  // in the pixel's row, within reach
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(given.shape(), answered));
+  for (int y = 0; y < given.height(); ++y) {
+    int around = 0;
+    const auto valid = [&](int x) { return x >= 0 && x < given.width() && is_valid_depth(given(x, y)) ? 1 : 0; };
+    for (int x = 0; x < reach; ++x) around += valid(x);
+    for (int x = 0; x < given.width(); ++x) {
+      around += valid(x + reach) - valid(x - reach - 1);
+      answered(x, y) = around > 0 ? 1 : 0;
+    }
+  }
   const auto answers = [&](int x, int y) {
     for (int v = std::max(0, y - rows); v <= std::min(given.height() - 1, y + rows); ++v) {
-      for (int u = std::max(0, x - reach); u <= std::min(given.width() - 1, x + reach); ++u) {
-        if (is_valid_depth(given(u, v))) return true;
-      }
+      if (answered(x, v) != 0) return true;
     }
     return false;
   };
@@ -407,6 +423,7 @@ inline void continue_ground_upwards(const GroundPlane& ground, const Intrinsics&
       under_m = is_ground ? next_m : 0.0F;
     }
   }
+  return {};
 }
 
 // Without labels nothing says that the ground goes on below the lowest row that a laser sees. Where that row shows
@@ -446,8 +463,7 @@ inline void continue_ground_upwards(const GroundPlane& ground, const Intrinsics&
       if (down(x, y) > 0.0F) measured(x, y) = ground.camera_height_m / down(x, y) * sum / static_cast<float>(count);
     }
   }
-  continue_ground_upwards(ground, camera, given, measured);
-  return {};
+  return continue_ground_upwards(ground, camera, given, measured, workspace);
 }
 
 // The depth as given without what cannot be.
@@ -683,7 +699,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
   NPSIM_RETURN_IF_ERROR(step(
       Stage::fill, [&] { return refine_detail::complete_depth(params, scene, objects, workspace, executor, out); },
       true));
-  if (!labelled) refine_detail::guess_ground(out.depth, scene.camera, out.ground, guessed);
+  if (!labelled && params.guess_ground) refine_detail::guess_ground(out.depth, scene.camera, out.ground, guessed);
   if (params.sharpen.radius_px > 0.0F && !out.trust.bounded) {
     NPSIM_RETURN_IF_ERROR(step(
         Stage::sharpen, [&] { return refine_detail::sharpen(params, objects, workspace, executor, out); }, true));

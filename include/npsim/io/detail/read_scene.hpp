@@ -471,7 +471,7 @@ inline Expected<Scene> scene_from_json(const JsonObject& root, const ReadLimits&
   read = with_entry(root, "truth", [&](const JsonObject& e) { return read_truth_names(e, scene); });
   if (!read) return read.error();
 
-  if (!root.has("labels")) scene.notes.push_back("labels: none, all is one class");
+  if (!root.has("labels")) scene.notes.push_back("labels: none, ground and sky are found by depth and picture");
   if (!root.has("normals")) scene.notes.push_back("normals: none, to be computed from depth");
   if (!root.has("lights")) scene.notes.push_back("lights: none are marked");
   return scene;
