@@ -47,6 +47,27 @@ void thin_out(Image<float>& depth, const Keep& keep) {
 
 [[nodiscard]] DepthSource source_of(const Image<float>& depth) { return find_depth_source({}, depth.cview(), {}); }
 
+constexpr Intrinsics kCamera{300, 300, 160, 90};
+
+// The chain on a laser's depth of a scene without labels.
+struct Unlabelled {
+  Image<Rgb8> image{kShape, Rgb8{90, 100, 110}};
+  npsim_test::Scratch scratch;
+  RefinedDepth out;
+
+  explicit Unlabelled(const Image<float>& depth, const RefineDepthParams& params = {})
+      : scratch(refine_depth_workspace_bytes(params, kShape)) {
+    SceneView scene;
+    scene.camera = kCamera;
+    scene.image = image.cview();
+    scene.depth = depth.cview();
+    scene.depth_source = DepthSource::lidar;
+    SerialExecutor serial;
+    NullObserver observer;
+    REQUIRE(refine_depth(params, scene, scratch.workspace(), serial, observer, out).ok());
+  }
+};
+
 }  // namespace
 
 TEST_CASE("a depth map's source is found from what is measured and how it scatters") {
@@ -193,8 +214,6 @@ TEST_CASE("the chain leaves good measurements as they are and smooths the surfac
 }
 
 TEST_CASE("without labels the road goes on as a plane below the lowest row of a laser, a car's side does not") {
-  const Intrinsics k{300, 300, 160, 90};
-  const Image<Rgb8> image(kShape, Rgb8{90, 100, 110});
   const auto side = [](int x) { return x < 60; };  // of a car, upright from 10 rows above the lowest measured one
   Image<float> depth = street();
   for (int y = 130; y < kShape.height; ++y) {
@@ -202,17 +221,8 @@ TEST_CASE("without labels the road goes on as a plane below the lowest row of a 
   }
   const Image<float> whole = depth;
   thin_out(depth, [&](int, int y) { return y % 3 == 0 && y <= 141; });
-  SceneView scene;
-  scene.camera = k;
-  scene.image = image.cview();
-  scene.depth = depth.cview();
-  scene.depth_source = DepthSource::lidar;
-  const RefineDepthParams params;
-  npsim_test::Scratch scratch(refine_depth_workspace_bytes(params, kShape));
-  SerialExecutor serial;
-  NullObserver observer;
-  RefinedDepth out;
-  REQUIRE(refine_depth(params, scene, scratch.workspace(), serial, observer, out).ok());
+  const Unlabelled scene(depth);
+  const RefinedDepth& out = scene.out;
   REQUIRE(out.ground.inlier_share > 0.0F);
   for (int y = 142; y < kShape.height; ++y) {
     for (int x = 0; x < kShape.width; ++x) {
@@ -226,12 +236,10 @@ TEST_CASE("without labels the road goes on as a plane below the lowest row of a 
 }
 
 TEST_CASE("without labels the road beyond a laser's answers leads to the foot of the house, and is known as ground") {
-  const Intrinsics k{300, 300, 160, 90};
-  const Image<Rgb8> image(kShape, Rgb8{90, 100, 110});
   constexpr float kHeight_m = 1.5F;
   constexpr float kWall_m = 40.0F;
   const auto truth = [&](int y) {
-    const float fall = (static_cast<float>(y) + 0.5F - k.cy) / k.fy;
+    const float fall = (static_cast<float>(y) + 0.5F - kCamera.cy) / kCamera.fy;
     return fall * kWall_m > kHeight_m ? kHeight_m / fall : kWall_m;
   };
   Image<float> depth(kShape, 0.0F);
@@ -239,17 +247,8 @@ TEST_CASE("without labels the road beyond a laser's answers leads to the foot of
     const bool answers = truth(y) < 12.0F || (truth(y) == kWall_m && y < 80);  // the wall from 1.3 m up
     for (int x = 0; x < kShape.width; ++x) depth(x, y) = answers && y % 4 == 0 ? truth(y) : 0.0F;
   }
-  SceneView scene;
-  scene.camera = k;
-  scene.image = image.cview();
-  scene.depth = depth.cview();
-  scene.depth_source = DepthSource::lidar;
-  const RefineDepthParams params;
-  npsim_test::Scratch scratch(refine_depth_workspace_bytes(params, kShape));
-  SerialExecutor serial;
-  NullObserver observer;
-  RefinedDepth out;
-  REQUIRE(refine_depth(params, scene, scratch.workspace(), serial, observer, out).ok());
+  const Unlabelled scene(depth);
+  const RefinedDepth& out = scene.out;
   REQUIRE(out.ground.inlier_share > 0.0F);
   for (int y = 60; y < kShape.height; ++y) {
     for (int x = 8; x < kShape.width - 8; x += 7) {
@@ -258,6 +257,9 @@ TEST_CASE("without labels the road beyond a laser's answers leads to the foot of
       if (y < 95 || y > 105) CHECK(out.labels(x, y) == (y < 100 ? label::unlabeled : label::ground));
     }
   }
+  RefineDepthParams one_class;
+  one_class.guess_ground = false;
+  CHECK(Unlabelled(depth, one_class).out.labels(160, 150) == label::unlabeled);
 }
 
 TEST_CASE("depth source: names and sources belong together, other names are none") {

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+// The ground of scenes without labels: which pixels show it, and where it goes on that a laser does not see.
+//
+// Both go by the ground plane of the depth. Virtual measurements are for the fill alone; they lie only where nothing
+// was measured.
+#ifndef NPSIM_PIPELINE_DETAIL_UNLABELLED_GROUND_HPP
+#define NPSIM_PIPELINE_DETAIL_UNLABELLED_GROUND_HPP
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/camera.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/geometry/ground.hpp"
+#include "npsim/labels/cityscapes.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+namespace refine_detail {
+
+// Without labels what lies within kGroundHeight_m of the plane is ground, and all else one class. A network's depth may
+// be of another scale: then within a tenth of the camera's height.
+inline constexpr float kGroundHeight_m = 0.15F;
+inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
+                         ImageView<Label> labels) noexcept {
+  if (!(ground.inlier_share > 0.0F)) return;
+  const float most_m = std::min(kGroundHeight_m, 0.1F * ground.camera_height_m);
+  for (int y = 0; y < labels.height(); ++y) {
+    for (int x = 0; x < labels.width(); ++x) {
+      if (!is_valid_depth(depth(x, y))) continue;
+      const float height_m = ground.camera_height_m + dot(ground.up, unproject_pixel(camera, x, y, depth(x, y)));
+      if (std::fabs(height_m) < most_m) labels(x, y) = label::ground;
+    }
+  }
+}
+
+// Between ground and what a laser sees above it in the same column, rays meet the ground as long as the plane, scaled
+// to the ground measured last, is nearer: the rows up to the foot of a house are road, not a ramp that ends at its
+// first storey. Up to kFarGround_m, for what lies farther no lamp shows; and not where measurements within a 64th of
+// the width to either side, in rows within a 128th of the height, show that the sensor would have answered. given: the
+// depth as it was measured. Cost: two passes, and the rows of the window for each pixel in between.
+inline constexpr int kGroundSeam_px = 2;
+inline constexpr float kFarGround_m = 100.0F;
+[[nodiscard]] inline Status continue_ground_upwards(const GroundPlane& ground, const Intrinsics& camera,
+                                                    ImageView<const float> given, ImageView<float> measured,
+                                                    Workspace& workspace) {
+  const int reach = std::max(given.width() / 64, 1);
+  const int rows = std::max(given.height() / 128, 1);
+  const WorkspaceScope scope(workspace);
+  ImageView<std::uint8_t> answered;  // in the pixel's row, within reach
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(given.shape(), answered));
+  for (int y = 0; y < given.height(); ++y) {
+    int around = 0;
+    const auto valid = [&](int x) { return x >= 0 && x < given.width() && is_valid_depth(given(x, y)) ? 1 : 0; };
+    for (int x = 0; x < reach; ++x) around += valid(x);
+    for (int x = 0; x < given.width(); ++x) {
+      around += valid(x + reach) - valid(x - reach - 1);
+      answered(x, y) = around > 0 ? 1 : 0;
+    }
+  }
+  const auto answers = [&](int x, int y) {
+    for (int v = std::max(0, y - rows); v <= std::min(given.height() - 1, y + rows); ++v) {
+      if (answered(x, v) != 0) return true;
+    }
+    return false;
+  };
+  for (int x = 0; x < measured.width(); ++x) {
+    int seen = -1;         // the row measured last, from below
+    float under_m = 0.0F;  // how far its ground lies below the camera; 0: no ground
+    for (int y = measured.height() - 1; y >= -1; --y) {
+      if (y >= 0 && !is_valid_depth(measured(x, y))) continue;
+      const float fall = y < 0 ? 0.0F : -dot(ground.up, unproject_pixel(camera, x, y, 1.0F));
+      const float next_m = y < 0 ? 0.0F : fall * measured(x, y);
+      const bool is_ground = std::fabs(ground.camera_height_m - next_m) < kGroundHeight_m;
+      const float nearest = y < 0 ? kFarGround_m : std::min(kFarGround_m, measured(x, y));
+      for (int v = seen - kGroundSeam_px; under_m > 0.0F && !is_ground && v > y + kGroundSeam_px; --v) {
+        const float fall_v = -dot(ground.up, unproject_pixel(camera, x, v, 1.0F));
+        if (!(under_m < nearest * fall_v)) break;
+        if (!answers(x, v)) measured(x, v) = under_m / fall_v;
+      }
+      seen = y;
+      under_m = is_ground ? next_m : 0.0F;
+    }
+  }
+  return {};
+}
+
+// Without labels nothing says that the ground goes on below the lowest row that a laser sees. Where that row shows
+// ground, within kGroundHeight_m of the plane, what lies more than kGroundSeam_px below it takes the plane's depth,
+// scaled as the ground in the columns nearby is: virtual measurements, for the fill alone. Above its topmost ground the
+// same.
+[[nodiscard]] inline Status continue_ground(const GroundPlane& ground, const Intrinsics& camera,
+                                            ImageView<const float> given, ImageView<float> measured,
+                                            Workspace& workspace) {
+  const int width = measured.width();
+  const int height = measured.height();
+  const WorkspaceScope scope(workspace);
+  Span<float> scale;  // measured depth over the plane's, per column; 0: no ground there
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(width), scale));
+  const auto down = [&](int x, int y) { return -dot(ground.up, unproject_pixel(camera, x, y, 1.0F)); };
+  const auto lowest = [&](int x) {
+    int y = height - 1;
+    while (y >= 0 && !is_valid_depth(measured(x, y))) --y;
+    return y;
+  };
+  for (int x = 0; x < width; ++x) {
+    const int y = lowest(x);
+    const float below_m = y < 0 ? 0.0F : measured(x, y) * down(x, y);
+    const bool seen = std::fabs(ground.camera_height_m - below_m) < kGroundHeight_m;
+    scale[static_cast<std::size_t>(x)] = seen ? below_m / ground.camera_height_m : 0.0F;
+  }
+  const int reach = width / 64;
+  for (int x = 0; x < width; ++x) {
+    if (!(scale[static_cast<std::size_t>(x)] > 0.0F)) continue;
+    float sum = 0.0F;
+    int count = 0;
+    for (int i = std::max(0, x - reach); i <= std::min(width - 1, x + reach); ++i) {
+      sum += scale[static_cast<std::size_t>(i)];
+      count += scale[static_cast<std::size_t>(i)] > 0.0F ? 1 : 0;
+    }
+    for (int y = lowest(x) + 1 + kGroundSeam_px; y < height; ++y) {
+      if (down(x, y) > 0.0F) measured(x, y) = ground.camera_height_m / down(x, y) * sum / static_cast<float>(count);
+    }
+  }
+  return continue_ground_upwards(ground, camera, given, measured, workspace);
+}
+
+}  // namespace refine_detail
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_PIPELINE_DETAIL_UNLABELLED_GROUND_HPP
