@@ -66,7 +66,9 @@ NightScene night_of(const street::Street& street) {
   scene.vertices = street.vertices;
   scene.faces = street.faces;
   for (const std::uint16_t m : street.face_material) scene.face_material.push_back(m);
-  for (const street::MeshMaterial& m : street.materials) scene.materials.push_back({m.albedo, alpha_of_roughness(m.roughness)});
+  for (const street::MeshMaterial& m : street.materials) {
+    scene.materials.push_back({m.albedo, alpha_of_roughness(m.roughness)});
+  }
   scene.face_lamp = street.face_emitter;
   SkyParams sky;
   sky.up = street.ground_up;

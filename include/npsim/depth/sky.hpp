@@ -181,8 +181,8 @@ struct SkyLook {
   const TwoClasses by_luma = two_classes(above);
   SkyLook bright;
   bright.level = by_luma.level;
-  bright.known =
-      by_luma.level < 256 && by_luma.high_mean >= 1.5 * by_luma.low_mean && by_luma.high_mean * below_count > below_sum;
+  bright.known = by_luma.level < 256 && by_luma.high_mean >= kMuchBrighter * by_luma.low_mean &&
+                 by_luma.high_mean * below_count > below_sum;
   const double darkest = by_luma.level < 256 ? by_luma.low_mean : quantile_of(above, 0.02);
   bright.all = below_count > 0 && darkest * below_count >= kMuchBrighter * below_sum;
   const bool looked = unanswered_count >= kLeastUnanswered * static_cast<double>(image.shape().pixels());
@@ -234,10 +234,6 @@ void grow(ImageView<std::uint8_t> map, std::uint8_t to, May&& may) noexcept {
     }
   }
 }
-
-}  // namespace depth_detail
-
-namespace depth_detail {
 
 inline constexpr float kFarSky_m = 60.0F;  // networks end at 80 m or more
 inline constexpr double kDense = 0.95;     // share of valid depth, of the picture and of its upper edge
