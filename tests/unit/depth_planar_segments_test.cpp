@@ -235,6 +235,25 @@ TEST_CASE("planar segments: above the topmost line of a laser a wall goes on as 
   CHECK(s.depth(400, 10) == doctest::Approx(s.truth(400, 10)).epsilon(0.02));
 }
 
+TEST_CASE("planar segments: a gap in a small oriel keeps its fill, not the far wall that the rows above it show") {
+  Street s;
+  s.wall(kFront, 80.0F, 0, 480);
+  for (int y = 90; y < 150; ++y) {
+    for (int x = 100; x < 140; ++x) s.truth(x, y) = 34.0F;
+  }
+  s.measure();
+  for (int y = 96; y < 144; ++y) {
+    for (int x = 102; x < 138; ++x) {
+      s.measured(x, y) = 0.0F;
+      s.depth(x, y) = 34.0F;
+    }
+  }
+  REQUIRE(s.run().ok());
+  CHECK(s.depth(120, 100) == doctest::Approx(34.0F).epsilon(0.02));
+  CHECK(s.depth(120, 120) == doctest::Approx(34.0F).epsilon(0.02));
+  CHECK(s.of(120, 100) != s.of(120, 60));
+}
+
 TEST_CASE("planar segments: the same bits in any order of work, and twice") {
   Street a = corner();
   a.measure();

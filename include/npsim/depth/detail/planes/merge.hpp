@@ -211,7 +211,8 @@ void smooth_regions(const Grid& grid, const PlaneOf& plane_of, const UprightBasi
 // keeps its plane there (a laser's topmost line, roofs above it), then a few squares sideways. Of the last squares
 // before the gap the plane with the largest support counts, since the very last may hold the rim of something else.
 // A plane that would be much nearer or farther there ends: it is steep, and how far it goes is not known. Sideways it
-// must also agree with what was made up there, which knows what stands below, but for a third.
+// must also agree with what was made up there, which knows what stands below, but for a third; and in a gap whose far
+// side was measured closely, since what was made up there is interpolated.
 // support(n): of plane n. w_of(n, column, row): its inverse depth in the middle of a square. made_up(column, row, slot):
 // the mean of the inverse depth there.
 template <class Support, class InverseDepth, class MadeUp>
@@ -220,13 +221,31 @@ void extend_planes(const Grid& grid, const Support& support, const InverseDepth&
   constexpr int kSideways = 4;
   constexpr int kBack = 3;
   constexpr float kAgree = 0.33F;
+  constexpr float kAgreeBetween = 0.05F;
   constexpr float kStep = 0.15F;  // of w, from one square to the next
+  // Whether the object was measured again on the far side of the gap that a cell lies in.
+  const auto ends = [&](const Cell& cell, int column, int row, int dx, int dy) {
+    for (int i = column - dx, j = row - dy; i >= 0 && i < grid.columns && j >= 0 && j < grid.rows; i -= dx, j -= dy) {
+      bool goes_on = false;
+      for (int k = 0; k < kSlots; ++k) {
+        const Cell& beyond = cells[grid.cell(i, j, k)];
+        if (!(beyond.area_px > 0.0F) || beyond.label != cell.label || beyond.instance != cell.instance) continue;
+        if (!beyond.blind) return true;
+        goes_on = true;
+      }
+      if (!goes_on) return false;
+    }
+    return false;
+  };
   const auto take = [&](int column, int row, int dx, int dy) {
     for (int slot = 0; slot < kSlots; ++slot) {
       Cell& cell = cells[grid.cell(column, row, slot)];
       if (!cell.blind || cell.plane != kNoPlane) continue;
       float most = 0.0F;
       bool copied = false;
+      const bool between = ends(cell, column, row, dx, dy);
+      const float here = dx != 0 || between ? made_up(column, row, slot) : 0.0F;
+      const float agree = between ? kAgreeBetween : kAgree;
       for (int back = 1; back <= kBack && !copied; ++back) {
         const int i = column + dx * back;
         const int j = row + dy * back;
@@ -237,8 +256,7 @@ void extend_planes(const Grid& grid, const Support& support, const InverseDepth&
           copied = from.blind;  // has chosen already
           if (!copied && !(support(from.plane) > most)) continue;
           const float w = w_of(from.plane, i, j);
-          const float here = dx != 0 ? made_up(column, row, slot) : 0.0F;
-          if (here > 0.0F && !(std::fabs(w_of(from.plane, column, row) - here) <= kAgree * here)) continue;
+          if (here > 0.0F && !(std::fabs(w_of(from.plane, column, row) - here) <= agree * here)) continue;
           if (!(std::fabs(w_of(from.plane, column, row) - w) <= kStep * static_cast<float>(back) * w)) continue;
           most = support(from.plane);
           cell.plane = from.plane;
