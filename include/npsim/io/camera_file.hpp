@@ -3,7 +3,7 @@
 //
 //   {"preset": "dashcam",                                  what the file does not name is the preset's; action-camera
 //    "exposure": {"iso_max": 3200, "f_number": 1.8, "meter": "centre"},
-//    "glare": {"halo": 0.8, "veil": 0.4},
+//    "glare": {"halo": 1.2, "veil": 0.1},
 //    "sensor": {"mosaic": "grbg", "bits": 10, "black": 64, "response": [[...], [...], [...]]},
 //    "noise": {"residual": 1, "table": [[100, 1.46e-4, 2.6e-7], ...]},     rows of ISO, beta1, beta2
 //    "motion": {"velocity_m_s": [0, 0, 14], "objects": [[26001, 0, 0, 10]]}, "flicker": {},

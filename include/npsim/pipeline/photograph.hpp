@@ -117,8 +117,8 @@ struct PhotographParams {
     params.exposure.camera.f_number = 1.8F;
     params.exposure.iso_max = 12800.0F;
     params.motion.readout_s = 0.025F;
-    params.glare.halo = 0.8F;
-    params.glare.veil = 0.4F;
+    params.glare.halo = 1.2F;
+    params.glare.veil = 0.1F;
     params.sensor.bits = 12;
     params.sensor.black = 64.0F;
     params.residual_noise = 0.35F;
@@ -133,8 +133,7 @@ struct PhotographParams {
     PhotographParams params;
     params.exposure.camera.f_number = 1.6F;
     params.exposure.camera.time_s = 1.0F / 60.0F;
-    params.glare.halo = 0.3F;
-    params.glare.veil = 0.1F;
+    params.glare.halo = 0.4F;
     params.sensor.exposures = 3;
     params.sensor.bits = 12;
     params.sensor.black = 64.0F;
@@ -151,8 +150,7 @@ struct PhotographParams {
   [[nodiscard]] static constexpr PhotographParams automotive_raw() noexcept {
     PhotographParams params;
     params.exposure.camera.f_number = 1.6F;
-    params.glare.halo = 0.3F;
-    params.glare.veil = 0.1F;
+    params.glare.halo = 0.4F;
     params.sensor.bits = 12;
     params.sensor.black = 64.0F;
     params.sensor.vignetting = 0.2F;

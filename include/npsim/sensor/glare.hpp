@@ -6,9 +6,9 @@
 // of its own, and a shoulder in place of the pole:
 //   L_veil / E = halo 10 / t^3 + veil 5 / t^2 per sr,   t^2 = theta^2 + core^2, theta in degrees.
 // halo = veil = 1 is a young eye. Lenses are cleaner far from a lamp: halos of street lamps in real nights fall by
-// t^-2.5 to t^-3.6 between 3 and 9 degrees. With the defaults 2 % of a lamp's light goes further than .8 degrees;
-// ISO 9358 measures veiling glare of .5 to 2 % in good clean lenses and several times that in small ones behind a cover
-// or with a film of dirt.
+// t^-3 to t^-3.4 between 2 and 8 degrees and leave the sky further off dark, so there is no square by default; a dirty
+// windscreen has one. With the defaults 2 % of a lamp's light goes further than .8 degrees; ISO 9358 measures veiling
+// glare of .5 to 2 % in good clean lenses and several times that in small ones behind a cover or with a film of dirt.
 //
 // An integral over Gaussians of every width gives such powers:
 //   integral of s^-q exp(-t^2 / (2 s^2)) ds / s = 2^(q/2-1) Gamma(q/2) t^-q,
@@ -39,8 +39,8 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 struct GlareParams {
-  float halo = 0.5F;      // the third power, against the eye's
-  float veil = 0.15F;     // the square; both 0: no glare
+  float halo = 0.8F;      // the third power, against the eye's
+  float veil = 0.0F;      // the square; both 0: no glare
   float core_deg = 0.1F;  // the equation is measured from here on
   // Samples above this, in the unit of the image (cd/m2), scatter as if they were this bright; they themselves keep
   // their value. Bounds the halo of a single wrong or unsampled pixel. A street lamp's lens has 1e4 to 1e5 cd/m2.
