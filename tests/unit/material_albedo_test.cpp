@@ -166,6 +166,27 @@ TEST_CASE("a cast shadow leaves the road, with its colour; its paint stays, and 
   CHECK(mean(wet, 300, 370, 230, 265) / mean(wet, 20, 150, 230, 265) > 2.0);
 }
 
+TEST_CASE("the wide stripes of a crossing stay as bright as they are, while light that changes slowly leaves") {
+  Picture p(480, 270);
+  const auto painted = [](int x, int y) { return y >= 205 && y < 255 && x % 56 < 28; };
+  for (int y = 0; y < 270; ++y) {
+    for (int x = 0; x < 480; ++x) {
+      RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * 480 + x), 0);
+      const bool road = y >= 135;
+      const float light = std::exp2(static_cast<float>(x) / 480.0F - 0.5F);
+      const float value = light * (painted(x, y) ? 0.46F : 0.24F) * (0.9F + 0.2F * r.uniform());
+      p.labels[p.i(x, y)] = road ? label::road : label::sky;
+      p.day[p.i(x, y)] = {encode(value), encode(value), encode(value)};
+    }
+  }
+  REQUIRE(p.run().ok());
+  for (int x = 56; x < 400; x += 56) {
+    INFO("column " << x);
+    CHECK(mean(p, x + 4, x + 24, 215, 245) > 1.6 * mean(p, x + 32, x + 52, 215, 245));
+  }
+  CHECK(mean(p, 425, 475, 150, 190) / mean(p, 5, 55, 150, 190) == doctest::Approx(1.0).epsilon(0.15));  // of 1.8 by day
+}
+
 TEST_CASE("two cars of one paint, one in the shadow, come out alike; sky in a pane does not") {
   Picture p = street({1, 1, 1}, Dark::shadow);
   p.instances.assign(p.shape.pixels(), 0);

@@ -9,7 +9,8 @@
 //    median over all edges of the road.
 // 4. Penumbra: within a few pixels of an edge the share of the sun is the mean of its posterior over nine levels.
 // 5. What light is left (a sky half hidden, indirect light) changes slowly: layers of lit and shadowed ground are each
-//    brought to one level over 32 px.
+//    brought to one level over 32 px. Where what is brighter than the mean of wider surroundings is much brighter than
+//    the rest of them, it is paint and has no say: the stripes of a crossing are as wide as the window.
 // 6. Under vehicles nothing lights the ground. What is much darker than its light explains within 30 px of a vehicle is
 //    brought to the level of the ground, in overcast scenes too.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_GROUND_LIGHT_HPP
@@ -47,6 +48,8 @@ struct GroundLightParams {
   float edge_far_px = 16.0F;
   float penumbra_px = 6.0F;
   float layer_px = 32.0F;
+  float paint_px = 48.0F;
+  float paint_step = 0.6F;  // log2 of paint over what it is painted on, at least
   float contact_px = 30.0F;
   float min_edge_drop = 0.75F;        // of the mixture's drop, measured at edges
   float min_drop_of_pavement = 1.0F;  // pavements are of several materials: weak light is not told from them
@@ -343,8 +346,9 @@ Status level_layers(const GroundLightParams& p, const Picture& picture, Workspac
                     Executor& executor) {
   const WorkspaceScope scope(workspace);
   const Shape shape = picture.shape();
-  Plane lit, shade;
-  for (Plane* plane : {&lit, &shade}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *plane));
+  Plane middle, low, high, lit, shade;
+  for (Plane* plane : {&middle, &low, &high, &lit, &shade})
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *plane));
   const auto residual = [&](int x, int y) {
     const LightMixture& m = out.mixture[picture.region(x, y)];
     return picture.log_y(x, y) - log_light(out.sun(x, y), out.ratio_y) - m.sun_y;
@@ -352,12 +356,25 @@ Status level_layers(const GroundLightParams& p, const Picture& picture, Workspac
   const auto plain = [&](int x, int y) {
     return picture.is_ground(x, y) && out.mixture[picture.region(x, y)].known && std::fabs(residual(x, y)) < 1.0F;
   };
-  const auto is_lit = [&](int x, int y) { return plain(x, y) && out.sun(x, y) > 0.9F ? 1.0F : 0.0F; };
-  const auto is_shade = [&](int x, int y) { return plain(x, y) && out.sun(x, y) < 0.1F ? 1.0F : 0.0F; };
-  const int radius = picture.radius(p.layer_px);
-  const float prior = 0.02F * static_cast<float>((2 * radius + 1) * (2 * radius + 1));
-  NPSIM_RETURN_IF_ERROR(window_mean(is_lit, residual, radius, prior, 0.0F, workspace, lit, executor));
-  NPSIM_RETURN_IF_ERROR(window_mean(is_shade, residual, radius, prior, 0.0F, workspace, shade, executor));
+  const auto is_lit = [&](int x, int y) { return plain(x, y) && out.sun(x, y) > 0.9F; };
+  const auto is_shade = [&](int x, int y) { return plain(x, y) && out.sun(x, y) < 0.1F; };
+  const auto least = [&](int radius) { return 0.02F * static_cast<float>((2 * radius + 1) * (2 * radius + 1)); };
+  const auto layer = [&](const auto& inside, Plane mean) {
+    const auto all = [&](int x, int y) { return inside(x, y) ? 1.0F : 0.0F; };
+    const auto above = [&](int x, int y) { return inside(x, y) && residual(x, y) > middle(x, y) ? 1.0F : 0.0F; };
+    const auto below = [&](int x, int y) { return inside(x, y) && residual(x, y) <= middle(x, y) ? 1.0F : 0.0F; };
+    const auto bare = [&](int x, int y) {
+      return inside(x, y) && (residual(x, y) <= middle(x, y) || high(x, y) - low(x, y) < p.paint_step) ? 1.0F : 0.0F;
+    };
+    const int wide = picture.radius(p.paint_px);
+    const int near = picture.radius(p.layer_px);
+    NPSIM_RETURN_IF_ERROR(window_mean(all, residual, wide, least(wide), 0.0F, workspace, middle, executor));
+    NPSIM_RETURN_IF_ERROR(window_mean(above, residual, wide, 0.0F, 0.0F, workspace, high, executor));
+    NPSIM_RETURN_IF_ERROR(window_mean(below, residual, wide, 0.0F, 0.0F, workspace, low, executor));
+    return window_mean(bare, residual, near, least(near), 0.0F, workspace, mean, executor);
+  };
+  NPSIM_RETURN_IF_ERROR(layer(is_lit, lit));
+  NPSIM_RETURN_IF_ERROR(layer(is_shade, shade));
   for_pixels(shape, executor, [&](int x, int y) {
     const float s = out.sun(x, y);
     out.level(x, y) = picture.is_ground(x, y) ? shade(x, y) + (lit(x, y) - shade(x, y)) * s : 0.0F;
