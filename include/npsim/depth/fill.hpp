@@ -4,7 +4,8 @@
 // Depth is continued within its object only, in inverse depth, which is linear in the image on every plane, by the
 // field of least absolute slope and curvature with the valid pixels fixed (detail/fill/second_order.hpp): planes go on
 // in holes, and meet in creases. For the ground classes slope counts from the plane that fits all valid pixels of the
-// class, so that the ground also goes on as a plane beyond the last measurement. A region without any valid pixel takes
+// class, so that the ground also goes on as a plane beyond the last measurement, and kinds of ground meet at their
+// borders. Points of a laser are joined first (detail/fill/scan_lines.hpp). A region without any valid pixel takes
 // the plane of its class (ground that determines none: of the largest ground class), else what surrounds it. Labels
 // without a surface (the sky) get 0 and are never a source. Without labels the image is one region.
 //
@@ -30,6 +31,7 @@
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/detail/fill/scan_lines.hpp"
 #include "npsim/depth/detail/fill/second_order.hpp"
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/labels/cityscapes.hpp"
@@ -40,12 +42,14 @@ inline namespace NPSIM_ABI {
 struct FillParams {
   LabelSet no_surface = kNoSurfaceLabels;
   LabelSet planar = kGroundLabels;
-  float ground_outlier = 2;  // farther than this many times the near ground: filled anew; 0: kept
-  int max_sweeps = 32;       // per level
-  float tolerance = 1e-5F;   // stop when no inverse depth changes by more than this share of itself in one sweep
-  float relaxation = 1.8F;   // of the over-relaxation, in (0, 2)
-  float edge = 0.005F;       // slopes and curvatures of 1/z per pixel below this share of it count as squares
-  float edge_inverse = 0;    // 1/m, on top: the noise of stereo is uniform in 1/z
+  float ground_outlier = 2;    // farther than this many times the near ground: filled anew; 0: kept
+  int max_sweeps = 32;         // per level
+  float tolerance = 1e-5F;     // stop when no inverse depth changes by more than this share of itself in one sweep
+  float relaxation = 1.8F;     // of the over-relaxation, in (0, 2)
+  float edge = 0.005F;         // slopes and curvatures of 1/z per pixel below this share of it count as squares
+  float edge_inverse = 0;      // 1/m, on top: the noise of stereo is uniform in 1/z
+  bool laser = false;          // the depth is a laser's: neighbouring points are joined
+  float same_surface = 0.06F;  // of 1/z, that neighbours on such a line differ by at most
 };
 
 [[nodiscard]] constexpr std::size_t fill_workspace_bytes(const FillParams&, Shape shape) noexcept {
@@ -61,8 +65,9 @@ struct FillParams {
   if (!(params.tolerance >= 0) || !(params.relaxation > 0 && params.relaxation < 2)) {
     return {StatusCode::invalid_argument, "fill_depth: tolerance must not be negative, relaxation must lie in (0, 2)"};
   }
-  if (!(params.edge > 0) || !(params.edge_inverse >= 0)) {
-    return {StatusCode::invalid_argument, "fill_depth: edge must be positive, edge_inverse not negative"};
+  if (!(params.edge > 0) || !(params.edge_inverse >= 0) || !(params.same_surface >= 0)) {
+    return {StatusCode::invalid_argument,
+            "fill_depth: edge must be positive, edge_inverse and same_surface not negative"};
   }
   if (!(params.ground_outlier == 0 || (params.ground_outlier >= 1 && params.ground_outlier <= 1e6F))) {
     return {StatusCode::invalid_argument, "fill_depth: ground_outlier must be 0 or lie in 1..1e6"};
@@ -358,6 +363,10 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, state.kind));
   if (describe_classes(params, depth, state) == 0) {
     return {StatusCode::no_valid_input, "fill_depth: no pixel of a surface has a usable depth"};
+  }
+  if (params.laser) {
+    const auto same = [&](int x, int y, int u, int v) { return state.objects.same(x, y, u, v); };
+    join_scan_lines(params.same_surface, same, state.w, state.steps);
   }
   initialise(state);
   std::array<FillSlope, 256> slopes;

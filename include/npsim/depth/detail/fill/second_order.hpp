@@ -39,8 +39,9 @@ inline constexpr int kFillMaxLevels = 16;
 // Of a coupling between objects, but for the ground, whose plane says more. Absolute differences make it nearly
 // harmless: where an object knows its own depth a step to its neighbour costs the same wherever the object lies; where
 // it does not, the neighbour says. Labels are drawn by hand, and a hole often leaves an object no sample but those on
-// its border.
+// its border. Kinds of ground lie one beside the other: a pavement that ends at its own height hangs over the road.
 inline constexpr float kFillAcross = 0.1F;
+inline constexpr float kFillAcrossGround = 0.5F;
 
 // Bits of FillLevel::links: which pixels around a free one belong to its terms.
 enum FillLink : std::uint16_t {
@@ -144,8 +145,15 @@ struct FillTerms {
     return other.plane ? level.w(i, j) + level.plane_at(other, i, j) : level.w(i, j);
   };
   const auto side = [&](unsigned own, unsigned other, int dx, int dy) {
-    if (has(own)) t.add(here - (orphan ? whole(x + dx, y + dy) : w[dx + dy * stride]), 1.0F, 1.0F, first);
-    if (has(other) && !slope.plane) t.add(here - whole(x + dx, y + dy), 1.0F, kFillAcross, first);
+    const int i = x + dx;
+    const int j = y + dy;
+    if (has(own)) t.add(here - (orphan ? whole(i, j) : w[dx + dy * stride]), 1.0F, 1.0F, first);
+    if (!has(other)) return;
+    if (!slope.plane) {
+      t.add(here - whole(i, j), 1.0F, kFillAcross, first);
+    } else if (slopes[level.label_at(i, j)].plane) {
+      t.add(here + level.plane_at(slope, i, j) - whole(i, j), 1.0F, kFillAcrossGround, first);
+    }
   };
   side(kLeft, kOtherLeft, -1, 0);
   side(kRight, kOtherRight, 1, 0);

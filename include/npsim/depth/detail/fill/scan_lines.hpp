@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+// What lies between neighbouring points of a laser.
+//
+// A scanner samples its lines more densely than the picture across them: 7 px along and 25 px across with 32 lines at
+// 1400 px. In a field that is smooth in the plane such points are spikes, for a point binds it next to nothing; a line
+// binds it. So neighbours on a line whose inverse depth differs by little, which is one surface as a rule, are joined by
+// a straight line in inverse depth, and so is what one line and the next meet at one depth: poles, and facades that face
+// the camera. What is joined is a source like the points.
+#ifndef NPSIM_DEPTH_DETAIL_FILL_SCAN_LINES_HPP
+#define NPSIM_DEPTH_DETAIL_FILL_SCAN_LINES_HPP
+
+#include <cmath>
+#include <cstdint>
+
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+namespace depth_detail {
+
+// The width of the picture over them: how far apart neighbours on a line are at most, and things on other lines; how
+// far aside these may lie.
+inline constexpr int kAlong = 48;
+inline constexpr int kAcross = 24;
+inline constexpr int kAside = 400;
+inline constexpr int kTilt_px = 2;             // rows by which a line may rise to its next point
+inline constexpr float kSameDistance = 0.01F;  // of 1/z
+
+struct Source {
+  int x = -1, y = -1;  // none
+};
+
+// The next source within `reach` steps of (dx, dy) from a pixel, or up to `aside` pixels beside it.
+[[nodiscard]] inline Source next_source(ImageView<const std::int32_t> steps, int x, int y, int dx, int dy, int reach,
+                                        int aside) noexcept {
+  for (int i = 1; i <= reach; ++i) {
+    for (int k = 0; k <= 2 * aside; ++k) {
+      const int off = k % 2 == 0 ? k / 2 : -(k + 1) / 2;
+      const Source at{x + dx * i + dy * off, y + dy * i + dx * off};
+      if (steps.contains(at.x, at.y) && steps(at.x, at.y) == 0) return at;
+    }
+  }
+  return {};
+}
+
+// w: inverse depth; steps: 0 where it is given. Pixels between joined points become given ones; same(x, y, u, v) tells
+// whether two pixels are of one object. `along`: that neighbours on a line may differ by, of the larger inverse depth.
+// Where two joints cross, the nearer hides the other.
+template <class Same>
+void join_scan_lines(float along, const Same& same, ImageView<float> w, ImageView<std::int32_t> steps) noexcept {
+  constexpr std::int32_t kJoined = -1;  // is no point that lines start from
+  const auto join = [&](int x, int y, int dx, int dy, int reach, int aside, float differ) {
+    const Source to = next_source(steps, x, y, dx, dy, reach, aside);
+    if (to.x < 0) return;
+    const float a = w(x, y);
+    const float b = w(to.x, to.y);
+    if (!(std::fabs(a - b) <= differ * (a > b ? a : b)) || !same(x, y, to.x, to.y)) return;
+    const int n = dx != 0 ? to.x - x : to.y - y;
+    for (int i = 1; i < n; ++i) {
+      const float t = static_cast<float>(i) / static_cast<float>(n);
+      const int u = x + static_cast<int>(std::lround(t * static_cast<float>(to.x - x)));
+      const int v = y + static_cast<int>(std::lround(t * static_cast<float>(to.y - y)));
+      const float between = a + (b - a) * t;
+      if (steps(u, v) == 0 || (steps(u, v) == kJoined && w(u, v) > between) || !same(x, y, u, v)) continue;
+      w(u, v) = between;
+      steps(u, v) = kJoined;
+    }
+  };
+  const int width = w.width();
+  for (int y = 0; y < w.height(); ++y) {
+    for (int x = 0; x < width; ++x) {
+      if (steps(x, y) != 0) continue;
+      join(x, y, 0, 1, width / kAcross, width / kAside, kSameDistance);
+      join(x, y, 1, 0, width / kAlong, kTilt_px, along);
+    }
+  }
+  for (int y = 0; y < w.height(); ++y) {
+    for (int x = 0; x < w.width(); ++x) {
+      if (steps(x, y) == kJoined) steps(x, y) = 0;
+    }
+  }
+}
+
+}  // namespace depth_detail
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_DEPTH_DETAIL_FILL_SCAN_LINES_HPP
