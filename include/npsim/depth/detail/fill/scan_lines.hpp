@@ -3,8 +3,8 @@
 //
 // A scanner samples its lines more densely than the picture across them: 7 px along and 25 px across with 32 lines at
 // 1400 px. In a field that is smooth in the plane such points are spikes, for a point binds it next to nothing; a line
-// binds it. So neighbours on a line whose inverse depth differs by little, which is one surface as a rule, are joined by
-// a straight line in inverse depth, and so is what one line and the next meet at one depth: poles, and facades that face
+// binds it. So neighbours on a line whose inverse depth differs by little, one surface as a rule, are joined by
+// a straight line in inverse depth, and so is what two lines meet at one distance: poles, and facades that face
 // the camera. What is joined is a source like the points.
 #ifndef NPSIM_DEPTH_DETAIL_FILL_SCAN_LINES_HPP
 #define NPSIM_DEPTH_DETAIL_FILL_SCAN_LINES_HPP
