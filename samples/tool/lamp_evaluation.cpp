@@ -66,10 +66,8 @@ Status placed_lamps(const PlacementParams& params, const SceneView& scene, const
   out.resize(scene.lights.size());
   std::size_t count = 0;
   Workspace workspace(memory.data(), memory.size());
-  const PlacementScene known{scene.camera,      refined.ground,          scene.lights,
-                             scene.light_index, refined.surface_depth(), refined.labels,
-                             scene.instances,   refined.uncertain,       refined.normals};
-  NPSIM_RETURN_IF_ERROR(place_lights(params, known, workspace, Span<Emitter>(out.data(), out.size()), count));
+  NPSIM_RETURN_IF_ERROR(
+      place_lights(params, placement_scene(scene, refined), workspace, Span<Emitter>(out.data(), out.size()), count));
   out.resize(count);
   return {};
 }

@@ -221,6 +221,7 @@ Status TrueDepthAsRefined::take(const SceneView& scene, const RefinedDepth& like
                                         workspace, refined.ground));
   refined.depth = depth.view();
   refined.mesh_depth = {};
+  refined.confidence = {};
   refined.surface = surface.view();
   refined.uncertain = uncertain.view();
   return {};

@@ -22,18 +22,28 @@ struct KeptDepth {
   io::Image<Label> labels;
   io::Image<std::uint8_t> surface, uncertain;
   io::Image<Vec3f> normals;
-  RefinedDepth like;  // for what is no plane
+  io::Image<float> confidence;  // of measured depth
+  RefinedDepth like;            // for what is no plane
 
   static KeptDepth of(const RefinedDepth& refined) {
     const Shape shape = refined.depth.shape();
-    KeptDepth kept{io::Image<float>(shape),        io::Image<Label>(shape), io::Image<std::uint8_t>(shape),
-                   io::Image<std::uint8_t>(shape), io::Image<Vec3f>(shape), refined};
+    KeptDepth kept{io::Image<float>(shape),
+                   io::Image<Label>(shape),
+                   io::Image<std::uint8_t>(shape),
+                   io::Image<std::uint8_t>(shape),
+                   io::Image<Vec3f>(shape),
+                   io::Image<float>(),
+                   refined};
     copy_pixels(refined.surface_depth(), kept.depth.view());
     copy_pixels(refined.labels, kept.labels.view());
     copy_pixels(refined.surface, kept.surface.view());
     copy_pixels(refined.uncertain, kept.uncertain.view());
     copy_pixels(refined.normals, kept.normals.view());
-    kept.like.filled = kept.like.confidence = {};  // nights need none of these
+    if (!refined.confidence.empty()) {
+      kept.confidence = io::Image<float>(shape);
+      copy_pixels(refined.confidence, kept.confidence.view());
+    }
+    kept.like.filled = {};  // nights need neither
     kept.like.planes = PlanarMap{};
     return kept;
   }
@@ -45,6 +55,7 @@ struct KeptDepth {
     out.surface = surface.view();
     out.uncertain = uncertain.view();
     out.normals = normals.view();
+    out.confidence = confidence.view();
     return out;
   }
 };

@@ -64,6 +64,7 @@ struct PlacementScene {
   ImageView<const std::uint16_t> instances;  // equal id and label = same object
   ImageView<const std::uint8_t> uncertain;   // not 0: the depth is not to be trusted
   ImageView<const Vec3f> normals;
+  ImageView<const float> confidence;  // of measured depth: 1 where it was measured; of other depth empty
 };
 
 inline constexpr std::size_t kMaxLightMarks = 65535;  // an index plane can name no more
@@ -92,7 +93,7 @@ inline constexpr std::size_t kMaxLightMarks = 65535;  // an index plane can name
   const Shape shape = s.light_index.shape();
   const auto agrees = [&](const auto& plane) { return plane.empty() || plane.shape() == shape; };
   if (s.light_index.empty() || s.depth.shape() != shape || !agrees(s.labels) || !agrees(s.instances) ||
-      !agrees(s.uncertain) || !agrees(s.normals)) {
+      !agrees(s.uncertain) || !agrees(s.normals) || !agrees(s.confidence)) {
     return Status(StatusCode::shape_mismatch, "placement: every plane must have the shape of the light index");
   }
   if (s.marks.size() > kMaxLightMarks) return Status(StatusCode::capacity_exceeded, "placement: more than 65535 marks");
@@ -390,8 +391,8 @@ inline void outline_surfaces(Placing& all, Span<PlaneSample> samples) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(scene));
   const Span<const LightMark> marks = scene.marks;
   const WorkspaceScope scope(workspace);
-  light_detail::Placing all{p,  scene, {scene.light_index, scene.depth, scene.labels, scene.uncertain}, {}, {}, {}, {},
-                            {}, {}};
+  const RegionInput in{scene.light_index, scene.depth, scene.labels, scene.uncertain, scene.confidence};
+  light_detail::Placing all{p, scene, in, {}, {}, {}, {}, {}, {}};
   Span<light_detail::PlaneSample> samples;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(marks.size() + 1, all.regions));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(marks.size(), all.lamps));

@@ -206,6 +206,22 @@ struct RelightSize {
   return (2 * emitters + 1) * allocation_bytes<std::uint16_t>(light_tiles(shape).pixels() * kLightBlock);
 }
 
+// What lamps are placed by.
+[[nodiscard]] inline PlacementScene placement_scene(const SceneView& scene, const RefinedDepth& refined) noexcept {
+  PlacementScene out;
+  out.camera = scene.camera;
+  out.ground = refined.ground;
+  out.marks = scene.lights;
+  out.light_index = scene.light_index;
+  out.depth = refined.surface_depth();
+  out.labels = refined.labels;
+  out.instances = scene.instances;
+  out.uncertain = refined.uncertain;
+  out.normals = refined.normals;
+  out.confidence = refined.confidence;
+  return out;
+}
+
 namespace relight_detail {
 
 inline constexpr float kPi = 3.14159265F;
@@ -228,9 +244,7 @@ inline constexpr float kInversePi = 0.31830989F;
       emitters[count++] = lamp;
     }
   } else {
-    const PlacementScene known{scene.camera,      refined.ground,          scene.lights,
-                               scene.light_index, refined.surface_depth(), refined.labels,
-                               scene.instances,   refined.uncertain,       refined.normals};
+    const PlacementScene known = placement_scene(scene, refined);
     if (!scene.light_index.empty() && !scene.lights.empty()) {
       NPSIM_RETURN_IF_ERROR(
           place_lights(params.placement, known, workspace, emitters.sub(0, scene.lights.size()), count));

@@ -51,6 +51,7 @@ struct RegionInput {
   ImageView<const float> depth;
   ImageView<const Label> labels;            // may be empty
   ImageView<const std::uint8_t> uncertain;  // may be empty
+  ImageView<const float> confidence;        // of measured depth: 1 where it was measured; of other depth empty
 };
 
 namespace light_detail {

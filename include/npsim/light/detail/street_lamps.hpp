@@ -4,9 +4,10 @@
 // error that is to be expected of it, and they are combined by their inverse variances:
 //   foot   where the pole's lowest pixel touches the ground: z = (camera height - height of the ground there) / fall.
 //          A row's error dv gives dz/z = z dv / (f camera height), and so does a tilt of the plane for f times it.
-//   pole   depth of the pole's pixels. A thing w pixels wide keeps a share of itself in a blurred depth, the rest is
-//          what is beside it: ln z = ln z_seen - c ln(z_beside / z_seen), with c falling with w; as much as c is not
-//          known, z is not. Depth that does not stand out from what is beside it says nothing of the pole.
+//   pole   depth of the pole's pixels. What stereo or a laser measured is of one thing, as it is. Else a thing w pixels
+//          wide keeps a share of itself in a blurred depth, the rest is what is beside it:
+//          ln z = ln z_seen - c ln(z_beside / z_seen), with c falling with w; as much as c is not known, z is not.
+//          Depth that does not stand out from what is beside it says nothing of the pole.
 //   head   depth of the head's own pixels, likewise. Without a pole a head that does not stand out hangs on the wall.
 //   sign   depth of a sign or signal on the pole: it is wider.
 //   row    lamps of one class hang equally high: the height on which those agree that have evidence of their own gives
@@ -233,12 +234,20 @@ template <class Visit>
 
 inline constexpr float kContrast = 0.07F;  // of ln z: below it a thing does not stand out from what is beside it
 
-// Depth beside a thing that spans columns x0..x1 of a row; 0 where there is only sky.
+// What was not measured was made up from what lies around it.
+[[nodiscard]] inline bool is_measured(const RegionInput& in, int x, int y) noexcept {
+  return in.confidence.empty() || in.confidence(x, y) == 1.0F;
+}
+
+// Depth beside a thing that spans columns x0..x1 of a row; 0 where there is only sky or nothing was measured.
 [[nodiscard]] inline float depth_beside(const RegionInput& in, int x0, int x1, int y) noexcept {
   float sum = 0.0F;
   int count = 0;
   for (const int x : {x0 - 3, x1 + 3}) {
-    if (x < 0 || x >= in.depth.width() || kPoleLabels.contains(in.labels(x, y)) || !is_surface(in, x, y)) continue;
+    if (x < 0 || x >= in.depth.width() || kPoleLabels.contains(in.labels(x, y)) || !is_surface(in, x, y) ||
+        !is_measured(in, x, y)) {
+      continue;
+    }
     sum += std::log(in.depth(x, y));
     ++count;
   }
@@ -256,13 +265,21 @@ inline void add_pole_depth(const LampView& lamp, const Pole& pole, Span<float> s
   float shares = 0.0F;
   (void)follow_pole(lamp, pole.top_x, pole.top_y, [&](int x, int y) {
     if (!kPoleLabels.contains(in.labels(x, y))) {
-      if (is_surface(in, x, y) && signs < of_signs.size()) of_signs[signs++] = in.depth(x, y);
+      if (is_surface(in, x, y) && is_measured(in, x, y) && signs < of_signs.size()) of_signs[signs++] = in.depth(x, y);
       return;
     }
     int x0 = x;
     int x1 = x;
     while (x0 > 0 && kPoleLabels.contains(in.labels(x0 - 1, y))) --x0;
     while (x1 + 1 < in.labels.width() && kPoleLabels.contains(in.labels(x1 + 1, y))) ++x1;
+    if (!in.confidence.empty()) {
+      const float behind = depth_beside(in, x0, x1, y);
+      for (int at = x0; at <= x1 && rows < of_pole.size(); ++at) {
+        const bool lost = behind > 0.0F && std::log(behind / in.depth(at, y)) < kContrast;
+        if (is_measured(in, at, y) && is_surface(in, at, y) && !lost) of_pole[rows++] = in.depth(at, y);
+      }
+      return;
+    }
     const int nearest = in.depth(x0, y) < in.depth(x, y) ? x0 : (in.depth(x1, y) < in.depth(x, y) ? x1 : x);
     if (!is_surface(in, nearest, y) || rows == of_pole.size()) return;
     const float seen = in.depth(nearest, y);
@@ -308,7 +325,8 @@ inline void add_head(const LampView& lamp, const LightRegion& r, std::uint16_t v
                      Evidence& evidence) noexcept {
   const RegionInput& in = lamp.in;
   const auto taken = [&](int x, int y, bool certain) {
-    return in.light_index(x, y) == value && is_surface(in, x, y) && (!certain || is_certain(in, x, y)) &&
+    return in.light_index(x, y) == value && is_surface(in, x, y) && is_measured(in, x, y) &&
+           (!certain || is_certain(in, x, y)) &&
            (in.labels.empty() || alone || kLampHeadLabels.contains(in.labels(x, y)));
   };
   const std::size_t enough = std::max<std::size_t>(2, r.pixels / 10);
@@ -333,7 +351,7 @@ inline void add_head(const LampView& lamp, const LightRegion& r, std::uint16_t v
   }
 }
 
-// z of the farthest surface around a head; kMaxLightDepth where it hangs before the sky.
+// z of the farthest surface around a head; kMaxLightDepth where it hangs before the sky or nothing was measured.
 [[nodiscard]] inline float depth_behind(const RegionInput& in, const LightRegion& r) noexcept {
   const int middle_x = (r.x0 + r.x1) / 2;
   const int middle_y = (r.y0 + r.y1) / 2;
@@ -343,7 +361,7 @@ inline void add_head(const LampView& lamp, const LightRegion& r, std::uint16_t v
     const int x = at[0];
     const int y = at[1];
     if (x < 0 || y < 0 || x >= in.depth.width() || y >= in.depth.height()) continue;
-    if (!is_surface(in, x, y)) return kMaxLightDepth;
+    if (!is_surface(in, x, y) || !is_measured(in, x, y)) return kMaxLightDepth;
     farthest = std::max(farthest, in.depth(x, y));
   }
   return farthest > 0.0F ? farthest : kMaxLightDepth;
