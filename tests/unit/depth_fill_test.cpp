@@ -132,11 +132,42 @@ TEST_CASE("grass beside the road, measured only ahead, goes on as ground in the 
     for (int x = 0; x < 80; ++x) s.depth(x, y) = 0;
   }
   REQUIRE(s.run().ok());
-  // Its own plane goes on; where the road is, .2 to 1 % nearer, the two meet.
+  // Its own plane goes on, but meets the road, which lies .2 to .8 % farther: wholly at the border, less the farther off.
   CHECK(s.worst_relative_error(label::terrain) < 0.008);
   for (int y = 60; y < 100; ++y) {
     for (int x = 0; x < 50; ++x) CHECK(s.relative_error(x, y) < 1e-3);
   }
+}
+
+TEST_CASE("a bank that meets the road in a crease stays exact in a hole across the crease") {
+  Scene s({240, 120}, label::road);
+  for (int y = 0; y < 120; ++y) {
+    for (int x = 0; x < 240; ++x) {
+      const bool bank = x >= 120;
+      s.truth(x, y) = static_cast<float>(1.0 / (0.05 + 0.002 * y + (bank ? 0.0015 * (x - 119.5) : 0.0)));
+      s.labels(x, y) = bank ? label::terrain : label::road;
+      if (x < 100 || x >= 140) s.depth(x, y) = s.truth(x, y);
+    }
+  }
+  REQUIRE(s.run().ok());
+  CHECK(s.worst_relative_error() < 0.02);
+}
+
+TEST_CASE("an echo from far beneath the road is dropped also where a line of a laser passes it") {
+  Scene s({480, 240}, label::road);
+  for (int y = 0; y < 240; ++y) {
+    for (int x = 0; x < 480; ++x) {
+      s.truth(x, y) = 600.0F / static_cast<float>(y + 105);
+      if (y % 8 == 0 && x % 4 == 0) s.depth(x, y) = s.truth(x, y);
+    }
+  }
+  s.depth(240, 104) = 60.0F;
+  FillParams laser;
+  laser.laser = true;
+  const SerialExecutor serial;
+  REQUIRE(s.run(serial, true, laser).ok());
+  CHECK(s.relative_error(240, 104) < 0.01);
+  CHECK(s.filled(240, 104) == 1);
 }
 
 TEST_CASE("a pavement between the lines of a laser does not end at its own height above the road, but meets it") {
@@ -180,7 +211,8 @@ TEST_CASE(
       if (y % 8 == 0 && x % 6 == 0) s.depth(x, y) = s.truth(x, y);
     }
   }
-  s.depth(240, 56) = kNaN;  // a drop-out
+  for (int x = 60; x <= 102; x += 6) s.depth(x, 40) = 20.0F;  // a rail that one line meets
+  s.depth(240, 56) = kNaN;                                    // a drop-out
   s.depth(234, 56) = kNaN;
   const SerialExecutor serial;
   FillParams laser;
@@ -191,8 +223,10 @@ TEST_CASE(
     CHECK(s.out(240, y) == doctest::Approx(8.0F));
     CHECK(s.out(120, y) == doctest::Approx(30.0F));
   }
+  for (int x = 60; x <= 102; ++x) CHECK(s.out(x, 40) == doctest::Approx(20.0F));
   REQUIRE(s.run(false).ok());
   CHECK(s.out(240, 56) > 9.0F);
+  CHECK(s.out(81, 40) > 20.3F);
 }
 
 TEST_CASE("stereo mismatches far beneath the near road neither stay nor spread; a slope far ahead is kept") {

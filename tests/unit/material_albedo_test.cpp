@@ -187,6 +187,21 @@ TEST_CASE("the wide stripes of a crossing stay as bright as they are, while ligh
   CHECK(mean(p, 425, 475, 150, 190) / mean(p, 5, 55, 150, 190) == doctest::Approx(1.0).epsilon(0.15));  // of 1.8 by day
 }
 
+TEST_CASE("a strip of road between cars that lies in more light is no paint") {
+  Picture p(480, 270);
+  for (int y = 0; y < 270; ++y) {
+    for (int x = 0; x < 480; ++x) {
+      const bool strip = x >= 236 && x < 242 && y >= 150 && y < 250;
+      const bool car = !strip && y >= 150 && y < 250 && x > 150 && x < 330;
+      const float value = strip ? 0.42F : (car ? 0.1F : 0.24F);  // .8 of a stop up
+      p.labels[p.i(x, y)] = y < 135 ? label::sky : (car ? label::car : label::road);
+      p.day[p.i(x, y)] = {encode(value), encode(value), encode(value)};
+    }
+  }
+  REQUIRE(p.run().ok());
+  CHECK(mean(p, 237, 241, 190, 210) < 1.3 * mean(p, 20, 120, 215, 260));
+}
+
 TEST_CASE("two cars of one paint, one in the shadow, come out alike; sky in a pane does not") {
   Picture p = street({1, 1, 1}, Dark::shadow);
   p.instances.assign(p.shape.pixels(), 0);

@@ -12,7 +12,7 @@
 // Invariant: valid depths on surfaces come out unchanged, except those far beneath the near ground (stereo mismatches,
 // which would otherwise spread over the hole they stand in), and every other surface pixel gets a positive depth within
 // a factor 4 of the range of valid depths of its label. Depths outside 1e-4..1e6 m are kept but not used.
-// Method: start from the nearest valid pixel of the object along 4-connected paths, then coarse to fine.
+// Method: start from the nearest valid or joined pixel of the object along 4-connected paths, then coarse to fine.
 // Cost: O(pixels) + sweeps over the filled pixels, and up to three passes over the image per planar label. Memory: 14
 // bytes per pixel, 8 KiB of stack. Deterministic for any executor.
 #ifndef NPSIM_DEPTH_FILL_HPP
@@ -93,7 +93,7 @@ struct FillClass {
 struct FillState {
   ObjectMap objects;              // without labels: one class
   ImageView<float> w;             // inverse depth
-  ImageView<std::int32_t> steps;  // length of the path to the valid pixel that a pixel started from; 0: valid itself
+  ImageView<std::int32_t> steps;  // length of the path to the pixel that a pixel started from; 0: valid or joined
   ImageView<std::uint8_t> kind;   // FillKind
   std::array<FillClass, 256> classes;
 

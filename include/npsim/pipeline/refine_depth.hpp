@@ -387,7 +387,7 @@ template <class Executor>
   if (continued) NPSIM_RETURN_IF_ERROR(continue_ground(out.ground, scene.camera, scene.depth, measured, workspace));
   FillParams fill = params.fill;
   if (out.noise.power == 0) fill.edge_inverse += 1.2F * out.noise.amplitude;
-  fill.laser = params.use_source && out.source == DepthSource::lidar;
+  fill.laser = fill.laser || (params.use_source && out.source == DepthSource::lidar);
   NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), objects, out.depth,
                                    ImageView<std::uint8_t>(), workspace, executor));
   for (int y = 0; y < (continued ? shape.height : 0); ++y) {

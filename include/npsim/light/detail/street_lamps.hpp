@@ -186,7 +186,7 @@ template <class Visit>
   return false;
 }
 
-// The longest pole that begins within an arm's reach of the head; no rows where there is none.
+// The longest pole that begins below the head, else within an arm's reach of it; no rows where there is none.
 [[nodiscard]] inline Pole find_pole(const LampView& lamp, const LightRegion& r, const StreetLamp& l) noexcept {
   const ImageView<const Label>& labels = lamp.in.labels;
   // What an arm spans is judged at the distance of a default lamp.
@@ -200,6 +200,7 @@ template <class Visit>
   const int shortest = std::max(6, 2 * (r.y1 - r.y0 + 1));
   Pole best;
   for (int d = 0; d <= reach; ++d) {
+    if (best.rows > 0 && d == (r.x1 - r.x0) / 2 + 1) break;
     for (const int x : {middle - d, middle + d}) {
       if (x < 0 || x >= labels.width()) continue;
       for (int y = r.y0; y <= std::min(r.y1 + drop, labels.height() - 1); ++y) {
@@ -336,12 +337,12 @@ inline void add_head(const LampView& lamp, const LightRegion& r, std::uint16_t v
     if (own.size() < enough) continue;
     const float seen = robust_median(own);
     const int width = std::min(r.x1 - r.x0, r.y1 - r.y0) + 1;
-    const float share = mixed_share(in, width, certain);
+    const float share = in.confidence.empty() ? mixed_share(in, width, certain) : 0.0F;
     const float beside = in.labels.empty() ? 0.0F : depth_beside(in, r.x0, r.x1, (r.y0 + r.y1) / 2);
     const float contrast = beside > 0.0F ? std::log(beside / seen) : 0.0F;
     if (!(beside > 0.0F)) {
-      evidence.add(seen,
-                   kDepthError + std::max(kSkyError_px / static_cast<float>(width), mixed_share(in, width, false)));
+      const float mixed = in.confidence.empty() ? mixed_share(in, width, false) : 0.0F;
+      evidence.add(seen, kDepthError + std::max(kSkyError_px / static_cast<float>(width), mixed));
     } else if (contrast >= kContrast) {
       evidence.add(seen * std::exp(-share * contrast), mixing_error(share, contrast));
     } else if (alone) {

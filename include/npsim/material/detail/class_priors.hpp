@@ -54,8 +54,8 @@ inline constexpr std::array<SurfacePrior, kLabelCount> kSurfacePriors = {{
     {0.40F, 0.15F},  // caravan
     {0.25F, 0.20F},  // trailer
     {0.30F, 0.12F},  // train
-    {0.12F, 0.45F},  // motorcycle: tubes and gaps that its outline takes for one skin, as of bicycles
-    {0.15F, 0.60F},  // bicycle
+    {0.12F, 0.45F},  // motorcycle: in part like a bicycle
+    {0.15F, 0.60F},  // bicycle: tubes, and gaps between them that its outline takes for one skin
 }};
 
 // Ids outside the definition count as unlabeled.

@@ -44,7 +44,7 @@ struct Source {
   return {};
 }
 
-// w: inverse depth; steps: 0 where it is given. Pixels between joined points become given ones; same(x, y, u, v) tells
+// w: inverse depth, 0 where nothing was measured; steps: 0 where it is given. Pixels between joined points become given ones; same(x, y, u, v) tells
 // whether two pixels are of one object. `along`: that neighbours on a line may differ by, of the larger inverse depth.
 // Where two joints cross, the nearer hides the other.
 template <class Same>
@@ -62,7 +62,8 @@ void join_scan_lines(float along, const Same& same, ImageView<float> w, ImageVie
       const int u = x + static_cast<int>(std::lround(t * static_cast<float>(to.x - x)));
       const int v = y + static_cast<int>(std::lround(t * static_cast<float>(to.y - y)));
       const float between = a + (b - a) * t;
-      if (steps(u, v) == 0 || (steps(u, v) == kJoined && w(u, v) > between) || !same(x, y, u, v)) continue;
+      const bool taken = steps(u, v) == kJoined ? w(u, v) > between : w(u, v) > 0.0F;  // measured, or dropped
+      if (taken || !same(x, y, u, v)) continue;
       w(u, v) = between;
       steps(u, v) = kJoined;
     }

@@ -5,7 +5,7 @@
 // with differences of neighbours and the norm sqrt(e^2 + r^2), which is |r| for |r| >> e and a square below: so a hole
 // goes on as the planes around it, and where they disagree it bends in few places instead of sagging everywhere (total
 // variation of first and second order). e: `edge` times the field at the pixel, plus `edge_step`.
-// Terms reach only over pixels of one object, but for a weak coupling of neighbours (kFillAcross). For labels with a
+// Terms reach only over pixels of one object, but for a weak coupling of neighbours (kFillAcross, kFillAcrossGround). For labels with a
 // plane, the ground, w is the deviation from it.
 //
 // Method: on each level every free pixel in turn takes the minimum of E's quadratic majorant at the current field
@@ -36,7 +36,7 @@ namespace depth_detail {
 
 inline constexpr std::size_t kFillChunkRows = 16;
 inline constexpr int kFillMaxLevels = 16;
-// Of a coupling between objects, but for the ground, whose plane says more. Absolute differences make it nearly
+// Of a coupling between objects, but of the ground to others, since its plane says more. Absolute differences make it nearly
 // harmless: where an object knows its own depth a step to its neighbour costs the same wherever the object lies; where
 // it does not, the neighbour says. Labels are drawn by hand, and a hole often leaves an object no sample but those on
 // its border. Kinds of ground lie one beside the other: a pavement that ends at its own height hangs over the road.
@@ -151,8 +151,11 @@ struct FillTerms {
     if (!has(other)) return;
     if (!slope.plane) {
       t.add(here - whole(i, j), 1.0F, kFillAcross, first);
-    } else if (slopes[level.label_at(i, j)].plane) {
-      t.add(here + level.plane_at(slope, i, j) - whole(i, j), 1.0F, kFillAcrossGround, first);
+    } else if (const FillSlope& o = slopes[level.label_at(i, j)]; o.plane) {
+      // Both planes in the middle of the two, so that each of them has the same term.
+      const float apart =
+          level.plane_at(slope, x, y) + level.plane_at(slope, i, j) - level.plane_at(o, x, y) - level.plane_at(o, i, j);
+      t.add(here - level.w(i, j) + 0.5F * apart, 1.0F, kFillAcrossGround, first);
     }
   };
   side(kLeft, kOtherLeft, -1, 0);

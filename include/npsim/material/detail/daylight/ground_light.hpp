@@ -358,6 +358,7 @@ Status level_layers(const GroundLightParams& p, const Picture& picture, Workspac
   };
   const auto is_lit = [&](int x, int y) { return plain(x, y) && out.sun(x, y) > 0.9F; };
   const auto is_shade = [&](int x, int y) { return plain(x, y) && out.sun(x, y) < 0.1F; };
+  constexpr float kNoneBelow = 16.0F;
   const auto least = [&](int radius) { return 0.02F * static_cast<float>((2 * radius + 1) * (2 * radius + 1)); };
   const auto layer = [&](const auto& inside, Plane mean) {
     const auto all = [&](int x, int y) { return inside(x, y) ? 1.0F : 0.0F; };
@@ -370,7 +371,8 @@ Status level_layers(const GroundLightParams& p, const Picture& picture, Workspac
     const int near = picture.radius(p.layer_px);
     NPSIM_RETURN_IF_ERROR(window_mean(all, residual, wide, least(wide), 0.0F, workspace, middle, executor));
     NPSIM_RETURN_IF_ERROR(window_mean(above, residual, wide, 0.0F, 0.0F, workspace, high, executor));
-    NPSIM_RETURN_IF_ERROR(window_mean(below, residual, wide, 0.0F, 0.0F, workspace, low, executor));
+    // None below: no paint.
+    NPSIM_RETURN_IF_ERROR(window_mean(below, residual, wide, 0.0F, kNoneBelow, workspace, low, executor));
     return window_mean(bare, residual, near, least(near), 0.0F, workspace, mean, executor);
   };
   NPSIM_RETURN_IF_ERROR(layer(is_lit, lit));
