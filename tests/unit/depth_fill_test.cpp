@@ -132,7 +132,7 @@ TEST_CASE("grass beside the road, measured only ahead, goes on as ground in the 
     for (int x = 0; x < 80; ++x) s.depth(x, y) = 0;
   }
   REQUIRE(s.run().ok());
-  // Its own plane goes on, but meets the road, which lies .2 to .8 % farther: wholly at the border, less the farther off.
+  // Its own plane goes on, but meets the road, which lies .2 to .8 % farther, at their border and less beside it.
   CHECK(s.worst_relative_error(label::terrain) < 0.008);
   for (int y = 60; y < 100; ++y) {
     for (int x = 0; x < 50; ++x) CHECK(s.relative_error(x, y) < 1e-3);

@@ -186,7 +186,7 @@ template <class Visit>
   return false;
 }
 
-// The longest pole that begins below the head, else within an arm's reach of it; no rows where there is none.
+// The longest pole that begins below the middle of the head, else within an arm's reach; no rows where there is none.
 [[nodiscard]] inline Pole find_pole(const LampView& lamp, const LightRegion& r, const StreetLamp& l) noexcept {
   const ImageView<const Label>& labels = lamp.in.labels;
   // What an arm spans is judged at the distance of a default lamp.
@@ -200,7 +200,7 @@ template <class Visit>
   const int shortest = std::max(6, 2 * (r.y1 - r.y0 + 1));
   Pole best;
   for (int d = 0; d <= reach; ++d) {
-    if (best.rows > 0 && d == (r.x1 - r.x0) / 2 + 1) break;
+    if (best.rows > 0 && d == (r.x1 - r.x0) / 4 + 1) break;
     for (const int x : {middle - d, middle + d}) {
       if (x < 0 || x >= labels.width()) continue;
       for (int y = r.y0; y <= std::min(r.y1 + drop, labels.height() - 1); ++y) {

@@ -44,9 +44,9 @@ struct Source {
   return {};
 }
 
-// w: inverse depth, 0 where nothing was measured; steps: 0 where it is given. Pixels between joined points become given ones; same(x, y, u, v) tells
-// whether two pixels are of one object. `along`: that neighbours on a line may differ by, of the larger inverse depth.
-// Where two joints cross, the nearer hides the other.
+// w: inverse depth, 0 where nothing was measured; steps: 0 where it is given. Pixels between joined points become given
+// ones; same(x, y, u, v) tells whether two pixels are of one object. `along`: that neighbours on a line may differ by,
+// of the larger inverse depth. Where two joints cross, the nearer hides the other.
 template <class Same>
 void join_scan_lines(float along, const Same& same, ImageView<float> w, ImageView<std::int32_t> steps) noexcept {
   constexpr std::int32_t kJoined = -1;  // is no point that lines start from

@@ -5,8 +5,8 @@
 // with differences of neighbours and the norm sqrt(e^2 + r^2), which is |r| for |r| >> e and a square below: so a hole
 // goes on as the planes around it, and where they disagree it bends in few places instead of sagging everywhere (total
 // variation of first and second order). e: `edge` times the field at the pixel, plus `edge_step`.
-// Terms reach only over pixels of one object, but for a weak coupling of neighbours (kFillAcross, kFillAcrossGround). For labels with a
-// plane, the ground, w is the deviation from it.
+// Terms reach only over pixels of one object, but for a weak coupling of neighbours (kFillAcross, kFillAcrossGround).
+// For labels with a plane, the ground, w is the deviation from it.
 //
 // Method: on each level every free pixel in turn takes the minimum of E's quadratic majorant at the current field
 // (half- quadratic minimisation by Gauss-Seidel), pixels of the same (x + 2 y) mod 5 at a time, which share no term.
@@ -36,10 +36,10 @@ namespace depth_detail {
 
 inline constexpr std::size_t kFillChunkRows = 16;
 inline constexpr int kFillMaxLevels = 16;
-// Of a coupling between objects, but of the ground to others, since its plane says more. Absolute differences make it nearly
-// harmless: where an object knows its own depth a step to its neighbour costs the same wherever the object lies; where
-// it does not, the neighbour says. Labels are drawn by hand, and a hole often leaves an object no sample but those on
-// its border. Kinds of ground lie one beside the other: a pavement that ends at its own height hangs over the road.
+// Of a coupling between objects, but of the ground to others, since its plane says more. Absolute differences make it
+// nearly harmless: where an object knows its own depth a step to its neighbour costs the same wherever the object lies;
+// where it does not, the neighbour says. Labels are drawn by hand, and a hole often leaves an object no sample but
+// those on its border. Kinds of ground lie one beside the other: a pavement that ends at its own height hangs over the road.
 inline constexpr float kFillAcross = 0.1F;
 inline constexpr float kFillAcrossGround = 0.5F;
 

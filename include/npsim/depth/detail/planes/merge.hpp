@@ -211,10 +211,10 @@ void smooth_regions(const Grid& grid, const PlaneOf& plane_of, const UprightBasi
 // keeps its plane there (a laser's topmost line, roofs above it), then a few squares sideways. Of the last squares
 // before the gap the plane with the largest support counts, since the very last may hold the rim of something else.
 // A plane that would be much nearer or farther there ends: it is steep, and how far it goes is not known. Sideways it
-// must also agree with what was made up there, which knows what stands below, but for a third; and closely in a
-// gap whose far side was measured too, since what was made up there is interpolated.
-// support(n): of plane n. w_of(n, column, row): its inverse depth in the middle of a square. made_up(column, row, slot):
-// the mean of the inverse depth there.
+// must also agree with what was made up there, which knows what stands below, but for a third; and closely in a gap
+// whose far side was measured too, since what was made up there is interpolated.
+// support(n): of plane n. w_of(n, column, row): its inverse depth in the middle of a square.
+// made_up(column, row, slot): the mean of the inverse depth there.
 template <class Support, class InverseDepth, class MadeUp>
 void extend_planes(const Grid& grid, const Support& support, const InverseDepth& w_of, const MadeUp& made_up,
                    Span<Cell> cells) noexcept {
