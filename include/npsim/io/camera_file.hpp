@@ -262,8 +262,8 @@ inline Outcome read_white_balance(const JsonObject& o, WhiteBalanceParams& p) {
 }
 
 inline Outcome read_isp(const JsonObject& o, IspParams& p, float& sharpening) {
-  if (auto k = o.allow_only({"demosaic", "chroma", "pale_from", "pale", "saturation", "tone", "toe", "knee", "lift",
-                             "sharpening"});
+  if (auto k = o.allow_only(
+          {"demosaic", "chroma", "pale_from", "pale", "saturation", "tone", "toe", "knee", "lift", "sharpening"});
       !k) {
     return k;
   }

@@ -39,7 +39,8 @@ inline constexpr int kFillMaxLevels = 16;
 // Of a coupling between objects, but of the ground to others, since its plane says more. Absolute differences make it
 // nearly harmless: where an object knows its own depth a step to its neighbour costs the same wherever the object lies;
 // where it does not, the neighbour says. Labels are drawn by hand, and a hole often leaves an object no sample but
-// those on its border. Kinds of ground lie one beside the other: a pavement that ends at its own height hangs over the road.
+// those on its border. Kinds of ground lie one beside the other: a pavement that ends at its own height hangs over the
+// road.
 inline constexpr float kFillAcross = 0.1F;
 inline constexpr float kFillAcrossGround = 0.5F;
 
