@@ -364,10 +364,7 @@ template <class Executor>
   if (describe_classes(params, depth, state) == 0) {
     return {StatusCode::no_valid_input, "fill_depth: no pixel of a surface has a usable depth"};
   }
-  if (params.laser) {
-    const auto same = [&](int x, int y, int u, int v) { return state.objects.same(x, y, u, v); };
-    join_scan_lines(params.same_surface, same, state.w, state.steps);
-  }
+  if (params.laser) join_scan_lines(params.same_surface, objects, state.w, state.steps);
   initialise(state);
   std::array<FillSlope, 256> slopes;
   for (std::size_t l = 0; l < slopes.size(); ++l) {

@@ -55,7 +55,7 @@ class GroundTest {
 
   // Above the ground plane, m.
   [[nodiscard]] float height(int x, int y, float z) const noexcept {
-    return dot(ground_.up, unproject_pixel(camera_, x, y, z)) + ground_.camera_height_m;
+    return height_above_ground(ground_, unproject_pixel(camera_, x, y, z));
   }
   [[nodiscard]] bool operator()(int x, int y) const noexcept {
     if (!objects_.labels.empty()) return labels_.contains(objects_.labels(x, y));

@@ -16,7 +16,7 @@
 //    that what differs stays different; values in [min_albedo, max_albedo].
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.
 // It is an estimate up to a factor that the road's prior sets, not a measurement.
-// Cost: some 90 passes over the working image. Memory: estimate_albedo_workspace_bytes(). The same bits for any thread
+// Cost: some 110 passes over the working image. Memory: estimate_albedo_workspace_bytes(). The same bits for any thread
 // count.
 #ifndef NPSIM_MATERIAL_ALBEDO_HPP
 #define NPSIM_MATERIAL_ALBEDO_HPP

@@ -221,6 +221,7 @@ template <class Visit>
 // pixel of an image kBlurWidth_px wide, since networks see a picture at a size of their own. What is less than three of
 // them wide has no inside, so that no depth of it is certain. [default]
 [[nodiscard]] inline float mixed_share(const RegionInput& in, int width_px, bool certain) noexcept {
+  if (!in.confidence.empty()) return 0.0F;  // a measurement is of one thing
   const float blur_px = std::max(1.0F, static_cast<float>(in.depth.width()) / kBlurWidth_px);
   const float width = static_cast<float>(width_px) / blur_px;
   if (certain && width >= 3.0F) return 0.0F;
@@ -337,12 +338,12 @@ inline void add_head(const LampView& lamp, const LightRegion& r, std::uint16_t v
     if (own.size() < enough) continue;
     const float seen = robust_median(own);
     const int width = std::min(r.x1 - r.x0, r.y1 - r.y0) + 1;
-    const float share = in.confidence.empty() ? mixed_share(in, width, certain) : 0.0F;
+    const float share = mixed_share(in, width, certain);
     const float beside = in.labels.empty() ? 0.0F : depth_beside(in, r.x0, r.x1, (r.y0 + r.y1) / 2);
     const float contrast = beside > 0.0F ? std::log(beside / seen) : 0.0F;
     if (!(beside > 0.0F)) {
-      const float mixed = in.confidence.empty() ? mixed_share(in, width, false) : 0.0F;
-      evidence.add(seen, kDepthError + std::max(kSkyError_px / static_cast<float>(width), mixed));
+      evidence.add(seen,
+                   kDepthError + std::max(kSkyError_px / static_cast<float>(width), mixed_share(in, width, false)));
     } else if (contrast >= kContrast) {
       evidence.add(seen * std::exp(-share * contrast), mixing_error(share, contrast));
     } else if (alone) {

@@ -39,7 +39,7 @@ inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera,
   for (int y = 0; y < labels.height(); ++y) {
     for (int x = 0; x < labels.width(); ++x) {
       if (!is_valid_depth(depth(x, y))) continue;
-      const float height_m = ground.camera_height_m + dot(ground.up, unproject_pixel(camera, x, y, depth(x, y)));
+      const float height_m = height_above_ground(ground, unproject_pixel(camera, x, y, depth(x, y)));
       if (std::fabs(height_m) < most_m) labels(x, y) = label::ground;
     }
   }

@@ -14,6 +14,7 @@
 
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/depth/object_borders.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -21,23 +22,23 @@ namespace depth_detail {
 
 // The width of the picture over them: how far apart neighbours on a line are at most, and things on other lines; how
 // far aside these may lie.
-inline constexpr int kAlong = 48;
-inline constexpr int kAcross = 24;
-inline constexpr int kAside = 400;
-inline constexpr int kTilt_px = 2;             // rows by which a line may rise to its next point
-inline constexpr float kSameDistance = 0.01F;  // of 1/z
+inline constexpr int kScanAlong = 48;
+inline constexpr int kScanAcross = 24;
+inline constexpr int kScanAside = 400;
+inline constexpr int kScanTilt_px = 2;             // rows by which a line may rise to its next point
+inline constexpr float kScanSameDistance = 0.01F;  // of 1/z
 
-struct Source {
+struct ScanPoint {
   int x = -1, y = -1;  // none
 };
 
 // The next source within `reach` steps of (dx, dy) from a pixel, or up to `aside` pixels beside it.
-[[nodiscard]] inline Source next_source(ImageView<const std::int32_t> steps, int x, int y, int dx, int dy, int reach,
-                                        int aside) noexcept {
+[[nodiscard]] inline ScanPoint next_source(ImageView<const std::int32_t> steps, int x, int y, int dx, int dy, int reach,
+                                           int aside) noexcept {
   for (int i = 1; i <= reach; ++i) {
     for (int k = 0; k <= 2 * aside; ++k) {
       const int off = k % 2 == 0 ? k / 2 : -(k + 1) / 2;
-      const Source at{x + dx * i + dy * off, y + dy * i + dx * off};
+      const ScanPoint at{x + dx * i + dy * off, y + dy * i + dx * off};
       if (steps.contains(at.x, at.y) && steps(at.x, at.y) == 0) return at;
     }
   }
@@ -45,17 +46,17 @@ struct Source {
 }
 
 // w: inverse depth, 0 where nothing was measured; steps: 0 where it is given. Pixels between joined points become given
-// ones; same(x, y, u, v) tells whether two pixels are of one object. `along`: that neighbours on a line may differ by,
-// of the larger inverse depth. Where two joints cross, the nearer hides the other.
-template <class Same>
-void join_scan_lines(float along, const Same& same, ImageView<float> w, ImageView<std::int32_t> steps) noexcept {
+// ones. `along`: that neighbours on a line may differ by, of the larger inverse depth. Where two joints cross, the
+// nearer hides the other.
+inline void join_scan_lines(float along, const ObjectMap& objects, ImageView<float> w,
+                            ImageView<std::int32_t> steps) noexcept {
   constexpr std::int32_t kJoined = -1;  // is no point that lines start from
   const auto join = [&](int x, int y, int dx, int dy, int reach, int aside, float differ) {
-    const Source to = next_source(steps, x, y, dx, dy, reach, aside);
+    const ScanPoint to = next_source(steps, x, y, dx, dy, reach, aside);
     if (to.x < 0) return;
     const float a = w(x, y);
     const float b = w(to.x, to.y);
-    if (!(std::fabs(a - b) <= differ * (a > b ? a : b)) || !same(x, y, to.x, to.y)) return;
+    if (!(std::fabs(a - b) <= differ * (a > b ? a : b)) || !objects.same(x, y, to.x, to.y)) return;
     const int n = dx != 0 ? to.x - x : to.y - y;
     for (int i = 1; i < n; ++i) {
       const float t = static_cast<float>(i) / static_cast<float>(n);
@@ -63,7 +64,7 @@ void join_scan_lines(float along, const Same& same, ImageView<float> w, ImageVie
       const int v = y + static_cast<int>(std::lround(t * static_cast<float>(to.y - y)));
       const float between = a + (b - a) * t;
       const bool taken = steps(u, v) == kJoined ? w(u, v) > between : w(u, v) > 0.0F;  // measured, or dropped
-      if (taken || !same(x, y, u, v)) continue;
+      if (taken || !objects.same(x, y, u, v)) continue;
       w(u, v) = between;
       steps(u, v) = kJoined;
     }
@@ -72,8 +73,8 @@ void join_scan_lines(float along, const Same& same, ImageView<float> w, ImageVie
   for (int y = 0; y < w.height(); ++y) {
     for (int x = 0; x < width; ++x) {
       if (steps(x, y) != 0) continue;
-      join(x, y, 0, 1, width / kAcross, width / kAside, kSameDistance);
-      join(x, y, 1, 0, width / kAlong, kTilt_px, along);
+      join(x, y, 0, 1, width / kScanAcross, width / kScanAside, kScanSameDistance);
+      join(x, y, 1, 0, width / kScanAlong, kScanTilt_px, along);
     }
   }
   for (int y = 0; y < w.height(); ++y) {

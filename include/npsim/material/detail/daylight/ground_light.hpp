@@ -376,10 +376,11 @@ Status level_layers(const GroundLightParams& p, const Picture& picture, Workspac
     return window_mean(bare, residual, near, least(near), 0.0F, workspace, mean, executor);
   };
   NPSIM_RETURN_IF_ERROR(layer(is_lit, lit));
-  NPSIM_RETURN_IF_ERROR(layer(is_shade, shade));
+  if (out.shadow) NPSIM_RETURN_IF_ERROR(layer(is_shade, shade));
   for_pixels(shape, executor, [&](int x, int y) {
     const float s = out.sun(x, y);
-    out.level(x, y) = picture.is_ground(x, y) ? shade(x, y) + (lit(x, y) - shade(x, y)) * s : 0.0F;
+    const float dark = out.shadow ? shade(x, y) : 0.0F;
+    out.level(x, y) = picture.is_ground(x, y) ? dark + (lit(x, y) - dark) * s : 0.0F;
   });
   return {};
 }
