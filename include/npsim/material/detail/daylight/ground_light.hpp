@@ -379,8 +379,8 @@ Status level_layers(const GroundLightParams& p, const Picture& picture, Workspac
   if (out.shadow) NPSIM_RETURN_IF_ERROR(layer(is_shade, shade));
   for_pixels(shape, executor, [&](int x, int y) {
     const float s = out.sun(x, y);
-    const float dark = out.shadow ? shade(x, y) : 0.0F;
-    out.level(x, y) = picture.is_ground(x, y) ? dark + (lit(x, y) - dark) * s : 0.0F;
+    const float in_shade = out.shadow ? shade(x, y) : 0.0F;
+    out.level(x, y) = picture.is_ground(x, y) ? in_shade + (lit(x, y) - in_shade) * s : 0.0F;
   });
   return {};
 }
