@@ -30,6 +30,7 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/depth/detail/grow.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -208,31 +209,6 @@ struct SkyLook {
                 step < mean_step(alike, false, image, surface) &&
                 !(bright.known && step >= mean_step(bright, true, image, surface)) && at_edge;
   return alike.known ? alike : bright;
-}
-
-// Turns what may become `to` and touches it into it, by raster passes to and fro; at most 16, which leaves only
-// windings.
-template <class May>
-void grow(ImageView<std::uint8_t> map, std::uint8_t to, May&& may) noexcept {
-  const auto touch = [&](int x, int y, int i, int j) {
-    if (!may(map(x, y)) || !map.contains(i, j) || map(i, j) != to) return false;
-    map(x, y) = to;
-    return true;
-  };
-  bool changed = true;
-  for (int pass = 0; pass < 16 && changed; ++pass) {
-    changed = false;
-    for (int y = 0; y < map.height(); ++y) {
-      for (int x = 0; x < map.width(); ++x) {
-        if (touch(x, y, x - 1, y) || touch(x, y, x, y - 1)) changed = true;
-      }
-    }
-    for (int y = map.height() - 1; y >= 0; --y) {
-      for (int x = map.width() - 1; x >= 0; --x) {
-        if (touch(x, y, x + 1, y) || touch(x, y, x, y + 1)) changed = true;
-      }
-    }
-  }
 }
 
 inline constexpr float kFarSky_m = 60.0F;  // networks end at 80 m or more

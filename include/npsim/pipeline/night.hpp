@@ -130,15 +130,17 @@ struct NullSink {
 // Nights of a depth that is known well enough, or refined by others. refined: whole, with planes of the scene's shape;
 // its normals serve as memory for the nights and are lost.
 template <class Executor, class Observer, class Sink>
-Status make_nights_of_depth(const NightParams& params, const SceneView& scene, const RefinedDepth& refined,
+Status make_nights_of_depth(const NightParams& params, const SceneView& given, const RefinedDepth& refined,
                             Workspace& workspace, Executor& executor, Observer& observer, Sink& sink) {
   NPSIM_RETURN_IF_ERROR(validate(params));
-  NPSIM_RETURN_IF_ERROR(validate(scene));
-  const Shape shape = scene.shape();
+  NPSIM_RETURN_IF_ERROR(validate(given));
+  const Shape shape = given.shape();
   if (refined.depth.shape() != shape || refined.labels.shape() != shape || refined.surface.shape() != shape ||
       refined.uncertain.shape() != shape || refined.normals.shape() != shape) {
     return {StatusCode::shape_mismatch, "refined depth: every plane must have the scene's shape"};
   }
+  SceneView scene = given;
+  if (!given.labels.empty()) scene.labels = refined.labels;
   const WorkspaceScope scope(workspace);
   const std::uint64_t key = random_key(params);
   SceneLayers layers;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Section 3.4: the depth refinement kernel, from the depth as given to one that a mesh can be built on.
 //
-//   find the source -> fit the ground plane -> drop outliers, fill -> sharpen edges -> anchor ground
+//   clear outlines of plants -> find the source -> fit the ground plane -> drop outliers, fill -> sharpen edges
+//     -> anchor ground
 //     -> cross-bilateral filter (3.2) -> uncertain map (3.3) -> normal-guided refinement (3.6 - 3.9)
 //     -> faces of kerbs, or surfaces without the noise that was measured
 // The thesis has neither sharpening nor anchoring, and no kerbs. The first two, and the filter, mend what networks do
@@ -43,6 +44,7 @@
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/depth/outliers.hpp"
 #include "npsim/depth/planar_segments.hpp"
+#include "npsim/depth/plant_outlines.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/sharpen_edges.hpp"
 #include "npsim/depth/sky.hpp"
@@ -52,6 +54,7 @@
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
+#include "npsim/pipeline/detail/fill_confidence.hpp"
 #include "npsim/pipeline/detail/unlabelled_ground.hpp"
 
 namespace npsim {
@@ -78,6 +81,7 @@ inline namespace NPSIM_ABI {
 struct RefineDepthParams {
   bool use_source = true;  // false: all depth is taken for a network's
   DepthSourceParams source;
+  PlantOutlinesParams outlines;
   bool drop_outliers = true;
   OutlierParams outliers;
   FillParams fill;
@@ -118,6 +122,7 @@ struct RefineDepthParams {
   [[nodiscard]] static constexpr RefineDepthParams thesis() noexcept {
     RefineDepthParams params;
     params.use_source = false;
+    params.outlines.reach_px = 0;
     params.drop_outliers = false;
     params.sharpen.radius_px = 0;
     params.anchor.enabled = false;
@@ -146,7 +151,8 @@ struct RefinedDepth {
   ImageView<float> depth;             // m; 0 where there is no surface
   ImageView<float> mesh_depth;        // what a mesh is made of, where it is not that: of measured depth without its
                                       // sensor's noise, of a network's with plants as they were given
-  ImageView<const Label> labels;      // the scene's; without any, ground near its plane, else one class
+  ImageView<const Label> labels;      // the scene's, plants without what is behind them; without any, ground near its
+                                      // plane, else one class
   ImageView<std::uint8_t> surface;    // 1 where the pixel shows a surface of the scene
   ImageView<std::uint8_t> uncertain;  // U of (3.3)
   ImageView<Vec3f> normals;           // that guided the refinement: given or derived, smoothed, the ground's made plain
@@ -239,6 +245,7 @@ namespace refine_detail {
   }
   NPSIM_RETURN_IF_ERROR(validate(params.source));
   NPSIM_RETURN_IF_ERROR(validate(params.ground));
+  NPSIM_RETURN_IF_ERROR(validate(params.outlines));
   NPSIM_RETURN_IF_ERROR(validate(params.outliers));
   NPSIM_RETURN_IF_ERROR(validate(params.fill));
   NPSIM_RETURN_IF_ERROR(validate(params.sharpen));
@@ -279,8 +286,8 @@ namespace refine_detail {
       anchor_ground_workspace_bytes(shape),
       allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(pixels) + allocation_bytes<std::uint16_t>(pixels) +
           refine_detail::filter_workspace_bytes(params, shape),
-      planar_segments_workspace_bytes(params.planes, shape), uncertainty_workspace_bytes(params.uncertainty, shape),
-      guiding_normals_workspace_bytes(params.normals, shape),
+      plant_outlines_workspace_bytes(params.outlines, shape), planar_segments_workspace_bytes(params.planes, shape),
+      uncertainty_workspace_bytes(params.uncertainty, shape), guiding_normals_workspace_bytes(params.normals, shape),
       refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels),
       kerb_faces_workspace_bytes(shape), ground_mismatches_workspace_bytes(shape),
       shape_cars_workspace_bytes(params.cars, shape));
@@ -297,10 +304,20 @@ namespace refine_detail {
   return params.planes.enabled && scene.normals.empty() && !scene.labels.empty();
 }
 
-// guessed: the labels, where the scene has none.
-[[nodiscard]] inline Status allocate_planes(const RefineDepthParams& params, const SceneView& scene,
+// labels: the memory of those that `out` has in place of the scene's; empty where it has the scene's own.
+[[nodiscard]] inline Status allocate_labels(const RefineDepthParams& params, const SceneView& scene,
                                             Workspace& workspace, RefinedDepth& out,
-                                            ImageView<Label>& guessed) noexcept {
+                                            ImageView<Label>& labels) noexcept {
+  out.labels = scene.labels;
+  if (!scene.labels.empty() && !(params.outlines.reach_px > 0.0F)) return {};
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), labels));
+  for (Label& l : labels.pixels()) l = label::unlabeled;
+  out.labels = labels;
+  return {};
+}
+
+[[nodiscard]] inline Status allocate_planes(const RefineDepthParams& params, const SceneView& scene,
+                                            Workspace& workspace, RefinedDepth& out) noexcept {
   const Shape shape = scene.shape();
   if (out.trust.bounded) {
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.filled));
@@ -311,15 +328,7 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.uncertain));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.normals));
   out.planes = PlanarMap{};
-  if (finds_planes(params, scene)) {
-    NPSIM_RETURN_IF_ERROR(allocate_planar_map(params.planes, shape, workspace, out.planes));
-  }
-  out.labels = scene.labels;
-  if (!scene.labels.empty()) return {};
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, guessed));
-  for (Label& l : guessed.pixels()) l = label::unlabeled;
-  out.labels = guessed;
-  return {};
+  return finds_planes(params, scene) ? allocate_planar_map(params.planes, shape, workspace, out.planes) : Status();
 }
 
 // The sky is what is labelled so, without labels what depth/sky.hpp finds.
@@ -332,30 +341,6 @@ inline void mark_surface(const SceneView& scene, ImageView<const float> depth,
     for (int x = 0; x < shape.width; ++x) {
       const bool there = labelled ? !kNoSurfaceLabels.contains(scene.labels(x, y)) : surface(x, y) != 0;
       surface(x, y) = there && is_valid_depth(depth(x, y)) ? 1 : 0;
-    }
-  }
-}
-
-// Confidence falls off as e^(-steps / reach), steps being those to the nearest measured pixel, along rows and columns.
-inline constexpr float kConfidenceReach_px = 8.0F;
-inline void rate_confidence(ImageView<const float> measured, float reach_px, ImageView<float> confidence) noexcept {
-  const Shape shape = confidence.shape();
-  const float step = std::exp(-1.0F / max_of(reach_px, 1.0F));
-  const auto spread = [&](int x, int y, int from_x, int from_y) {
-    const float from = confidence.contains(from_x, from_y) ? step * confidence(from_x, from_y) : 0.0F;
-    if (from > confidence(x, y)) confidence(x, y) = from;
-  };
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      confidence(x, y) = is_valid_depth(measured(x, y)) ? 1.0F : 0.0F;
-      spread(x, y, x - 1, y);
-      spread(x, y, x, y - 1);
-    }
-  }
-  for (int y = shape.height - 1; y >= 0; --y) {
-    for (int x = shape.width - 1; x >= 0; --x) {
-      spread(x, y, x + 1, y);
-      spread(x, y, x, y + 1);
     }
   }
 }
@@ -375,14 +360,17 @@ template <class Executor>
   return drop_border_spill(scaled_spill(params, scene.shape()), scene.depth, objects, measured, executor);
 }
 
+// drawn: the labels as given.
 template <class Executor>
-[[nodiscard]] Status complete_depth(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
-                                    Workspace& workspace, Executor& executor, RefinedDepth& out) {
+[[nodiscard]] Status complete_depth(const RefineDepthParams& params, const SceneView& scene,
+                                    ImageView<const Label> drawn, const ObjectMap& objects, Workspace& workspace,
+                                    Executor& executor, RefinedDepth& out) {
   const Shape shape = scene.shape();
   ImageView<float> measured;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
   NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, out.ground));
   NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, objects, out, measured, executor));
+  if (!drawn.empty()) drop_depth_of_plants(params.outlines, drawn, scene.labels, scene.depth, measured, executor);
   const bool continued = scene.labels.empty() && out.ground.inlier_share > 0.0F;
   if (continued) NPSIM_RETURN_IF_ERROR(continue_ground(out.ground, scene.camera, scene.depth, measured, workspace));
   FillParams fill = params.fill;
@@ -564,8 +552,9 @@ template <class Executor>
 
 // A scene without a usable depth on any surface is no_valid_input.
 template <class Executor, class Observer>
-Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace, Executor& executor,
+Status refine_depth(const RefineDepthParams& params, const SceneView& given, Workspace& workspace, Executor& executor,
                     Observer& observer, RefinedDepth& out) {
+  SceneView scene = given;
   const auto step = [&](Stage stage, auto&& work, bool shows_depth) {
     observer.begin(stage);
     {
@@ -577,24 +566,31 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& scene, Wor
     return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while refining depth") : Status();
   };
   NPSIM_RETURN_IF_ERROR(workspace.ensure(refine_depth_workspace_bytes(params, scene.shape())));
+  ImageView<Label> labels;
+  NPSIM_RETURN_IF_ERROR(refine_detail::allocate_labels(params, given, workspace, out, labels));
+  const bool labelled = !scene.labels.empty();
+  if (labelled && !labels.empty()) {
+    NPSIM_RETURN_IF_ERROR(clear_plant_outlines(params.outlines, scene.image, scene.labels, scene.light_index, labels,
+                                               workspace, executor));
+    scene.labels = labels;
+  }
   out.source = scene.depth_source;
   if (out.source == DepthSource::unknown) out.source = find_depth_source(params.source, scene.depth, scene.labels);
   out.filled = {};
   out.confidence = {};
   out.mesh_depth = {};
-  const bool labelled = !scene.labels.empty();
   const ObjectMap objects{scene.labels, labelled ? scene.instances : ImageView<const std::uint16_t>()};
   out.noise = depth_noise(out.source, scene.stereo_baseline_m, scene.depth, objects, scene.camera);
   const float baseline_m = scene.stereo_baseline_m > 0.0F ? scene.stereo_baseline_m : params.source.unknown_baseline_m;
   out.trust = depth_trust(params.source, params.use_source ? out.source : DepthSource::network, out.noise,
                           scene.camera.fx * baseline_m);
-  ImageView<Label> guessed;
-  NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(params, scene, workspace, out, guessed));
+  NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(params, scene, workspace, out));
 
   NPSIM_RETURN_IF_ERROR(step(
-      Stage::fill, [&] { return refine_detail::complete_depth(params, scene, objects, workspace, executor, out); },
+      Stage::fill,
+      [&] { return refine_detail::complete_depth(params, scene, given.labels, objects, workspace, executor, out); },
       true));
-  if (!labelled && params.guess_ground) refine_detail::guess_ground(out.depth, scene.camera, out.ground, guessed);
+  if (!labelled && params.guess_ground) refine_detail::guess_ground(out.depth, scene.camera, out.ground, labels);
   if (params.sharpen.radius_px > 0.0F && !out.trust.bounded) {
     NPSIM_RETURN_IF_ERROR(step(
         Stage::sharpen, [&] { return refine_detail::sharpen(params, objects, workspace, executor, out); }, true));

@@ -29,8 +29,10 @@ inline namespace NPSIM_ABI {
 [[nodiscard]] inline AlbedoScene albedo_scene(const SceneView& scene, const RefinedDepth& refined) noexcept {
   AlbedoScene out;
   out.image = scene.image;
-  out.labels = scene.labels;
-  if (!scene.labels.empty()) out.instances = scene.instances;
+  if (!scene.labels.empty()) {
+    out.labels = refined.labels;
+    out.instances = scene.instances;
+  }
   out.depth = refined.depth;
   out.normals = refined.normals;
   out.camera = scene.camera;

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// How far filled depth can be trusted, by how far away the next measurement is.
+#ifndef NPSIM_PIPELINE_DETAIL_FILL_CONFIDENCE_HPP
+#define NPSIM_PIPELINE_DETAIL_FILL_CONFIDENCE_HPP
+
+#include <cmath>
+
+#include "npsim/core/algorithm.hpp"
+#include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+namespace refine_detail {
+
+// Confidence falls off as e^(-steps / reach), steps being those to the nearest measured pixel, along rows and columns.
+inline constexpr float kConfidenceReach_px = 8.0F;
+inline void rate_confidence(ImageView<const float> measured, float reach_px, ImageView<float> confidence) noexcept {
+  const Shape shape = confidence.shape();
+  const float step = std::exp(-1.0F / max_of(reach_px, 1.0F));
+  const auto spread = [&](int x, int y, int from_x, int from_y) {
+    const float from = confidence.contains(from_x, from_y) ? step * confidence(from_x, from_y) : 0.0F;
+    if (from > confidence(x, y)) confidence(x, y) = from;
+  };
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      confidence(x, y) = is_valid_depth(measured(x, y)) ? 1.0F : 0.0F;
+      spread(x, y, x - 1, y);
+      spread(x, y, x, y - 1);
+    }
+  }
+  for (int y = shape.height - 1; y >= 0; --y) {
+    for (int x = shape.width - 1; x >= 0; --x) {
+      spread(x, y, x + 1, y);
+      spread(x, y, x, y + 1);
+    }
+  }
+}
+
+}  // namespace refine_detail
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_PIPELINE_DETAIL_FILL_CONFIDENCE_HPP
