@@ -259,9 +259,9 @@ struct Light {
   constexpr float kPaneSlope = 1.2F;  // what is dark on a facade is panes and openings, brightened by what they mirror
   constexpr float kObjectSlope = 0.5F;  // sky in panes and on paint is drawn in; plates, rims and lamps still show
   // Of plants most differences are light: leaves in the sun and sky between them more than gaps, which a smooth skin of
-  // foliage would not have at night.
-  constexpr float kPlantSlope = 0.4F;
-  constexpr float kPlantSlopeBelow = 0.7F;
+  // foliage would not have at night. As many as are left give crowns the contrast that they have in real nights.
+  constexpr float kPlantSlope = 0.55F;
+  constexpr float kPlantSlopeBelow = 0.85F;
   const int most = max_of(static_cast<int>(seen.r), static_cast<int>(seen.g), static_cast<int>(seen.b));
   float lum = luminance(a);
   if (!(lum > 0.0F)) return {p.min_albedo, p.min_albedo, p.min_albedo};
