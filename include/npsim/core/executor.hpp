@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The executor concept, and the serial executor.
+// The executor concept, the serial executor, and the common way to go over the rows of an image.
 //
 // An executor E offers  e.for_chunks(count, chunk, f)  which calls f(begin, end) for [0, chunk), [chunk, 2 chunk), ...
 // up to count, each exactly once, in any order and on any thread, and returns when all calls have returned.
@@ -27,6 +27,14 @@ struct SerialExecutor {
     }
   }
 };
+
+// Calls f(y) for each of so many rows, 16 to a chunk.
+template <class Executor, class F>
+void for_rows(Executor& executor, int rows, F&& f) {
+  executor.for_chunks(rows > 0 ? static_cast<std::size_t>(rows) : 0, 16, [&f](std::size_t begin, std::size_t end) {
+    for (std::size_t y = begin; y < end; ++y) f(static_cast<int>(y));
+  });
+}
 
 // Number of chunks that for_chunks(count, chunk, ...) makes.
 [[nodiscard]] constexpr std::size_t chunk_count(std::size_t count, std::size_t chunk) noexcept {

@@ -78,6 +78,25 @@ constexpr void copy_pixels(const ImageView<From>& from, const ImageView<To>& to)
   }
 }
 
+// Goes over an image row by row and back. Calls f(x, y, i, j) for every pixel (x, y) and each of its neighbours (i, j)
+// in the image that was passed just before: left and above on the way there, right and below on the way back. What
+// spreads from neighbour to neighbour so comes as far as paths go that do not wind.
+template <class F>
+constexpr void sweep_to_and_fro(Shape shape, F&& f) {
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (x > 0) f(x, y, x - 1, y);
+      if (y > 0) f(x, y, x, y - 1);
+    }
+  }
+  for (int y = shape.height - 1; y >= 0; --y) {
+    for (int x = shape.width - 1; x >= 0; --x) {
+      if (x + 1 < shape.width) f(x, y, x + 1, y);
+      if (y + 1 < shape.height) f(x, y, x, y + 1);
+    }
+  }
+}
+
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 

@@ -278,7 +278,7 @@ enum class FillReach { same_object, any_surface, anything };
 
 // One shortest-path relaxation of (x, y) from its neighbour; true if it improved.
 [[nodiscard]] inline bool relax(FillState& state, FillReach reach, int x, int y, int from_x, int from_y) noexcept {
-  if (!state.w.contains(from_x, from_y) || state.steps(from_x, from_y) == kUnreached) return false;
+  if (state.steps(from_x, from_y) == kUnreached) return false;
   const FillClass& c = state.class_at(x, y);
   const bool same = state.objects.same(x, y, from_x, from_y);
   if (reach == FillReach::same_object && !(same && c.surface)) return false;
@@ -295,23 +295,12 @@ enum class FillReach { same_object, any_surface, anything };
 // Nearest valid pixel along paths, by raster passes to and fro until nothing changes, at most 16 times. Pixels in
 // windings that 16 passes do not reach count as unreached, which is a worse start and not an error.
 inline void spread(FillState& state, FillReach reach) noexcept {
-  const int width = state.w.width();
-  const int height = state.w.height();
   bool changed = true;
   for (int pass = 0; pass < 16 && changed; ++pass) {
     changed = false;
-    for (int y = 0; y < height; ++y) {
-      for (int x = 0; x < width; ++x) {
-        if (relax(state, reach, x, y, x - 1, y)) changed = true;
-        if (relax(state, reach, x, y, x, y - 1)) changed = true;
-      }
-    }
-    for (int y = height - 1; y >= 0; --y) {
-      for (int x = width - 1; x >= 0; --x) {
-        if (relax(state, reach, x, y, x + 1, y)) changed = true;
-        if (relax(state, reach, x, y, x, y + 1)) changed = true;
-      }
-    }
+    sweep_to_and_fro(state.w.shape(), [&](int x, int y, int from_x, int from_y) {
+      if (relax(state, reach, x, y, from_x, from_y)) changed = true;
+    });
   }
 }
 

@@ -40,6 +40,7 @@
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
@@ -214,7 +215,7 @@ template <class F = simd::F32, class Executor>
   const bool all = params.region == BackgroundRegion::all_foreground;
   if (!all) mesh_detail::mark_touching_segments(params.foreground, in.labels, in.uncertain, state);
   const bool by_street = params.interpolation == BackgroundInterpolation::street;
-  mesh_detail::for_rows(executor, shape.height, [&](int y) {
+  for_rows(executor, shape.height, [&](int y) {
     const bool blocked_vertex = mesh_detail::find_states<F>(
         all ? &params.foreground : nullptr, in.labels.row(y),
         in.uncertain.data() != nullptr ? in.uncertain.row(y) : nullptr,
@@ -243,12 +244,11 @@ template <class F = simd::F32, class Executor>
         background, executor);
     return {};
   }
-  mesh_detail::for_rows(executor, shape.height, [&](int y) {
+  for_rows(executor, shape.height, [&](int y) {
     mesh_detail::keep_known<F>(state.row(y), in.sheet.row(y), shape.width, background.vertices.row(y));
   });
-  mesh_detail::for_rows(executor, shape.height, [&](int y) {
-    mesh_detail::complete_row<F>(params, in.intrinsics, state, background.vertices, y);
-  });
+  for_rows(executor, shape.height,
+           [&](int y) { mesh_detail::complete_row<F>(params, in.intrinsics, state, background.vertices, y); });
   mesh_detail::connect_layer<F>(background, executor);
   return {};
 }

@@ -25,6 +25,7 @@
 #include <cstdint>
 
 #include "npsim/core/camera.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
@@ -95,8 +96,8 @@ template <class F = simd::F32, class Executor>
                                              in.instances,
                                              in.uncertain,
                                              in.background_state};
-  mesh_detail::for_rows(executor, shape.height, [&](int y) { mesh_detail::find_objects<F>(source, planes, y); });
-  mesh_detail::for_rows(executor, shape.height, [&](int y) {
+  for_rows(executor, shape.height, [&](int y) { mesh_detail::find_objects<F>(source, planes, y); });
+  for_rows(executor, shape.height, [&](int y) {
     for (int w = 0; y > 0 && w < planes.known.width(); ++w) planes.links.above(w, y) &= planes.links.member(w, y - 1);
   });
   std::uint32_t count = 0;
@@ -106,14 +107,13 @@ template <class F = simd::F32, class Executor>
   // Now every member is known; the plane that said so takes the pixels with an object.
   const ImageView<std::uint64_t> present = planes.known;
   if (params.widen_thin) {
-    mesh_detail::for_rows(executor, shape.height, [&](int y) {
-      mesh_detail::widen_thin(planes.links, present, foreground.vertices, object, y);
-    });
+    for_rows(executor, shape.height,
+             [&](int y) { mesh_detail::widen_thin(planes.links, present, foreground.vertices, object, y); });
   }
-  mesh_detail::for_rows(executor, shape.height,
-                        [&](int y) { mesh_detail::unproject_row<F>(in.intrinsics, present, foreground.vertices, y); });
-  mesh_detail::for_rows(executor, quad_shape(shape).height,
-                        [&](int y) { mesh_detail::connect_objects<F>(present, object, foreground, y); });
+  for_rows(executor, shape.height,
+           [&](int y) { mesh_detail::unproject_row<F>(in.intrinsics, present, foreground.vertices, y); });
+  for_rows(executor, quad_shape(shape).height,
+           [&](int y) { mesh_detail::connect_objects<F>(present, object, foreground, y); });
   return {};
 }
 

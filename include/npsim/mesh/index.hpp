@@ -21,6 +21,7 @@
 #include <initializer_list>
 
 #include "npsim/core/bits.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
@@ -309,7 +310,7 @@ template <class F = simd::F32, class Executor>
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, index));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(shape.height), vertex_start));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(shape.height), face_start));
-  mesh_detail::for_rows(executor, shape.height, [&](int y) {
+  for_rows(executor, shape.height, [&](int y) {
     const MeshSize row = mesh_detail::row_size<F>(layer, y);
     vertex_start[static_cast<std::size_t>(y)] = static_cast<std::uint32_t>(row.vertices);
     face_start[static_cast<std::size_t>(y)] = static_cast<std::uint32_t>(row.faces);
@@ -326,10 +327,10 @@ template <class F = simd::F32, class Executor>
     return {StatusCode::capacity_exceeded, "mesh buffers are smaller than mesh_size() says"};
   }
   if (layer.quads.empty()) return {};
-  mesh_detail::for_rows(executor, shape.height, [&](int y) {
+  for_rows(executor, shape.height, [&](int y) {
     mesh_detail::write_vertices<F>(layer, y, vertex_start[static_cast<std::size_t>(y)], out, index.row(y));
   });
-  mesh_detail::for_rows(executor, layer.quads.height(), [&](int y) {
+  for_rows(executor, layer.quads.height(), [&](int y) {
     mesh_detail::write_faces(layer, y, index.row(y), index.row(y + 1), first_vertex,
                              out.faces.data() + face_start[static_cast<std::size_t>(y)]);
   });

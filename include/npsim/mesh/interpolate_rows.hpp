@@ -14,6 +14,7 @@
 #include <cstdint>
 
 #include "npsim/core/config.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
@@ -58,7 +59,7 @@ template <class Executor>
   if (state.data() == nullptr || state.shape() != attribute.shape()) {
     return {StatusCode::shape_mismatch, "states and attribute must have one shape"};
   }
-  mesh_detail::for_rows(executor, attribute.height(), [&](int y) {
+  for_rows(executor, attribute.height(), [&](int y) {
     Vec3f* row = attribute.row(y);
     mesh_detail::for_missing_runs(state.row(y), attribute.width(), [row](int l, int r, bool left, bool right) {
       for (int j = l; j <= r && (left || right); ++j) {

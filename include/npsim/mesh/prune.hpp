@@ -14,6 +14,7 @@
 #include <cstdint>
 
 #include "npsim/core/bits.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/labels/cityscapes.hpp"
@@ -76,7 +77,7 @@ template <class F = simd::F32, class Executor>
   }
   using U = simd::BytesOf<F>;
   const Shape quads = quad_shape(shape);
-  mesh_detail::for_rows(executor, quads.width > 0 ? quads.height : 0, [&](int y) {
+  for_rows(executor, quads.width > 0 ? quads.height : 0, [&](int y) {
     for (int x = 0; x < quads.width; x += kWordBits) {
       const int n = quads.width - x < kWordBits ? quads.width - x : kWordBits;
       std::uint8_t* row = sheet.quads.row(y) + x;

@@ -27,6 +27,7 @@
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
@@ -235,7 +236,7 @@ template <class Executor>
   thinner.max_texture_shift_px = static_cast<double>(params.max_texture_shift);
   thinner.bound = std::max(static_cast<double>(params.max_relative_depth_error), mesh_detail::kRoundingOfDepth);
 
-  mesh_detail::for_rows(executor, shape.height, [&](int y) {
+  for_rows(executor, shape.height, [&](int y) {
     const auto row = static_cast<std::size_t>(y);
     farthest[row] = mesh_detail::prepare_row(params, layer, intrinsics, y, inverse_depth,
                                              mesh.state.data() + row * static_cast<std::size_t>(shape.width));

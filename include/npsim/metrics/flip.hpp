@@ -18,6 +18,7 @@
 #include "npsim/color/lab.hpp"
 #include "npsim/color/srgb.hpp"
 #include "npsim/core/config.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
@@ -188,23 +189,19 @@ struct Seen {
 
 // rows: scratch of two Vec3f a pixel.
 template <class Executor>
-void look(const Filters& f, ImageView<const Rgb8> picture, const Seen& out, Span<Vec3f> rows, Executor& executor) noexcept {
+void look(const Filters& f, ImageView<const Rgb8> picture, const Seen& out, Span<Vec3f> rows,
+          Executor& executor) noexcept {
   const int width = picture.width();
   const int height = picture.height();
   const auto pixels = picture.shape().pixels();
   const auto at = [width](int x, int y) {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
   };
-  const auto for_rows = [&](const auto& row) {
-    executor.for_chunks(static_cast<std::size_t>(height), 8, [&](std::size_t begin, std::size_t end) {
-      for (auto y = static_cast<int>(begin); y < static_cast<int>(end); ++y) row(y);
-    });
-  };
   // Both directions of each filter in turn; blue-yellow has two, the second in the edge plane until that is needed.
-  for_rows([&](int y) {
+  for_rows(executor, height, [&](int y) {
     for (int x = 0; x < width; ++x) out.colour(x, y) = opponent(picture(x, y));
   });
-  for_rows([&](int y) {
+  for_rows(executor, height, [&](int y) {
     const Vec3f* in = out.colour.row(y);
     for (int x = 0; x < width; ++x) {
       const auto blue = [&](int i) { return in[i].z; };
@@ -217,7 +214,7 @@ void look(const Filters& f, ImageView<const Rgb8> picture, const Seen& out, Span
                                  convolved(f.point, x, width, light)};
     }
   });
-  for_rows([&](int y) {
+  for_rows(executor, height, [&](int y) {
     for (int x = 0; x < width; ++x) {
       const Vec3f filtered{
           convolved(f.light, y, height, [&](int i) { return rows[at(x, i)].x; }),
@@ -227,7 +224,7 @@ void look(const Filters& f, ImageView<const Rgb8> picture, const Seen& out, Span
       out.colour(x, y) = hunt_lab(rgb_of_opponent(filtered));
     }
   });
-  for_rows([&](int y) {
+  for_rows(executor, height, [&](int y) {
     for (int x = 0; x < width; ++x) {
       const auto of = [&](const Kernel& k, float Vec3f::*channel) {
         return convolved(k, y, height, [&](int i) { return rows[pixels + at(x, i)].*channel; });

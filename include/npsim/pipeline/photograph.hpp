@@ -18,6 +18,7 @@
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/annotation.hpp"
 #include "npsim/core/camera.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
@@ -243,7 +244,7 @@ template <class Executor>
                                     Executor& executor) {
   NPSIM_RETURN_IF_ERROR(motion_field(params.motion, intrinsics, street.depth, street.instances, motion, executor));
   // The own car stands still in its picture, in front of everything.
-  for_rows(street.labels.shape(), executor, [&](int y) {
+  for_rows(executor, street.labels.height(), [&](int y) {
     for (int x = 0; x < street.labels.width(); ++x) {
       if (street.labels(x, y) == label::ego_vehicle) motion(x, y) = {0.0F, 0.0F, 10.0F};
     }

@@ -12,6 +12,7 @@
 #define NPSIM_SENSOR_DENOISE_HPP
 
 #include "npsim/core/config.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/sensor/detail/signal.hpp"
@@ -47,7 +48,7 @@ template <class Executor>
   const F beta1(noise.level.beta1 * reach2);
   const F beta2(noise.level.beta2 * reach2 + 1e-20F);  // not 0, so that no noise needs no case of its own
   const float range = raw_range(sensor);
-  for_rows(in.shape(), executor, [&](int y) {
+  for_rows(executor, in.height(), [&](int y) {
     const float* rows[3];
     for (int i = 0; i < 3; ++i) rows[i] = in.row(raw_detail::mirrored(y + 2 * i - 2, in.height())) + kMosaicMargin;
     float* to = out.row(y) + kMosaicMargin;

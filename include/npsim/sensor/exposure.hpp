@@ -116,7 +116,7 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(validate(camera));
   NPSIM_RETURN_IF_ERROR(check_images(luminance_cd_m2, signal));
   const float gain = signal_per_luminance(camera);
-  for_rows(signal.shape(), executor, [&](int y) {
+  for_rows(executor, signal.height(), [&](int y) {
     for (int x = 0; x < signal.width(); ++x) signal(x, y) = sane_sample(luminance_cd_m2(x, y)) * gain;
   });
   return {};

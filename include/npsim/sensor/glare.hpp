@@ -29,6 +29,7 @@
 
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
@@ -135,7 +136,7 @@ void down(const Level& fine, const Level& coarse, ImageView<Vec3f> out, Executor
   const Axis columns{fine.shape.width, fine.column};
   const Axis rows{fine.shape.height, fine.row};
   const DownTaps inner{{0.125F, 0.375F, 0.375F, 0.125F}};
-  for_rows(coarse.shape, executor, [&](int py) {
+  for_rows(executor, coarse.shape.height, [&](int py) {
     const DownTaps v = down_taps(rows, py);
     for (int begin = 0; begin < coarse.shape.width; begin += kTile) {
       const int end = begin + kTile < coarse.shape.width ? begin + kTile : coarse.shape.width;
@@ -161,7 +162,7 @@ template <class Executor, class Take>
 void up(const Level& fine, const Level& coarse, ImageView<const Vec3f> in, Executor& executor, const Take& take) {
   const Axis columns{fine.shape.width, fine.column};
   const Axis rows{fine.shape.height, fine.row};
-  for_rows(fine.shape, executor, [&](int y) {
+  for_rows(executor, fine.shape.height, [&](int y) {
     const float v = up_tap(rows, y);
     const Vec3f* own = in.row(y / 2);
     const Vec3f* beside = in.row(clamped(y % 2 == 0 ? y / 2 - 1 : y / 2 + 1, coarse.shape.height));
@@ -249,7 +250,7 @@ template <class Executor>
   const Shape shape = in.shape();
   const int count = glare_detail::level_count(shape);
   if (!has_glare(params) || count == 0) {
-    for_rows(shape, executor, [&](int y) {
+    for_rows(executor, shape.height, [&](int y) {
       for (int x = 0; x < shape.width; ++x) out(x, y) = sane_sample(in(x, y));
     });
     return {};

@@ -271,7 +271,7 @@ template <class Executor>
   using F = simd::F32;
   const float full = 1.0F / raw_range(sensor);
   const float gains[3] = {params.gains.x * full, params.gains.y * full, params.gains.z * full};
-  for_rows(plane.shape(), executor, [&](int y) {
+  for_rows(executor, plane.height(), [&](int y) {
     float gain[simd::kMaxLanes + 1];
     for (int i = 0; i <= simd::kMaxLanes; ++i) gain[i] = gains[filter_at(sensor.mosaic, i + kMosaicMargin, y)];
     float* row = plane.row(y);
@@ -281,8 +281,7 @@ template <class Executor>
     }
   });
   const isp_detail::ColourMatrix matrix = isp_detail::colour_matrix(sensor, params.saturation);
-  const Shape row_pairs{out.width(), (out.height() + 1) / 2};
-  for_rows(row_pairs, executor, [&](int pair) {
+  for_rows(executor, (out.height() + 1) / 2, [&](int pair) {
     isp_detail::IspSegment rows[2] = {};
     const int count = 2 * pair + 1 < out.height() ? 2 : 1;
     for (int begin = 0; begin < out.width(); begin += isp_detail::kIspSegment) {

@@ -37,6 +37,7 @@
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
@@ -119,7 +120,7 @@ template <class Executor>
   using F = simd::F32;
   const Vec3f w = params.rotation_rad_s;
   const bool objects = !params.objects.empty() && !instances.empty();
-  for_rows(shape, executor, [&](int row) {
+  for_rows(executor, shape.height, [&](int row) {
     const F y((static_cast<float>(row) + 0.5F - camera.cy) / camera.fy);
     float v[3][simd::kMaxLanes];  // of the points against the camera
     const auto set = [&](int lane, const Vec3f& object) {
@@ -367,7 +368,7 @@ template <class Executor>
     const LampFlicker& lamp = flicker[lamps(x, y) - 1U];
     return lamp.frequency_hz > 0.0F ? &lamp : nullptr;
   };
-  for_rows(shape, executor, [&](int y) {
+  for_rows(executor, shape.height, [&](int y) {
     for (int x = 0; x < has_lamps.width(); ++x) has_lamps(x, y) = 0;
     Sample* to = light.row(y);
     for (int x = 0; x < shape.width; ++x) {
@@ -385,7 +386,7 @@ template <class Executor>
 
   const auto most = static_cast<float>(4 * (shape.width + shape.height));  // px, of half a path
   const Gather gather{shape, light, 0.5F * time_s, most, params.samples / 2};
-  for_rows(shape, executor, [&](int y) {
+  for_rows(executor, shape.height, [&](int y) {
     const float row_s = row_time_s(params.readout_s, y, shape.height);
     for (int x = 0; x < shape.width; x += kBlock) {
       const int n = shape.width - x < kBlock ? shape.width - x : kBlock;

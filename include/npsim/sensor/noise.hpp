@@ -21,6 +21,7 @@
 #include <limits>
 
 #include "npsim/core/config.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
@@ -137,7 +138,7 @@ template <class Executor>
   const F beta1(params.level.beta1);
   const F beta2(params.level.beta2);
   const F residual(params.residual);
-  for_rows(signal.shape(), executor, [&](int y) {
+  for_rows(executor, signal.height(), [&](int y) {
     const float* from = &signal.row(y)->x;
     float* to = &out.row(y)->x;
     for (int begin = 0; begin < samples; begin += noise_detail::kSegment) {

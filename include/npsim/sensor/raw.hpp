@@ -30,6 +30,7 @@
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/status.hpp"
@@ -167,7 +168,7 @@ template <class Executor>
   const float range = raw_range(params);
   const float outer = 0.5F * params.blur_px * params.blur_px;
   const float inner = 1.0F - 2.0F * outer;
-  for_rows(shape, executor, [&](int y) {
+  for_rows(executor, shape.height, [&](int y) {
     // The filters of this row, alternating; a batch starts at an even or an odd column.
     float weight[3][simd::kMaxLanes + 1];
     for (int i = 0; i <= simd::kMaxLanes; ++i) {
@@ -257,7 +258,7 @@ template <class Executor>
     return {StatusCode::shape_mismatch, "raw: the plane must have the picture's size and its margins"};
   }
   const float range = level_range(params);
-  for_rows(levels.shape(), executor, [&](int y) {
+  for_rows(executor, levels.height(), [&](int y) {
     const float* from = plane.row(y) + kMosaicMargin;
     for (int x = 0; x < levels.width(); ++x) {
       levels(x, y) = static_cast<std::uint16_t>(from[x] * range + params.black + 0.5F);

@@ -15,6 +15,7 @@
 #include <cstdint>
 
 #include "npsim/core/config.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
@@ -36,7 +37,7 @@ template <class Executor>
   if (strength == 0.0F) return {};
   const Shape shape = picture.shape();
   const auto code = [](int c) { return static_cast<std::uint8_t>(std::min(std::max(c, 0), 255)); };
-  for_rows(shape, executor, [&](int y) {
+  for_rows(executor, shape.height, [&](int y) {
     const Rgb8* from = picture.row(y);
     float* to = luma.row(y);
     for (int x = 0; x < shape.width; ++x) {
@@ -44,7 +45,7 @@ template <class Executor>
               (19.0F / 256.0F) * static_cast<float>(from[x].b);
     }
   });
-  for_rows(shape, executor, [&](int y) {
+  for_rows(executor, shape.height, [&](int y) {
     const float* rows[3] = {luma.row(y > 0 ? y - 1 : 0), luma.row(y), luma.row(y + 1 < shape.height ? y + 1 : y)};
     Rgb8* to = picture.row(y);
     const auto column = [&](int x) { return rows[0][x] + 2.0F * rows[1][x] + rows[2][x]; };

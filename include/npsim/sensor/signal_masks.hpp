@@ -20,6 +20,7 @@
 
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
@@ -73,7 +74,7 @@ template <class Executor>
   const float least = signal_of_snr(noise, 1.0F / level_range(sensor), params.least_snr);
   const float full = kFullSignal * raw_range(sensor);
   const float gain[3] = {gains.x, gains.y, gains.z};
-  for_rows(shape, executor, [&](int y) {
+  for_rows(executor, shape.height, [&](int y) {
     const int top = y > 0 ? y - 1 : 0;
     const int bottom = y + 1 < shape.height ? y + 1 : y;
     for (int x = 0; x < shape.width; ++x) {
@@ -104,7 +105,7 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(check_images(signal, out.saturated));
   NPSIM_RETURN_IF_ERROR(check_images(signal, out.indiscernible));
   const float least = signal_of_snr(noise, 0.0F, params.least_snr);
-  for_rows(signal.shape(), executor, [&](int y) {
+  for_rows(executor, signal.height(), [&](int y) {
     for (int x = 0; x < signal.width(); ++x) {
       const Vec3f c = sane_sample(signal(x, y));
       const float brightest = max_of(c.x, c.y, c.z);

@@ -16,24 +16,14 @@ namespace depth_detail {
 // windings.
 template <class May>
 void grow(ImageView<std::uint8_t> map, std::uint8_t to, May&& may) noexcept {
-  const auto touch = [&](int x, int y, int i, int j) {
-    if (!may(map(x, y)) || !map.contains(i, j) || map(i, j) != to) return false;
-    map(x, y) = to;
-    return true;
-  };
   bool changed = true;
   for (int pass = 0; pass < 16 && changed; ++pass) {
     changed = false;
-    for (int y = 0; y < map.height(); ++y) {
-      for (int x = 0; x < map.width(); ++x) {
-        if (touch(x, y, x - 1, y) || touch(x, y, x, y - 1)) changed = true;
-      }
-    }
-    for (int y = map.height() - 1; y >= 0; --y) {
-      for (int x = map.width() - 1; x >= 0; --x) {
-        if (touch(x, y, x + 1, y) || touch(x, y, x, y + 1)) changed = true;
-      }
-    }
+    sweep_to_and_fro(map.shape(), [&](int x, int y, int from_x, int from_y) {
+      if (!may(map(x, y)) || map(from_x, from_y) != to) return;
+      map(x, y) = to;
+      changed = true;
+    });
   }
 }
 

@@ -37,13 +37,6 @@ void for_row_chunks(Executor& executor, int rows, F&& f) {
                       [&f](std::size_t begin, std::size_t end) { f(static_cast<int>(begin), static_cast<int>(end)); });
 }
 
-template <class Executor, class F>
-void for_rows(Executor& executor, int rows, F&& f) {
-  for_row_chunks(executor, rows, [&f](int begin, int end) {
-    for (int y = begin; y < end; ++y) f(y);
-  });
-}
-
 // A mask that may be left out.
 template <class T>
 [[nodiscard]] inline bool mask_fits(const ImageView<T>& mask, Shape shape) noexcept {

@@ -19,23 +19,12 @@ inline constexpr float kConfidenceReach_px = 8.0F;
 inline void rate_confidence(ImageView<const float> measured, float reach_px, ImageView<float> confidence) noexcept {
   const Shape shape = confidence.shape();
   const float step = std::exp(-1.0F / max_of(reach_px, 1.0F));
-  const auto spread = [&](int x, int y, int from_x, int from_y) {
-    const float from = confidence.contains(from_x, from_y) ? step * confidence(from_x, from_y) : 0.0F;
-    if (from > confidence(x, y)) confidence(x, y) = from;
-  };
   for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      confidence(x, y) = is_valid_depth(measured(x, y)) ? 1.0F : 0.0F;
-      spread(x, y, x - 1, y);
-      spread(x, y, x, y - 1);
-    }
+    for (int x = 0; x < shape.width; ++x) confidence(x, y) = is_valid_depth(measured(x, y)) ? 1.0F : 0.0F;
   }
-  for (int y = shape.height - 1; y >= 0; --y) {
-    for (int x = shape.width - 1; x >= 0; --x) {
-      spread(x, y, x + 1, y);
-      spread(x, y, x, y + 1);
-    }
-  }
+  sweep_to_and_fro(shape, [&](int x, int y, int from_x, int from_y) {
+    confidence(x, y) = max_of(confidence(x, y), step * confidence(from_x, from_y));
+  });
 }
 
 }  // namespace refine_detail

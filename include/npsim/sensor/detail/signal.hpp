@@ -64,15 +64,6 @@ template <class Sum, class Executor, class F>
   return sum;
 }
 
-// Calls f(y) for every row.
-template <class Executor, class F>
-void for_rows(Shape shape, Executor& executor, const F& f) {
-  executor.for_chunks(static_cast<std::size_t>(shape.height), kSensorRowChunk,
-                      [&f](std::size_t begin, std::size_t end) {
-                        for (std::size_t y = begin; y < end; ++y) f(static_cast<int>(y));
-                      });
-}
-
 // A batch of which the first n lanes count. Whole ones go the common way: masked stores are slow on some processors.
 template <class F>
 [[nodiscard]] NPSIM_ALWAYS_INLINE F load_first(const float* p, int n) noexcept {

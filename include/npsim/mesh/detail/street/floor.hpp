@@ -27,6 +27,7 @@
 #include "npsim/core/bits.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
