@@ -71,8 +71,8 @@ struct Bush {
     params.reach_px = 48.0F;
     return params;
   }
-  // Pixels that were drawn as plant and are `now`, of the leaves or of what is behind them; a corner's pixels only where
-  // they are within the reach of 16 px.
+  // Pixels that were drawn as plant and are `now`, of the leaves or of what is behind them; a corner's pixels only
+  // where they are within the reach of 16 px.
   [[nodiscard]] int count(const Image<Label>& out, bool leaves, Label now) const {
     int n = 0;
     for (int y = 0; y < kShape.height; ++y) {
@@ -124,6 +124,20 @@ TEST_CASE("plant outlines: a sky as dark as the leaves and a wall seen through a
   }
   for (int y = 54; y < 60; ++y) {
     for (int x = 94; x < 100; ++x) REQUIRE(out(x, y) == label::vegetation);
+  }
+}
+
+TEST_CASE("plant outlines: labels outside the definition stay, beside a wall, beside a plant and far from both") {
+  Bush bush;
+  const int places[3][2] = {{20, 20}, {90, 120}, {160, 120}};
+  for (const auto& at : places) {
+    for (int y = at[1]; y < at[1] + 9; ++y) {
+      for (int x = at[0]; x < at[0] + 9; ++x) bush.labels(x, y) = Label{255};
+    }
+  }
+  const Image<Label> out = bush.cleared();
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) REQUIRE((out(x, y) == 255) == (bush.labels(x, y) == 255));
   }
 }
 

@@ -30,6 +30,7 @@
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
@@ -48,16 +49,18 @@ struct PlantOutlinesParams {
 };
 
 [[nodiscard]] inline Status validate(const PlantOutlinesParams& p) noexcept {
-  const bool good = p.reach_px >= 0.0F && p.reach_px <= 48.0F && p.margin >= 0.0F && p.bright_share >= 0.0F;
+  const bool good =
+      p.reach_px >= 0.0F && p.reach_px <= 48.0F && p.margin >= 0.0F && p.bright_share >= 0.0F && p.most_outline >= 0.0F;
   return good ? Status()
               : Status(StatusCode::invalid_argument,
-                       "plant outlines: reach in 0..48 px, margin and share of brightness not negative");
+                       "plant outlines: reach in 0..48 px; margin, share of brightness and outline not negative");
 }
 
 namespace depth_detail {
 
 // What lies behind plants.
 inline constexpr std::array<Label, 3> kBehindPlants = {label::building, label::wall, label::sky};
+inline constexpr LabelSet kPlantsAndBehind = LabelSet::of(label::vegetation, label::building, label::wall, label::sky);
 
 // Sizes for an image of this width.
 struct PlantScale {
@@ -126,24 +129,13 @@ struct TwoLooks {
 
 // Steps along rows and columns to the nearest pixel of a class, at most 255.
 inline void steps_to(ImageView<const Label> labels, Label of, ImageView<std::uint8_t> steps) noexcept {
-  const auto spread = [&](int x, int y, int from_x, int from_y) {
-    if (!steps.contains(from_x, from_y)) return;
+  for (int y = 0; y < steps.height(); ++y) {
+    for (int x = 0; x < steps.width(); ++x) steps(x, y) = labels(x, y) == of ? 0 : 255;
+  }
+  sweep_to_and_fro(steps.shape(), [&](int x, int y, int from_x, int from_y) {
     const int over = steps(from_x, from_y) + 1;
     if (over < steps(x, y)) steps(x, y) = static_cast<std::uint8_t>(over);
-  };
-  for (int y = 0; y < steps.height(); ++y) {
-    for (int x = 0; x < steps.width(); ++x) {
-      steps(x, y) = labels(x, y) == of ? 0 : 255;
-      spread(x, y, x - 1, y);
-      spread(x, y, x, y - 1);
-    }
-  }
-  for (int y = steps.height() - 1; y >= 0; --y) {
-    for (int x = steps.width() - 1; x >= 0; --x) {
-      spread(x, y, x + 1, y);
-      spread(x, y, x, y + 1);
-    }
-  }
+  });
 }
 
 class PlantMatter {
@@ -169,42 +161,27 @@ class PlantMatter {
   void run(ImageView<Label> out, Executor& executor) noexcept {
     copy_pixels(labels_, out);
     for (std::uint8_t& b : best_.pixels()) b = 0;
-    for_rows(image_.height(), executor, [&](int y) {
+    for_rows(executor, image_.height(), [&](int y) {
       for (int x = 0; x < image_.width(); ++x) {
-        contrast_(x, y) = is_of_either(labels_(x, y)) ? contrast(x, y) : std::uint8_t{0};
+        contrast_(x, y) = kPlantsAndBehind.contains(labels_(x, y)) ? contrast(x, y) : std::uint8_t{0};
       }
     });
     for (const Label behind : kBehindPlants) {
       steps_to(labels_, behind, steps_);
       gather(behind, executor);
       weigh(behind, executor);
-      give(behind, out, executor);
-      if (behind == label::sky) continue;
-      grow(out, behind, [](Label l) { return l == kGiven; });
-      for (int y = 0; y < out.height(); ++y) {
-        for (int x = 0; x < out.width(); ++x) {
-          if (out(x, y) != kGiven) continue;
-          out(x, y) = label::vegetation;
-          best_(x, y) = 0;
-        }
-      }
+      choose(behind, out, executor);
+      give(behind, out);
     }
   }
 
  private:
-  static constexpr Label kGiven = 255;         // to what lies behind, if it hangs together with it
+  // In steps_, once the steps have served: pixels of what lies behind, and those that may be given to it.
+  static constexpr std::uint8_t kOther = 0;
+  static constexpr std::uint8_t kBehind = 1;
+  static constexpr std::uint8_t kChosen = 2;
   static constexpr float kOddsUnit = 0.0625F;  // of one step of the log likelihoods that are kept
   static constexpr float kDoubtful = 0.05F;    // weight of leaves near the other class
-
-  [[nodiscard]] static bool is_of_either(Label l) noexcept {
-    return l == label::vegetation || l == label::building || l == label::wall || l == label::sky;
-  }
-  template <class Executor, class Row>
-  static void for_rows(int rows, Executor& executor, const Row& row) noexcept {
-    executor.for_chunks(static_cast<std::size_t>(rows), 4, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t y = begin; y < end; ++y) row(static_cast<int>(y));
-    });
-  }
 
   [[nodiscard]] float brightness(int x, int y) const noexcept {
     const Rgb8 c = image_(x, y);
@@ -239,7 +216,7 @@ class PlantMatter {
   // Both sides' looks, tile by tile, then of each tile's surroundings.
   template <class Executor>
   void gather(Label behind, Executor& executor) noexcept {
-    for_rows(down_, executor, [&](int j) {
+    for_rows(executor, down_, [&](int j) {
       for (int i = 0; i < across_; ++i) tile_looks_[tile_index(i, j)] = {};
       const int end = std::min((j + 1) * scale_.tile, image_.height());
       for (int y = j * scale_.tile; y < end; ++y) {
@@ -253,7 +230,7 @@ class PlantMatter {
         }
       }
     });
-    for_rows(down_, executor, [&](int j) {
+    for_rows(executor, down_, [&](int j) {
       for (int i = 0; i < across_; ++i) {
         TwoLooks sum;
         for (int v = max_of(j - 2, 0); v <= std::min(j + 2, down_ - 1); ++v) {
@@ -302,15 +279,15 @@ class PlantMatter {
   template <class Executor>
   void weigh(Label behind, Executor& executor) noexcept {
     const float least = 0.25F * static_cast<float>(scale_.tile * scale_.tile);  // pixels of either side: 1 % of 5 x 5
-    for_rows(image_.height(), executor, [&](int y) {
+    for_rows(executor, image_.height(), [&](int y) {
       for (int x = 0; x < image_.width(); ++x) {
         odds_(x, y) = 0;
         const bool doubtful = labels_(x, y) == label::vegetation && steps_(x, y) <= scale_.reach;
         if (!doubtful || (!marks_.empty() && marks_(x, y) != 0)) continue;
         const TwoLooks about = looks_about(x, y);
         if (!(about.leaves.count > least * kDoubtful) || !(about.behind.count > least)) continue;
-        if (behind != label::sky && about.outline_px > params_.most_outline * static_cast<float>(5 * scale_.tile))
-          continue;
+        const bool follows_leaves = about.outline_px > params_.most_outline * static_cast<float>(5 * scale_.tile);
+        if (behind != label::sky && follows_leaves) continue;
         const Look here = look(x, y);
         float odds = about.behind.log_likelihood(here) - about.leaves.log_likelihood(here);
         if (behind == label::sky && !could_be_sky(here, about)) odds = -8.0F;
@@ -319,11 +296,13 @@ class PlantMatter {
     });
   }
 
-  // Where the odds, averaged over the pixels in doubt around, exceed the margin and those of the classes before.
+  // Pixels whose odds, averaged over those in doubt around, exceed the margin: for a wall if no other has them, for the
+  // sky if the odds of the wall that has them are no greater.
   template <class Executor>
-  void give(Label behind, ImageView<Label> out, Executor& executor) noexcept {
-    for_rows(image_.height(), executor, [&](int y) {
+  void choose(Label behind, ImageView<const Label> out, Executor& executor) noexcept {
+    for_rows(executor, image_.height(), [&](int y) {
       for (int x = 0; x < image_.width(); ++x) {
+        steps_(x, y) = labels_(x, y) == behind ? kBehind : kOther;
         if (odds_(x, y) == 0) continue;
         int sum = 0;
         int count = 0;
@@ -335,16 +314,28 @@ class PlantMatter {
           }
         }
         const float odds = kOddsUnit * static_cast<float>(sum) / static_cast<float>(count);
-        const auto kept = static_cast<std::uint8_t>(max_of(odds, 0.0F) / kOddsUnit);
         if (!(odds > params_.margin)) continue;
-        if (behind != label::sky) {
-          if (out(x, y) == label::vegetation) out(x, y) = kGiven;
-        } else if (kept >= best_(x, y)) {
-          out(x, y) = behind;
-        }
+        const auto kept = static_cast<std::uint8_t>(odds / kOddsUnit);
+        if (behind == label::sky ? kept < best_(x, y) : out(x, y) != label::vegetation) continue;
         best_(x, y) = kept;
+        steps_(x, y) = kChosen;
       }
     });
+  }
+
+  // Those chosen for the sky, and those that hang together with the wall that they were chosen for.
+  void give(Label behind, ImageView<Label> out) noexcept {
+    if (behind != label::sky) grow(steps_, kBehind, [](std::uint8_t at) { return at == kChosen; });
+    const std::uint8_t given = behind == label::sky ? kChosen : kBehind;
+    for (int y = 0; y < out.height(); ++y) {
+      for (int x = 0; x < out.width(); ++x) {
+        if (steps_(x, y) == given) {
+          out(x, y) = behind;
+        } else if (steps_(x, y) == kChosen) {
+          best_(x, y) = 0;
+        }
+      }
+    }
   }
 
   const PlantOutlinesParams& params_;
@@ -396,8 +387,8 @@ template <class Executor>
 }
 
 // Drops the depth of what was given to a wall where it is the leaves': nearer to the mean of the first leaves to the
-// left, right, above and below than to that of the wall there, within the reach. drawn: the labels before. kept: depth,
-// changed in place.
+// left, right, above and below than to that of the wall there, within twice the reach; without a wall there in any
+// case. drawn: the labels before. kept: depth, changed in place.
 template <class Executor>
 void drop_depth_of_plants(const PlantOutlinesParams& params, ImageView<const Label> drawn,
                           ImageView<const Label> labels, ImageView<const float> depth, ImageView<float> kept,
@@ -420,16 +411,15 @@ void drop_depth_of_plants(const PlantOutlinesParams& params, ImageView<const Lab
     }
     return count > 0.0F ? sum / count : 0.0F;
   };
-  executor.for_chunks(static_cast<std::size_t>(depth.height()), 4, [&](std::size_t begin, std::size_t end) {
-    for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      for (int x = 0; x < depth.width(); ++x) {
-        const Label now = labels(x, y);
-        if (drawn(x, y) == now || !is_valid_depth(depth(x, y))) continue;
-        const float w = 1.0F / depth(x, y);
-        const float leaves = first(x, y, drawn(x, y), drawn(x, y));
-        const float wall = first(x, y, now, now);
-        if (!(wall > 0.0F) || std::fabs(w - leaves) < std::fabs(w - wall)) kept(x, y) = 0.0F;
-      }
+  for_rows(executor, depth.height(), [&](int y) {
+    for (int x = 0; x < depth.width(); ++x) {
+      const Label now = labels(x, y);
+      if (drawn(x, y) == now || !is_valid_depth(depth(x, y))) continue;
+      const float w = 1.0F / depth(x, y);
+      const float leaves = first(x, y, drawn(x, y), drawn(x, y));
+      const float wall = first(x, y, now, now);
+      const bool of_leaves = leaves > 0.0F && std::fabs(w - leaves) < std::fabs(w - wall);
+      if (!(wall > 0.0F) || of_leaves) kept(x, y) = 0.0F;
     }
   });
 }

@@ -2,8 +2,7 @@
 // Section 3.4: the depth refinement kernel, from the depth as given to one that a mesh can be built on.
 //
 //   clear outlines of plants -> find the source -> fit the ground plane -> drop outliers, fill -> sharpen edges
-//     -> anchor ground
-//     -> cross-bilateral filter (3.2) -> uncertain map (3.3) -> normal-guided refinement (3.6 - 3.9)
+//     -> anchor ground -> cross-bilateral filter (3.2) -> uncertain map (3.3) -> normal-guided refinement (3.6 - 3.9)
 //     -> faces of kerbs, or surfaces without the noise that was measured
 // The thesis has neither sharpening nor anchoring, and no kerbs. The first two, and the filter, mend what networks do
 // wrong and harm what was measured (docs/evaluation.md), so they are left out for stereo, laser and exact depth
@@ -304,15 +303,16 @@ namespace refine_detail {
   return params.planes.enabled && scene.normals.empty() && !scene.labels.empty();
 }
 
-// labels: the memory of those that `out` has in place of the scene's; empty where it has the scene's own.
-[[nodiscard]] inline Status allocate_labels(const RefineDepthParams& params, const SceneView& scene,
-                                            Workspace& workspace, RefinedDepth& out,
-                                            ImageView<Label>& labels) noexcept {
-  out.labels = scene.labels;
-  if (!scene.labels.empty() && !(params.outlines.reach_px > 0.0F)) return {};
+// labels: those of the scene with plants cut to their leaves, or of one class where the scene has none.
+template <class Executor>
+[[nodiscard]] Status own_labels(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace,
+                                Executor& executor, ImageView<Label>& labels) {
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), labels));
+  if (!scene.labels.empty()) {
+    return clear_plant_outlines(params.outlines, scene.image, scene.labels, scene.light_index, labels, workspace,
+                                executor);
+  }
   for (Label& l : labels.pixels()) l = label::unlabeled;
-  out.labels = labels;
   return {};
 }
 
@@ -554,7 +554,7 @@ template <class Executor>
 template <class Executor, class Observer>
 Status refine_depth(const RefineDepthParams& params, const SceneView& given, Workspace& workspace, Executor& executor,
                     Observer& observer, RefinedDepth& out) {
-  SceneView scene = given;
+  SceneView scene = given;  // with labels of its own where there are any
   const auto step = [&](Stage stage, auto&& work, bool shows_depth) {
     observer.begin(stage);
     {
@@ -567,13 +567,10 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& given, Wor
   };
   NPSIM_RETURN_IF_ERROR(workspace.ensure(refine_depth_workspace_bytes(params, scene.shape())));
   ImageView<Label> labels;
-  NPSIM_RETURN_IF_ERROR(refine_detail::allocate_labels(params, given, workspace, out, labels));
-  const bool labelled = !scene.labels.empty();
-  if (labelled && !labels.empty()) {
-    NPSIM_RETURN_IF_ERROR(clear_plant_outlines(params.outlines, scene.image, scene.labels, scene.light_index, labels,
-                                               workspace, executor));
-    scene.labels = labels;
-  }
+  NPSIM_RETURN_IF_ERROR(refine_detail::own_labels(params, given, workspace, executor, labels));
+  out.labels = labels;
+  const bool labelled = !given.labels.empty();
+  if (labelled) scene.labels = labels;
   out.source = scene.depth_source;
   if (out.source == DepthSource::unknown) out.source = find_depth_source(params.source, scene.depth, scene.labels);
   out.filled = {};
