@@ -53,7 +53,9 @@ class RoughDielectric {
 
   RoughDielectric(const Vec3d& albedo, double alpha, double f0) : albedo_(albedo), f0_(f0) {
     alpha_ = std::clamp(alpha, static_cast<double>(kMinAlpha), 1.0);
-    const double at = std::clamp(7 * std::sqrt(alpha_) - 1, 0.0, static_cast<double>(kSpecularAlphas - 1));
+    constexpr auto first = static_cast<double>(kSpecularFirstRoot);
+    constexpr auto last = static_cast<double>(kSpecularAlphas - 1);
+    const double at = std::clamp((std::sqrt(alpha_) - first) * last / (1 - first), 0.0, last);
     row_ = std::min(static_cast<std::size_t>(at), kSpecularAlphas - 2);
     share_ = at - static_cast<double>(row_);
     through_mean_ = std::max(1 - combined(kSpecularScaleMean[row_], kSpecularScaleMean[row_ + 1],

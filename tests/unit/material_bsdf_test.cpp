@@ -94,13 +94,13 @@ TEST_CASE("bsdf is reciprocal, and its specular part agrees with the formula in 
 }
 
 TEST_CASE("white furnace: a white dielectric reflects what it receives, at any angle and roughness") {
-  for (const float alpha : {0.02F, 0.05F, 0.1F, 0.2F, 0.3F, 0.45F, 0.6F, 0.85F, 1.0F}) {
+  for (const float alpha : {0.02F, 0.03F, 0.039F, 0.05F, 0.1F, 0.15F, 0.2F, 0.3F, 0.45F, 0.6F, 0.75F, 0.85F, 1.0F}) {
     for (const float f0 : {0.0F, 0.02F, 0.04F, 0.1F}) {
-      for (const double c : {0.03, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0}) {
+      for (const double c : {0.03, 0.04, 0.05, 0.08, 0.1, 0.14, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0}) {
         const double share = directional_albedo(kWhite, alpha, f0, c);
         INFO("alpha " << alpha << " f0 " << f0 << " cosine " << c << " share " << share);
-        CHECK(share <= 1.02);
-        CHECK(share >= 0.98);
+        CHECK(share <= 1.005);
+        CHECK(share >= 0.995);
       }
     }
   }
@@ -114,7 +114,7 @@ TEST_CASE("the tables of the directional albedo agree with a new integration; a 
         const double share = directional_albedo({}, alpha, f0, c);
         INFO("alpha " << alpha << " f0 " << f0 << " cosine " << c);
         CHECK(share <= 1.0 + 2e-3);
-        CHECK(std::fabs(static_cast<double>(table(static_cast<float>(c))) - share) < 0.02);
+        CHECK(std::fabs(static_cast<double>(table(static_cast<float>(c))) - share) < (f0 < 1.0F ? 0.005 : 0.01));
       }
     }
   }

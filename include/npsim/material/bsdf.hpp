@@ -7,7 +7,7 @@
 // reciprocal and takes exactly what the interface lets through (Kelemen and Szirmay-Kalos, EG 2001). With 1 - F(n.w)
 // instead, a dry road 30 m ahead, seen and lit at two degrees, would keep a fiftieth of its light: no facet is grazed
 // where the mean is. Invariants, tested: f(wi, wo) = f(wo, wi) to 1e-5 relative; f >= 0 and finite for every input, 0
-// below the horizon; a white dielectric (f0 <= 0.1) in a white furnace reflects 1 within 0.02 at every angle and
+// below the horizon; a white dielectric (f0 <= 0.1) in a white furnace reflects 1 within 0.005 at every angle and
 // roughness. Cost: seven square roots, four divisions, two table look-ups. `alpha` is kept at or above kMinAlpha, where
 // float still resolves the lobe.
 #ifndef NPSIM_MATERIAL_BSDF_HPP
