@@ -189,7 +189,8 @@ struct RelightSize {
       allocation_bytes<std::uint32_t>(size.receivers * rays) + allocation_bytes<Vec3f>(size.receivers) +
       allocation_bytes<Vec2f>(size.receivers) + (wet ? mirrors_bytes(params.mirror, size.wet) : 0) +
       allocation_bytes<Vec3f>(shape.pixels()) + allocation_bytes<Vec3f>(2 * emitters + 1) +
-      allocation_bytes<float>(emitters) + relight_detail::light_transport_workspace_bytes(shape, size.points, wet);
+      allocation_bytes<float>(emitters) +
+      relight_detail::light_transport_workspace_bytes(shape, size.points, params.bounces, wet);
   return shared +
          max_of(size.marks > 0 ? placement_workspace_bytes(params.placement, shape) : std::size_t{0},
                 allocation_bytes<Vec3f>(emitters) + allocation_bytes<float>(emitters),

@@ -10,7 +10,7 @@
 // The last gather is made with even and with odd rays apart. Half of what they differ by, weighted as in the night that
 // is expected (every lamp at its mean intensity) and denoised like everything else, has the noise of the images: its
 // size is error (LightTransport). It knows neither the denoiser's bias nor that of guesses about the scene.
-// Memory: light_transport_workspace_bytes().
+// Memory: light_transport_workspace_bytes(); 150 bytes a pixel and 52 a point that no pixel shows.
 #ifndef NPSIM_PIPELINE_DETAIL_LIGHT_TRANSPORT_HPP
 #define NPSIM_PIPELINE_DETAIL_LIGHT_TRANSPORT_HPP
 
@@ -66,12 +66,13 @@ struct LitScene {
   float f0 = 0;
 };
 
-[[nodiscard]] constexpr std::size_t light_transport_workspace_bytes(Shape shape, std::size_t points,
+[[nodiscard]] constexpr std::size_t light_transport_workspace_bytes(Shape shape, std::size_t points, int bounces,
                                                                     bool wet) noexcept {
   const std::size_t pixels = shape.pixels();
+  const std::size_t images = 1U + (bounces > 2 ? 1U : 0U) + (wet ? 1U : 0U);
   return LightImageBuilder::staging_bytes(shape) + allocation_bytes<float>(DenoiseGuides::floats(shape)) +
-         (wet ? 3 : 2) * allocation_bytes<float>(kPlanes * pixels) + (wet ? allocation_bytes<float>(pixels) : 0) +
-         allocation_bytes<float>(3 * pixels) + allocation_bytes<float>(kLightLanes * points) +
+         images * allocation_bytes<float>(kPlanes * pixels) + (wet ? allocation_bytes<float>(pixels) : 0) +
+         allocation_bytes<float>(3 * pixels) + allocation_bytes<float>(kPlanes * std::max(pixels, points)) +
          allocation_bytes<float>(points) + point_blocks_bytes(shape, points) +
          allocation_bytes<float>(light_tiles(shape).pixels() + points / kBlockPoints + 1);
 }
@@ -87,9 +88,12 @@ class LightTransport {
     guides_.shape = shape_;
     NPSIM_RETURN_IF_ERROR(workspace.allocate(DenoiseGuides::floats(shape_), guides_.planes));
     NPSIM_RETURN_IF_ERROR(workspace.allocate(kPlanes * pixels, now_));
-    NPSIM_RETURN_IF_ERROR(workspace.allocate(kPlanes * pixels, before_));
+    if (bounces_ > 2) NPSIM_RETURN_IF_ERROR(workspace.allocate(kPlanes * pixels, before_));
     NPSIM_RETURN_IF_ERROR(workspace.allocate(3 * pixels, noise_));
-    NPSIM_RETURN_IF_ERROR(workspace.allocate(kLightLanes * scene_.points.size(), exitance_));
+    Span<float> room;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(kPlanes * std::max(pixels, scene_.points.size()), room));
+    exitance_ = room.sub(0, kLightLanes * scene_.points.size());
+    spare_ = room.sub(0, kPlanes * pixels);
     NPSIM_RETURN_IF_ERROR(workspace.allocate(scene_.points.size(), certain_lx_));
     NPSIM_RETURN_IF_ERROR(workspace.allocate(scene_.blocks.count(), untraced_lx_));
     for (float& e : certain_lx_) e = 0.0F;
@@ -121,14 +125,18 @@ class LightTransport {
       in_batch_ = std::min(kLightsAtOnce, scene_.groups.count - first);
       NPSIM_RETURN_IF_ERROR(direct(light_blocks, images, workspace, observer));
       indirect(expected, executor);
-      NPSIM_RETURN_IF_ERROR(denoise_planes(denoise_, guides_, 3 * in_batch_, now_, before_, executor));
+      NPSIM_RETURN_IF_ERROR(denoise_planes(denoise_, guides_, 3 * in_batch_, now_, spare_, executor));
       if (!mirrored_.empty()) {
         NPSIM_RETURN_IF_ERROR(
-            denoise_planes(mirror_filter(denoise_), guides_, 3 * in_batch_, mirrored_, before_, executor));
+            denoise_planes(mirror_filter(denoise_), guides_, 3 * in_batch_, mirrored_, spare_, executor));
       }
       for (std::size_t i = 0; i < in_batch_; ++i) {
         stage_indirect(i, images, executor);
         NPSIM_RETURN_IF_ERROR(images.keep(first + i, i, workspace));
+      }
+      // The filter leaves its planes in either room; the next batch must not gather into its exitance.
+      for (Span<float>* const planes : {&now_, &mirrored_}) {
+        if (planes->data() == exitance_.data()) std::swap(*planes, spare_);
       }
     }
     return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while tracing light") : Status();
@@ -140,7 +148,7 @@ class LightTransport {
   Status error(ImageView<const Vec3f> night, double& out, Executor& executor) {
     constexpr float kFloor = 0.005F;  // cd/m2, that of luminance_errors()
     NPSIM_RETURN_IF_ERROR(denoise_planes(denoise_, guides_, 3, noise_, now_, executor));
-    float* const squares = before_.data();
+    float* const squares = spare_.data();
     std::size_t n = 0;
     for_pixels(0, shape_.height, [&](int x, int y, std::size_t pixel, std::uint32_t p, std::size_t) {
       const float seen = luminance(night(x, y));
@@ -261,7 +269,7 @@ class LightTransport {
           to[2] += handed_on.z;
         }
       });
-      std::swap(now_, before_);
+      if (bounce + 1 < bounces_) std::swap(now_, before_);
     }
     if (mirrored_.empty()) return;
     for (float& m : mirrored_) m = 0.0F;
@@ -334,13 +342,14 @@ class LightTransport {
   std::size_t first_ = 0;     // group of the batch
   std::size_t in_batch_ = 0;  // of its groups
   DenoiseGuides guides_;
-  Span<float> now_, before_, mirrored_;  // kPlanes each: three channels of every light
-  Span<float> noise_;                    // three
-  Span<float> exitance_;                 // kLightLanes a point
-  Span<float> body_;                     // share of diffuse light that a film lets out, per pixel
-  Span<float> untraced_lx_;              // per block, what weak lamps could bring that are not traced there
-  std::size_t done_ = 0;                 // emitters
-  Span<float> certain_lx_;               // per point, that every night brings
+  Span<float> now_, before_, mirrored_;  // kPlanes each: three channels of every light; `before` from 3 bounces on
+  Span<float> spare_;        // as many for the filter, in the room of the exitance, which has served by then
+  Span<float> noise_;        // three
+  Span<float> exitance_;     // kLightLanes a point
+  Span<float> body_;         // share of diffuse light that a film lets out, per pixel
+  Span<float> untraced_lx_;  // per block, what weak lamps could bring that are not traced there
+  std::size_t done_ = 0;     // emitters
+  Span<float> certain_lx_;   // per point, that every night brings
 };
 
 }  // namespace relight_detail
