@@ -108,7 +108,7 @@ TEST_CASE("white furnace: a white dielectric reflects what it receives, at any a
 
 TEST_CASE("the tables of the directional albedo agree with a new integration; a metal never reflects more than 1") {
   for (const float alpha : {0.02F, 0.07F, 0.15F, 0.4F, 0.75F, 1.0F}) {
-    for (const float f0 : {0.0F, 0.04F, 1.0F}) {
+    for (const float f0 : {0.0F, 0.04F, 0.1F, 1.0F}) {
       const SpecularAlbedo table(alpha, f0);
       for (const double c : {0.03, 0.1, 0.3, 0.7, 1.0}) {
         const double share = directional_albedo({}, alpha, f0, c);

@@ -45,12 +45,14 @@ const street::Street& small_street() {
 struct Sink {
   double error = 0;
   int rays = 0;
+  std::size_t groups = 0;
   double worst = 0;  // relative, of the sum of single lamps against all of them
   io::Image<Vec3f> night_image;
 
   Status reconstructed(const RefinedDepth&, const SceneMesh&, const Relighting& light) {
     error = light.error;
     rays = light.rays;
+    groups = light.groups.count;
     SerialExecutor serial;
     const Shape shape = light.visible_point.shape();
     std::vector<Vec3f> weights(light.images.count), one(light.images.count);
@@ -82,7 +84,8 @@ struct Sink {
 
 }  // namespace
 
-TEST_CASE("light groups: windows of a dark street share one by floors, as do own headlamps; what is never lit has none") {
+TEST_CASE(
+    "light groups: windows of a dark street share one by floors, as do own headlamps; what is never lit has none") {
   std::vector<Emitter> emitters{lamp(LightClass::window_building, 1, 9, EmissionProfile::lambert),
                                 lamp(LightClass::advertisement, 2, 0, EmissionProfile::lambert),
                                 lamp(LightClass::window_building, 3, 9, EmissionProfile::lambert),
@@ -140,8 +143,11 @@ TEST_CASE("light groups: beside lit street lamps all windows share one, lit or n
   CHECK(groups.shines[0] == 1);
   CHECK(groups.shines[1] == 0);
   std::vector<Vec3f> weights(groups.image_count());
-  relight_detail::light_weights(
-      groups, [&](std::size_t e) { return Vec3f{1, 1, 1} * groups.peak_cd[e]; }, {weights.data(), weights.size()});
+  relight_detail::light_weights(groups,
+                                [&](std::size_t e) {
+                                  return Vec3f{1, 1, 1} * groups.peak_cd[e];
+                                },
+                                {weights.data(), weights.size()});
   for (std::size_t g = 0; g < groups.count; ++g) CHECK(weights[g].y == doctest::Approx(1));
 }
 
@@ -149,6 +155,25 @@ TEST_CASE("lights: the sum of the lamps' nights is the night of all of them with
   const Sink sink = npsim::testing::night_of<Sink>(small_street(), default_night_params());
   CHECK(sink.worst < 1e-5);
   CHECK(sink.rays == GatherParams{}.rays);
+}
+
+TEST_CASE("lights: an odd number of filter passes loses none, over several batches, three bounces and a wet road") {
+  NightParams params = default_night_params();
+  params.relight.bounces = 3;
+  params.relight.material.film.wetness = 0.8F;
+  const auto sum_of = [&](int iterations) {
+    params.relight.denoise.iterations = iterations;
+    const Sink sink = npsim::testing::night_of<Sink>(small_street(), params);
+    CHECK(sink.groups > 2 * kLightsAtOnce);
+    double sum = 0;
+    for (std::size_t p = 0; p < sink.night_image.shape().pixels(); ++p) {
+      // Seen lamps would outshine everything.
+      sum += std::min(static_cast<double>(luminance(sink.night_image.view().data()[p])), 2.0);
+    }
+    return sum;
+  };
+  const double unfiltered = sum_of(0);
+  for (const int iterations : {1, 2, 3}) CHECK(sum_of(iterations) == doctest::Approx(unfiltered).epsilon(0.01));
 }
 
 TEST_CASE("lights: the error that is said is that of the noise within a factor of two, and one asked for is reached") {

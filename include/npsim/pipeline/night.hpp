@@ -11,8 +11,8 @@
 // one before.
 // A status other than ok from the sink stops the run and is returned. All parameters are checked before the first step.
 // Invariant: the bytes depend on the scene, the parameters and the seed, never on the executor.
-// Memory: peak 220 bytes a pixel and a byte for each lamp and point (1.1 to 1.4 points a pixel) on real streets, for
-// which the workspace is asked step by step; night_workspace_bytes() bounds it for every scene.
+// Memory: peak 390 to 410 bytes a pixel on real streets, and 1 to 4 for each lamp's and group's image, for which the
+// workspace is asked step by step; night_workspace_bytes() bounds it for every scene.
 #ifndef NPSIM_PIPELINE_NIGHT_HPP
 #define NPSIM_PIPELINE_NIGHT_HPP
 

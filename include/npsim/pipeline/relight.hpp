@@ -10,9 +10,9 @@
 // reach. A variant's bits do not depend on how many others there are.
 // Effort or error: either `gather.rays` are traced from each receiver, or, with max_error, as many as the noise of the
 // expected night asks for; what was reached is in Relighting either way.
-// Memory (workspace): relight_workspace_bytes(), from the sizes of the mesh: 4 bytes a gather ray and receiver, 48 a
-// point and 170 a pixel while lights are made; then the images of the lights (LightImages::bytes()), for which the
-// workspace is asked image by image.
+// Memory (workspace): relight_workspace_bytes(), from the sizes of the mesh: 36 bytes a point that are kept, and while
+// lights are made 4 a gather ray and receiver, what rays are traced through, and what detail/light_transport.hpp takes;
+// then the images of the lights (LightImages::bytes()), for which the workspace is asked image by image.
 #ifndef NPSIM_PIPELINE_RELIGHT_HPP
 #define NPSIM_PIPELINE_RELIGHT_HPP
 

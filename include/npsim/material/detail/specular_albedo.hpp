@@ -5,9 +5,9 @@
 // since Schlick's term is linear in f0. What the interface does not reflect enters the body below it, so the diffuse
 // part needs E; Schlick's term at the surface normal would darken rough roads seen at a grazing angle threefold.
 // Tables: alpha at (.14 + .86 i / 12)^2, mu at (j / 24)^2, bilinear in the square roots. The nodes are those that come
-// nearest to E of 73 roughnesses and 145 angles, each integrated by sampling visible normals (Heitz, JCGT 2018) at 6.6e4
-// points of a Sobol sequence; the averages are those of the interpolated tables over the cosine-weighted hemisphere. A
-// test integrates again and finds E within 0.005 for f0 <= 0.1, 0.01 for a metal.
+// nearest to E of 73 roughnesses and 145 angles, each integrated by sampling visible normals (Heitz, JCGT 2018) at
+// 6.6e4 points of a Sobol sequence; the averages are those of the interpolated tables over the cosine-weighted
+// hemisphere. A test integrates again and finds E within 0.005 for f0 <= 0.1, 0.01 for a metal.
 #ifndef NPSIM_MATERIAL_DETAIL_SPECULAR_ALBEDO_HPP
 #define NPSIM_MATERIAL_DETAIL_SPECULAR_ALBEDO_HPP
 

@@ -10,7 +10,8 @@
 // The last gather is made with even and with odd rays apart. Half of what they differ by, weighted as in the night that
 // is expected (every lamp at its mean intensity) and denoised like everything else, has the noise of the images: its
 // size is error (LightTransport). It knows neither the denoiser's bias nor that of guesses about the scene.
-// Memory: light_transport_workspace_bytes(); 150 bytes a pixel and 52 a point that no pixel shows.
+// Memory: light_transport_workspace_bytes(), 170 bytes a pixel and 57 for each point beyond their number; 48 more a
+// pixel from 3 bounces on, 52 where it is wet.
 #ifndef NPSIM_PIPELINE_DETAIL_LIGHT_TRANSPORT_HPP
 #define NPSIM_PIPELINE_DETAIL_LIGHT_TRANSPORT_HPP
 
