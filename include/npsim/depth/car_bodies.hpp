@@ -9,11 +9,16 @@
 //   upright and not of glass. A ray meets the box where the nearer plane's 1/z is the smaller one, and each plane is
 //   n . p = -distance, so that 1/z = -(n . ray) / distance: distances are medians, and the search is over angles alone
 //   (after L-shape fitting, Zhang et al., IV 2017, which has laser points and squared distances).
+//   Of a car that shows nothing between the belts, as behind another one, the rectangle stands along the street, as far
+//   away as all that is seen of the car.
 //   Profile: each row of pixels on one side has one distance, the median of its own, then the median of the rows over
 //   window_m. How it recedes with height is how far the side leans: bonnet, windscreen, roof. A side wider than
-//   side_m is no end: its rows are within a hand of its doors, and it leans as cars do (lean_of_side()).
-//   Blend: where both planes are within some corner_m of each other the corner is round.
-// A normal turns to the body's where it is farther than turn_rad from it, up to turn_rad: what is curved stays so.
+//   side_m is no end: its rows are within a hand of its doors, and it leans as cars do (lean_of_side()), which below
+//   the waist an end does too.
+//   Blend: where both planes are within some corner_m of each other the corner is round, and so it is at the car's own
+//   outline, with the radius rim_m (detail/cars/rim.hpp).
+// A normal turns to the body's where it is farther than a bound from it, up to that bound: what is curved stays so. The
+// bound is turn_rad on exact depth and half of that where depth is known to calm_m, for its noise becomes the normals'.
 // Depth keeps what it is off the body where that is little, half of `deviations` of the noise, and less of what is more.
 // Invariant: pixels of other things are not touched, nor cars that no box explains (max_loss), that have no number of
 // their own, or fewer than min_px. Deterministic. Cost: some 10 medians of a car's rows, and 19 x 10 of 2048 samples.
@@ -24,6 +29,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
@@ -34,6 +40,7 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/detail/cars/corner.hpp"
+#include "npsim/depth/detail/cars/rim.hpp"
 #include "npsim/depth/object_borders.hpp"
 #include "npsim/depth/source_noise.hpp"
 #include "npsim/geometry/ground.hpp"
@@ -45,7 +52,7 @@ inline namespace NPSIM_ABI {
 struct CarBodiesParams {
   bool enabled = true;
   LabelSet cars = LabelSet::of(label::car);
-  float min_px = 1200.0F;  // of an image 2048 x 1024
+  float min_px = 400.0F;  // of an image 2048 x 1024
   float belt_low_m = 0.25F;
   float belt_high_m = 0.95F;
   float relief_m = 0.05F;  // of what is upright: handles, arches, bumpers
@@ -53,14 +60,17 @@ struct CarBodiesParams {
   float window_m = 0.3F;
   float side_m = 2.0F;  // wider than what is seen of any end, less a tenth of it on either side
   float corner_m = 0.15F;
+  float rim_m = 0.3F;
   float turn_rad = 0.35F;
+  float calm_m = 0.25F;
   float deviations = 4.0F;
 };
 
 [[nodiscard]] inline Status validate(const CarBodiesParams& p) noexcept {
   const bool good = p.min_px > 0.0F && p.belt_low_m >= 0.0F && p.belt_high_m > p.belt_low_m && p.relief_m >= 0.0F &&
                     p.max_loss >= 0.0F && p.window_m > 0.0F && p.window_m <= 10.0F && p.side_m > 0.0F &&
-                    p.corner_m > 0.0F && p.turn_rad >= 0.0F && p.turn_rad <= 3.1416F && p.deviations > 0.0F;
+                    p.corner_m > 0.0F && p.rim_m > 0.0F && p.turn_rad >= 0.0F && p.turn_rad <= 3.1416F &&
+                    p.calm_m > 0.0F && p.deviations > 0.0F;
   return good ? Status() : Status(StatusCode::invalid_argument, "car bodies: a parameter lies outside its range");
 }
 
@@ -69,9 +79,14 @@ namespace car_detail {
 inline constexpr std::size_t kMaxCars = 1024;
 inline constexpr std::size_t kMaxSamples = 2048;
 
-// How far the side of a car leans at this share of its height: doors, windows, the edge of the roof.
+// Share of a car's height at which it is widest, and upright.
+inline constexpr float kWaist = 0.42F;
+
+// How far the side of a car leans at this share of its height: sill, lower door, upper door, windows, the roof's edge.
 [[nodiscard]] inline float lean_of_side(float share) noexcept {
-  return 0.44F * clamp_to((share - 0.55F) / 0.1F, 0.0F, 1.0F) + 0.61F * clamp_to((share - 0.82F) / 0.12F, 0.0F, 1.0F);
+  const auto ramp = [share](float from, float to) { return clamp_to((share - from) / (to - from), 0.0F, 1.0F); };
+  return 0.3F * (ramp(0.14F, 0.28F) - 1.0F) + 0.2F * (ramp(0.14F, kWaist) - 1.0F) + 0.44F * ramp(0.55F, 0.65F) +
+         0.61F * ramp(0.82F, 0.94F);
 }
 
 struct Car {
@@ -116,7 +131,9 @@ struct CarFit {
   const GroundPlane& ground;
   Span<Sample> samples;
   Span<float> scratch;
-  Span<Row> rows[2];  // of the image's height
+  Span<Row> rows[2];                    // of the image's height
+  Span<const std::uint16_t> car_of_id;  // one more than its place among the cars
+  Span<const Car> cars;
   Car car;
   Corner corner;
   float z_m = 0.0F;  // of its middle
@@ -157,30 +174,44 @@ struct CarFit {
   return first[count - 1 - out] - low;
 }
 
-[[nodiscard]] inline bool find_corner(CarFit& fit) noexcept {
+// Samples of the car between two heights above the ground; returns how many.
+[[nodiscard]] inline std::size_t take_samples(CarFit& fit, float low_m, float high_m) noexcept {
   const Car& car = fit.car;
   int step = 1;
   const auto area = static_cast<std::size_t>(car.x1 - car.x0) * static_cast<std::size_t>(car.y1 - car.y0);
   while (area / (static_cast<std::size_t>(step) * static_cast<std::size_t>(step)) > kMaxSamples) ++step;
   std::size_t n = 0;
-  Vec3f sum;
   for (int y = car.y0; y < car.y1; y += step) {
     for (int x = car.x0; x < car.x1; x += step) {
       if (!fit.on_car(x, y) || n == kMaxSamples) continue;
       const Vec3f ray = unproject_pixel(fit.camera, x, y, 1.0F);
       const float z = fit.depth(x, y);
       const float height = fit.ground.camera_height_m + z * dot(fit.ground.up, ray);
-      if (height < fit.params.belt_low_m || height > fit.params.belt_high_m) continue;
-      fit.samples[n++] = {ray, 1.0F / z};
-      sum += ray * z;
+      if (height >= low_m && height <= high_m) fit.samples[n++] = {ray, 1.0F / z};
     }
   }
-  if (n < 64) return false;
+  return n;
+}
+
+[[nodiscard]] inline bool find_corner(CarFit& fit) noexcept {
+  constexpr std::size_t kFewest = 64;
+  std::size_t n = take_samples(fit, fit.params.belt_low_m, fit.params.belt_high_m);
+  const bool hidden = n < kFewest;
+  if (hidden) n = take_samples(fit, fit.params.belt_low_m, std::numeric_limits<float>::infinity());
+  if (n < kFewest) return false;
   const Span<const Sample> samples = fit.samples.sub(0, n);
-  sum = sum * (1.0F / static_cast<float>(n));
-  fit.z_m = sum.z;
-  fit.corner = fit_corner(fit.noise, fit.params.relief_m, fit.ground, sum, samples, fit.scratch);
-  if (fit.corner.loss > fit.params.max_loss) return false;
+  Vec3f middle;
+  for (const Sample& s : samples) middle += s.ray * (1.0F / s.w);
+  middle = middle * (1.0F / static_cast<float>(n));
+  fit.z_m = middle.z;
+  if (hidden) {
+    const Vec3f forward = forward_on_ground(fit.ground);
+    fit.corner =
+        corner_at(fit.noise, fit.params.relief_m, cross(forward, fit.ground.up), forward, middle, samples, fit.scratch);
+  } else {
+    fit.corner = fit_corner(fit.noise, fit.params.relief_m, fit.ground, middle, samples, fit.scratch);
+    if (fit.corner.loss > fit.params.max_loss) return false;
+  }
   const float width_m[2] = {seen_width_m(fit, samples, 0), seen_width_m(fit, samples, 1)};
   for (int k = 0; k < 2; ++k) fit.side[k] = width_m[k] > fit.params.side_m && width_m[k] > width_m[1 - k];
   return true;
@@ -265,8 +296,9 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
     const float behind_m = (w[k] - nearest) / (nearest * nearest);
     if (!(behind_m < 20.0F * fit.params.corner_m)) continue;
     const float height = fit.ground.camera_height_m + dot(fit.ground.up, ray) / w[k];
-    float lean = lean_of_side(height / max_of(fit.top_m[k], 0.5F));
-    if (!fit.side[k]) lean = max_of(lean, fit.rows[k][static_cast<std::size_t>(y)].lean_rad);
+    const float share = height / max_of(fit.top_m[k], 0.5F);
+    float lean = lean_of_side(share);
+    if (!fit.side[k] && share > kWaist) lean = max_of(lean, fit.rows[k][static_cast<std::size_t>(y)].lean_rad);
     sum += (fit.corner.normal[k] * std::cos(lean) + fit.ground.up * std::sin(lean)) *
            std::exp(-behind_m / fit.params.corner_m);
   }
@@ -284,17 +316,41 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
   return towards * std::cos(turn_rad) + aside * std::sin(turn_rad);
 }
 
+[[nodiscard]] inline RowEnds ends_of_row(const CarFit& fit, int y) noexcept {
+  RowEnds ends{fit.car.x0, fit.car.x1 - 1, {false, false}};
+  while (ends.first <= ends.last && !fit.on_car(ends.first, y)) ++ends.first;
+  while (ends.first < ends.last && !fit.on_car(ends.last, y)) --ends.last;
+  // What stands beside it may stand before it; of two cars the one that reaches lower is the nearer one.
+  const auto behind = [&](int x) {
+    if (x < 0 || x >= fit.depth.width()) return false;
+    if (!kStandingLabels.contains(fit.objects.labels(x, y))) return true;
+    const std::uint16_t other = fit.car_of_id[fit.objects.instances(x, y)];
+    return other != 0 && fit.cars[other - std::size_t{1}].y1 < fit.car.y1;
+  };
+  ends.own[0] = behind(ends.first - 1);
+  ends.own[1] = behind(ends.last + 1);
+  return ends;
+}
+
 template <class Executor>
 void draw_to_body(const CarFit& fit, ImageView<Vec3f> normals, ImageView<float> surface, Executor& executor) noexcept {
   const auto rows = static_cast<std::size_t>(fit.car.y1 - fit.car.y0);
   executor.for_chunks(rows, 16, [&](std::size_t begin, std::size_t end) {
     for (int y = fit.car.y0 + static_cast<int>(begin); y < fit.car.y0 + static_cast<int>(end); ++y) {
-      for (int x = fit.car.x0; x < fit.car.x1; ++x) {
+      const RowEnds ends = ends_of_row(fit, y);
+      for (int x = ends.first; x <= ends.last; ++x) {
         if (!fit.on_car(x, y)) continue;
+        const Vec3f ray = unproject_pixel(fit.camera, x, y, 1.0F);
         Vec3f normal;
-        const float z = body_at(fit, y, unproject_pixel(fit.camera, x, y, 1.0F), normal);
+        const float z = body_at(fit, y, ray, normal);
         if (!(z > 0.0F) || normal == Vec3f{}) continue;
-        normals(x, y) = turned(normals(x, y), normal, fit.params.turn_rad);
+        for (int e = 0; e < 2; ++e) {
+          if (!ends.own[e]) continue;
+          const auto from_px = static_cast<float>(e == 0 ? x - ends.first : ends.last - x) + 0.5F;
+          normal = round_at_rim(normal, ray, fit.ground.up, e == 1, from_px * z / fit.camera.fx, fit.params.rim_m);
+        }
+        const float unknown = fit.noise.deviation(1.0F / z) * z * z / fit.params.calm_m;
+        normals(x, y) = turned(normals(x, y), normal, fit.params.turn_rad / (1.0F + unknown * unknown));
         const float here = 1.0F / surface(x, y);
         const float off = (here - 1.0F / z) / max_of(fit.params.deviations * fit.noise.deviation(here), 1e-9F);
         surface(x, y) = 1.0F / (1.0F / z + (here - 1.0F / z) / (1.0F + off * off));
@@ -356,7 +412,7 @@ template <class Executor>
   const WorkspaceScope scope(workspace);
   Span<std::uint16_t> car_of_id;
   Span<Car> cars;
-  CarFit fit{params, depth, objects, noise, camera, ground, {}, {}, {}, {}, {}};
+  CarFit fit{params, depth, objects, noise, camera, ground, {}, {}, {}, {}, {}, {}, {}};
   const auto longest = static_cast<std::size_t>(std::max(shape.width, shape.height));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(65536, car_of_id));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(kMaxCars, cars));
@@ -366,7 +422,9 @@ template <class Executor>
     NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(shape.height), rows));
   }
   const float min_px = params.min_px * static_cast<float>(shape.pixels()) / (2048.0F * 1024.0F);
-  for (const Car& car : cars.sub(0, find_cars(params, objects, car_of_id, cars))) {
+  fit.cars = cars.sub(0, find_cars(params, objects, car_of_id, cars));
+  fit.car_of_id = car_of_id;
+  for (const Car& car : fit.cars) {
     if (static_cast<float>(car.pixels) < min_px) continue;
     fit.car = car;
     if (!find_corner(fit)) continue;
