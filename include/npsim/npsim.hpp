@@ -44,6 +44,7 @@
 
 // section 3.4: from measured or predicted depth to one that a mesh can be built on
 #include "npsim/depth/anchor_ground.hpp"
+#include "npsim/depth/beyond_range.hpp"
 #include "npsim/depth/border_spill.hpp"
 #include "npsim/depth/car_bodies.hpp"
 #include "npsim/depth/cross_bilateral.hpp"

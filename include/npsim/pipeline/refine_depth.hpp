@@ -30,6 +30,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/anchor_ground.hpp"
+#include "npsim/depth/beyond_range.hpp"
 #include "npsim/depth/border_spill.hpp"
 #include "npsim/depth/car_bodies.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
@@ -109,6 +110,7 @@ struct RefineDepthParams {
   KerbFaceParams kerbs;
   GroundMismatchParams ground_mismatches;  // of stereo
   SmoothSurfacesParams smooth;
+  BeyondRangeParams beyond_range;   // of laser
   BorderSpillParams spill;          // of stereo
   CarBodiesParams cars;             // of stereo
   StreetFurnitureParams furniture;  // of stereo and laser without given normals
@@ -360,6 +362,16 @@ template <class Executor>
   return drop_border_spill(scaled_spill(params, scene.shape()), scene.depth, objects, measured, executor);
 }
 
+[[nodiscard]] inline bool is_laser(const RefineDepthParams& params, const RefinedDepth& out) noexcept {
+  return params.use_source && out.source == DepthSource::lidar;
+}
+
+[[nodiscard]] inline Status place_houses(const RefineDepthParams& params, const SceneView& scene,
+                                         ImageView<const float> measured, Workspace& workspace, RefinedDepth& out) {
+  if (!is_laser(params, out)) return {};
+  return place_beyond_range(params.beyond_range, measured, scene.labels, out.depth, workspace);
+}
+
 // drawn: the labels as given.
 template <class Executor>
 [[nodiscard]] Status complete_depth(const RefineDepthParams& params, const SceneView& scene,
@@ -375,9 +387,10 @@ template <class Executor>
   if (continued) NPSIM_RETURN_IF_ERROR(continue_ground(out.ground, scene.camera, scene.depth, measured, workspace));
   FillParams fill = params.fill;
   if (out.noise.power == 0) fill.edge_inverse += 1.2F * out.noise.amplitude;
-  fill.laser = fill.laser || (params.use_source && out.source == DepthSource::lidar);
+  fill.laser = fill.laser || is_laser(params, out);
   NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), objects, out.depth,
                                    ImageView<std::uint8_t>(), workspace, executor));
+  NPSIM_RETURN_IF_ERROR(place_houses(params, scene, ImageView<const float>(measured), workspace, out));
   for (int y = 0; y < (continued ? shape.height : 0); ++y) {
     for (int x = 0; x < shape.width; ++x) {
       if (!is_valid_depth(scene.depth(x, y))) measured(x, y) = 0.0F;
@@ -476,6 +489,7 @@ template <class Executor>
                                 Workspace& workspace, Executor& executor, RefinedDepth& out) {
   NPSIM_RETURN_IF_ERROR(planar_segments(params.planes, scene.depth, objects, out.noise, out.ground.up, scene.camera,
                                         out.depth, out.planes, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(place_houses(params, scene, scene.depth, workspace, out));
   // What moved by more than noise was no measurement, but a mismatch or made up: the plane stands in its place.
   constexpr float kNoise = 2.0F;
   for (int y = 0; y < (out.filled.empty() ? 0 : out.depth.height()); ++y) {
