@@ -221,6 +221,7 @@ class StageJudge {
   params.mesh.traced = TracedFaces::mesh;  // what the reference gets
   params.mesh.simplify_faces = false;
   params.relight.unseen.share = 0.0F;  // of which the reference knows nothing
+  params.relight.veils = VeilParams::none();
   io::Image<Vec3f> own;
   TrueNight night;
   NPSIM_RETURN_IF_ERROR(transport_alone(params, scene, depth.refined(), samples, pool, console, own, night.luminance));

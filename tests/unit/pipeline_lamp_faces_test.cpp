@@ -9,8 +9,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "npsim/io/image.hpp"
 #include "fixture.hpp"
+#include "npsim/io/image.hpp"
 
 namespace {
 
@@ -180,7 +180,10 @@ TEST_CASE("lamp faces: of implicit faces and of the same faces indexed alike") {
   std::vector<std::uint16_t> marks(2 * layer, 99);
   npsim_test::Scratch memory(mark_faces_workspace_bytes(view.shape(), view.lights.size(), s.emitters.size()));
   Workspace& workspace = memory.workspace();
-  REQUIRE(mark_layer_faces(view, mesh, {s.emitters.data(), 1}, {marks.data(), marks.size()}, workspace).ok());
+  REQUIRE(mark_lamp_faces(
+              view, mesh, {s.emitters.data(), 1}, [&mesh](const auto& f) { for_layer_faces(mesh, f); },
+              {marks.data(), marks.size()}, workspace)
+              .ok());
   const std::vector<std::uint16_t> indexed = s.marks();
   CHECK(std::vector<std::uint16_t>(marks.begin(), marks.begin() + static_cast<std::ptrdiff_t>(layer)) == indexed);
   CHECK(std::count(indexed.begin(), indexed.end(), 1) == 4);

@@ -649,3 +649,91 @@ TEST_CASE("visibility: no point of a cell gets more than its bound, before, behi
   }
   CHECK(none > 400);  // it does say so where nothing arrives
 }
+
+namespace {
+
+// Points on the ground under a small lamp, and veils between them: sheet s lies s + 1 m above the ground and covers
+// everything, as veil number of_sheet[s] - 1; 0: solid.
+std::vector<float> seen_through(const std::vector<std::uint8_t>& of_sheet, const std::vector<float>& cover,
+                                float lamp_m = 0.01F, int lattice = 1) {
+  World world;
+  for (int y = 0; y < 8; ++y) {
+    for (int x = 0; x < 8; ++x) {
+      world.add_point({0.1F * static_cast<float>(x), 0, 10 + 0.1F * static_cast<float>(y)}, {0, -1, 0});
+    }
+  }
+  npsim_test::LampQuestion question;
+  question.params.cutoff_lx = 0.0F;
+  question.params.lattice = lattice;
+  std::vector<std::uint8_t> of_face;
+  for (const float c : cover)
+    question.veils.veil[question.veils.count++] = {c, {1e9F, 1e9F, 1e9F}, {-1e9F, -1e9F, -1e9F}};
+  for (std::size_t s = 0; s < of_sheet.size(); ++s) {
+    const float y = -1.0F - static_cast<float>(s);
+    world.add_quad({-9, y, 1}, {9, y, 1}, {9, y, 19}, {-9, y, 19}, {0, -1, 0});
+    of_face.insert(of_face.end(), 2, of_sheet[s]);
+    if (of_sheet[s] == 0) continue;
+    Veil& veil = question.veils.veil[of_sheet[s] - 1U];
+    veil.low = {-9, std::min(veil.low.y, y), 1};
+    veil.high = {9, std::max(veil.high.y, y), 19};
+  }
+  question.veils.of_face = {of_face.data(), of_face.size()};
+  world.build();
+  const Emitter lamp = lamp_above(lamp_m);
+  const npsim_test::LitPoints lit = npsim_test::lit_points(world.bvh, world.points(), lamp, question);
+  std::vector<float> share;
+  for (std::size_t p = 0; p < 64; ++p) {
+    Vec3f to_light;
+    share.push_back(lit.lx[p] / illuminance_per_cd(lamp, world.vertices[p], world.normals[p], to_light));
+  }
+  return share;
+}
+
+bool all_near(const std::vector<float>& values, float value) {
+  return std::all_of(values.begin(), values.end(), [&](float v) { return std::fabs(v - value) < 1e-5F; });
+}
+
+}  // namespace
+
+TEST_CASE("veils take their share of a ray once, however many of their faces it crosses, and each veil its own") {
+  for (const float lamp_m : {0.01F, 1.0F}) {
+    CAPTURE(lamp_m);
+    CHECK(all_near(seen_through({}, {}, lamp_m), 1.0F));
+    CHECK(all_near(seen_through({1}, {0.35F}, lamp_m), 0.65F));
+    CHECK(all_near(seen_through({1, 1, 1}, {0.35F}, lamp_m), 0.65F));  // front, back, another behind it
+    CHECK(all_near(seen_through({1, 2, 1}, {0.35F, 0.5F}, lamp_m), 0.325F));
+    CHECK(all_near(seen_through({1}, {0.0F}, lamp_m), 1.0F));
+  }
+}
+
+TEST_CASE("veils: what is solid behind or before them hides the lamp, and what they cover in full does too") {
+  CHECK(all_near(seen_through({0, 1}, {0.35F}), 0.0F));
+  CHECK(all_near(seen_through({1, 0}, {0.35F}), 0.0F));
+  CHECK(all_near(seen_through({1}, {1.0F}), 0.0F));
+}
+
+TEST_CASE("veils: points between those of the lattice take the share on which these agree") {
+  CHECK(all_near(seen_through({1}, {0.35F}, 0.01F, 4), 0.65F));
+}
+
+TEST_CASE(
+    "veils: a ray meets the box around a veil from inside, along its sides and where the box is flat, or misses") {
+  using visibility_detail::meets_box;
+  const auto ray = [](Vec3f from, Vec3f to) {
+    Ray r;
+    r.origin = from;
+    r.direction = to - from;
+    r.t_max = 0.999F;
+    return r;
+  };
+  const Vec3f low{-1, -2, 5}, high{1, 0, 7};
+  CHECK(meets_box(ray({0, -1, 0}, {0, -1, 10}), low, high));
+  CHECK(meets_box(ray({0, -1, 6}, {0, -9, 6}), low, high));     // from inside
+  CHECK(meets_box(ray({0, -1, 6}, {0.1F, -1, 6}), low, high));  // within
+  CHECK(meets_box(ray({1, -1, 0}, {1, -1, 10}), low, high));    // in the plane of a side
+  CHECK(meets_box(ray({-3, -1, 4}, {3, -1, 8}), low, high));
+  CHECK(!meets_box(ray({0, -1, 0}, {0, -1, 4}), low, high));   // ends before it
+  CHECK(!meets_box(ray({0, -1, 8}, {0, -1, 10}), low, high));  // begins behind it
+  CHECK(!meets_box(ray({2, -1, 0}, {2, -1, 10}), low, high));
+  CHECK(meets_box(ray({0, -1, 0}, {0.5F, -1, 10}), {-1, -2, 6}, {1, 0, 6}));  // flat
+}

@@ -69,6 +69,7 @@ struct NightParams {
   params.relight.activation.by_text_alone = true;
   params.relight.activation.stop_probability = 0.0F;
   params.relight.denoise.iterations = 0;
+  params.relight.veils = VeilParams::none();
   return params;
 }
 

@@ -42,6 +42,7 @@
 #include "npsim/pipeline/detail/scene_rays.hpp"
 #include "npsim/pipeline/detail/source_pixels.hpp"
 #include "npsim/pipeline/detail/surface_attributes.hpp"
+#include "npsim/pipeline/detail/veil_faces.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/render/denoise.hpp"
@@ -67,6 +68,7 @@ struct RelightParams {
   DenoiseParams denoise;
   SkyParams sky;
   MaterialParams material;
+  VeilParams veils;
   int bounces = 2;  // diffuse bounces after the direct light, 1..16
   // Tiles of a light's image stay out that it nowhere brings to this luminance, at its strongest.
   float least_cd_m2 = 2e-4F;  // the darkest sky over a city makes a grey surface 20 times as bright
@@ -91,6 +93,7 @@ struct RelightParams {
   NPSIM_RETURN_IF_ERROR(validate(p.material.albedo));
   NPSIM_RETURN_IF_ERROR(validate(p.material.film));
   NPSIM_RETURN_IF_ERROR(validate(p.material.retroreflection));
+  NPSIM_RETURN_IF_ERROR(validate(p.veils));
   NPSIM_RETURN_IF_ERROR(validate(p.ego));
   if (p.bounces < 1 || p.bounces > 16) return {StatusCode::invalid_argument, "relight: bounces in 1..16"};
   if (!(p.f0 >= 0.0F && p.f0 <= 1.0F)) return {StatusCode::invalid_argument, "relight: f0 in [0, 1]"};
@@ -184,6 +187,7 @@ struct RelightSize {
   const std::size_t light =
       scene_rays_workspace_bytes(traced, shape, size.faces, size.backs) +
       allocation_bytes<std::uint16_t>(traced_face_count(traced, shape, size.faces, size.backs)) +
+      allocation_bytes<std::uint8_t>(traced_face_count(traced, shape, size.faces, size.backs)) +
       mark_faces_workspace_bytes(shape, size.marks, emitters) + allocation_bytes<std::uint8_t>(size.points) +
       allocation_bytes<std::uint32_t>(size.receivers) + allocation_bytes<std::uint32_t>(rows + 1) +
       allocation_bytes<std::uint32_t>(size.receivers * rays) + allocation_bytes<Vec3f>(size.receivers) +
@@ -300,18 +304,23 @@ inline constexpr float kInversePi = 0.31830989F;
 }
 
 // Every ray, and the images of all lights. The structure that rays are traced through is built here and gone
-// afterwards. `out` holds all but groups' images and what was reached. Rays: LayerRays or MeshRays (scene_rays.hpp).
+// afterwards. `out` holds all but groups' images and what was reached. labels: those that the mesh was made with, or
+// none. Rays: LayerRays or MeshRays (scene_rays.hpp).
 template <class Rays, class Executor, class Observer>
 [[nodiscard]] Status trace_light(const RelightParams& params, std::uint64_t key, const SceneView& scene,
-                                 const SceneMesh& mesh, const RelightSize& size, Span<std::uint32_t> block,
-                                 Workspace& workspace, Executor& executor, Observer& observer, Relighting& out) {
+                                 ImageView<const Label> labels, const SceneMesh& mesh, const RelightSize& size,
+                                 Span<std::uint32_t> block, Workspace& workspace, Executor& executor,
+                                 Observer& observer, Relighting& out) {
   const Shape shape = scene.shape();
   observer.begin(Stage::build_trace);
   Rays rays;
   NPSIM_RETURN_IF_ERROR(Rays::make(scene, mesh, workspace, executor, rays));
   Span<std::uint16_t> face_mark;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(rays.face_count(), face_mark));
-  NPSIM_RETURN_IF_ERROR(rays.mark(scene, out.emitters, face_mark, workspace));
+  const auto for_each_face = [&rays](const auto& f) { rays.for_each_face(f); };
+  NPSIM_RETURN_IF_ERROR(mark_lamp_faces(scene, mesh, out.emitters, for_each_face, face_mark, workspace));
+  Veils veils;
+  NPSIM_RETURN_IF_ERROR(find_veils(params.veils, labels, rays.face_count(), for_each_face, workspace, veils));
   observer.end(Stage::build_trace);
 
   observer.begin(Stage::render);
@@ -376,7 +385,7 @@ template <class Rays, class Executor, class Observer>
     NPSIM_RETURN_IF_ERROR(make_point_blocks(lit.points, lit.visible_point, hidden, workspace, executor, lit.blocks));
     const auto light_of = [&](std::size_t e, Span<float> certain_lx, Span<float> untraced_lx, const auto& each_block) {
       return light_blocks(params.visibility, key, rays.scene, lit.points, lit.blocks, certain_lx, lit.emitters[e],
-                          static_cast<std::uint32_t>(e), lit.groups.peak_cd[e], face_mark, untraced_lx, executor,
+                          static_cast<std::uint32_t>(e), lit.groups.peak_cd[e], face_mark, veils, untraced_lx, executor,
                           observer, each_block);
     };
     LightTransport transport(lit, gather.rays, params.bounces, params.denoise);
@@ -464,8 +473,9 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   {
     const WorkspaceScope scope(workspace);
     const auto trace = [&](auto kind) {
-      return relight_detail::trace_light<decltype(kind)>(params, key, scene, mesh, size, block, workspace, executor,
-                                                         observer, out);
+      return relight_detail::trace_light<decltype(kind)>(params, key, scene,
+                                                         scene.labels.empty() ? scene.labels : refined.labels, mesh,
+                                                         size, block, workspace, executor, observer, out);
     };
     NPSIM_RETURN_IF_ERROR(traced == TracedFaces::mesh ? trace(MeshRays{}) : trace(LayerRays{}));
   }

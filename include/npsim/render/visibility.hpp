@@ -5,8 +5,9 @@
 // V is the share of the lamp that point p sees: one shadow ray for a lamp that looks small from p, else four, one per
 // quarter of its shape, and where these disagree (a penumbra) k x k more. Rays that leave below the receiver's horizon
 // do not count: what lies there is no part of E. An occluder that hides part of the lamp but none of the four rays is
-// missed. What hides a part of a lit surface counts as if it hid its share everywhere. None of it depends on strength
-// or colour, so every night of one day shares it.
+// missed. What hides a part of a lit surface counts as if it hid its share everywhere. A veil, a thing with gaps too
+// fine for its mesh, takes its share of a ray, once, however many of its faces the ray crosses. None of it depends on
+// strength or colour, so every night of one day shares it.
 // Effort follows what is at stake, E times kShine where a surface mirrors or retroreflects, against c, the greater of
 // cutoff_lx and cutoff_share times the light that is certain: what the point gets from lamps that every night lights.
 // Rays leave from a lattice of a block's points, every `step`th of every `step`th row:
@@ -65,6 +66,19 @@ struct VisibilityParams {
   }
   return {};
 }
+
+// What stops but a share of the light: bicycles, fences.
+struct Veil {
+  float cover = 1.0F;  // the share
+  Vec3f low, high;     // box around its faces
+};
+
+struct Veils {
+  static constexpr std::size_t kMost = 4;
+  Span<const std::uint8_t> of_face;  // one more than the veil's place, 0 for faces that stop all; empty: all do
+  Veil veil[kMost];
+  std::size_t count = 0;
+};
 
 // What a lamp at its peak brings to the points of a block.
 struct BlockLight {
@@ -150,23 +164,43 @@ struct Waiting {
   std::uint16_t side;
 };
 
+// Whether the ray's way from 0 to t_max comes into the box. One that grazes it may count either way.
+[[nodiscard]] inline bool meets_box(const Ray& ray, const Vec3f& low, const Vec3f& high) noexcept {
+  float from = 0.0F;
+  float to = ray.t_max;
+  for (const float Vec3f::*c : {&Vec3f::x, &Vec3f::y, &Vec3f::z}) {
+    if (ray.direction.*c == 0.0F) {
+      if (ray.origin.*c < low.*c || ray.origin.*c > high.*c) return false;
+      continue;
+    }
+    const float inverse = 1.0F / ray.direction.*c;
+    const float a = (low.*c - ray.origin.*c) * inverse;
+    const float b = (high.*c - ray.origin.*c) * inverse;
+    from = std::fmax(from, std::fmin(a, b));
+    to = std::fmin(to, std::fmax(a, b));
+  }
+  return from <= to;
+}
+
 // Rays to one lamp that wait to be traced together.
 struct Batch {
   Ray rays[kRaysPerBatch];
   std::uint8_t above[kRaysPerBatch];  // the receiver's horizon
   std::uint8_t blocked[kRaysPerBatch];
+  std::uint8_t asked[kRaysPerBatch];  // whether a veil is in the way
+  float through[kRaysPerBatch];       // share of the light
   Waiting waiting[kRaysPerBatch];
   std::size_t count = 0;
   std::size_t points = 0;
 };
 
 // One lamp and one block.
-template <class Scene, class Passes>
+template <class Scene, class Stops>
 class BlockTracer {
  public:
   BlockTracer(const VisibilityParams& params, std::uint64_t seed, const Scene& scene, const SurfacePoints& points,
-              Span<const std::uint32_t> block, const Emitter& emitter, std::uint32_t number, const Passes& passes,
-              BlockLight& light) noexcept
+              Span<const std::uint32_t> block, const Emitter& emitter, std::uint32_t number, const Stops& stops,
+              const Veils& veils, BlockLight& light) noexcept
       : params_(params),
         seed_(seed),
         scene_(scene),
@@ -174,7 +208,8 @@ class BlockTracer {
         block_(block),
         emitter_(emitter),
         number_(number),
-        passes_(passes),
+        stops_(stops),
+        veils_(veils),
         light_(light),
         extent_(longer_side_m(emitter)) {}
 
@@ -299,6 +334,8 @@ class BlockTracer {
                            bottom * kBlockSide + right};
     float sum = 0.0F;
     float count = 0.0F;
+    float least = 1.0F;
+    float most = 0.0F;
     for (const int slot : around) {
       const auto j = static_cast<std::size_t>(slot);
       // A weak point on the finer lattice alone has not been traced.
@@ -306,10 +343,12 @@ class BlockTracer {
       if (!on_surface_of(points_, block_[i], block_[j])) continue;
       sum += visible_[j];
       count += 1.0F;
+      least = std::fmin(least, visible_[j]);
+      most = std::fmax(most, visible_[j]);
     }
     if (!(count > 0.0F)) return false;
     visible_[i] = sum / count;
-    return stake_[i] < Stake::full || (count > 1.0F && (sum == 0.0F || sum == count));
+    return stake_[i] < Stake::full || (count > 1.0F && least == most);
   }
 
   // Puts the slots whose values were taken and differ from those of traced neighbours on the same surface in the place
@@ -342,20 +381,24 @@ class BlockTracer {
       const std::uint16_t* const traced = more ? in_penumbra : slots;
       std::size_t penumbra = 0;
       const auto send = [&] {
-        occluded(scene_, Span<const Ray>(batch_.rays, batch_.count), passes_,
-                 Span<std::uint8_t>(batch_.blocked, batch_.count),
-                 Span<const std::uint8_t>(batch_.above, batch_.count));
+        trace_batch();
         std::size_t ray = 0;
         for (std::size_t w = 0; w < batch_.points; ++w) {
           const Waiting& waiting = batch_.waiting[w];
-          int seen = 0;
-          int above = 0;
+          float seen = 0.0F;
+          float above = 0.0F;
+          float least = 1.0F;
+          float most = 0.0F;
           for (int s = 0; s < waiting.side * waiting.side; ++s, ++ray) {
-            above += batch_.above[ray];
-            seen += batch_.above[ray] != 0 && batch_.blocked[ray] == 0 ? 1 : 0;
+            if (batch_.above[ray] == 0) continue;
+            const float through = batch_.through[ray];
+            above += 1.0F;
+            seen += through;
+            least = std::fmin(least, through);
+            most = std::fmax(most, through);
           }
-          visible_[waiting.slot] = above > 0 ? static_cast<float>(seen) / static_cast<float>(above) : 0.0F;
-          if (!more && seen != 0 && seen != above) in_penumbra[penumbra++] = waiting.slot;
+          visible_[waiting.slot] = above > 0.0F ? seen / above : 0.0F;
+          if (!more && least < most) in_penumbra[penumbra++] = waiting.slot;
         }
         batch_.count = 0;
         batch_.points = 0;
@@ -375,6 +418,37 @@ class BlockTracer {
       }
       send();
       count = penumbra;
+    }
+  }
+
+  void trace_batch() noexcept {
+    const Span<const Ray> rays(batch_.rays, batch_.count);
+    const Span<std::uint8_t> blocked(batch_.blocked, batch_.count);
+    occluded(
+        scene_, rays,
+        [this](std::uint32_t face) noexcept {
+          return (veils_.of_face.empty() || veils_.of_face[face] == 0) && stops_(face);
+        },
+        blocked, Span<const std::uint8_t>(batch_.above, batch_.count));
+    for (std::size_t r = 0; r < batch_.count; ++r) {
+      batch_.through[r] = batch_.above[r] != 0 && batch_.blocked[r] == 0 ? 1.0F : 0.0F;
+    }
+    for (std::size_t v = 0; v < veils_.count; ++v) {
+      const Veil& veil = veils_.veil[v];
+      bool any = false;
+      for (std::size_t r = 0; r < batch_.count; ++r) {
+        const bool asked = batch_.through[r] > 0.0F && meets_box(batch_.rays[r], veil.low, veil.high);
+        batch_.asked[r] = asked ? 1 : 0;
+        any = any || asked;
+      }
+      if (!any) continue;
+      occluded(
+          scene_, rays,
+          [this, v](std::uint32_t face) noexcept { return veils_.of_face[face] == v + 1 && stops_(face); }, blocked,
+          Span<const std::uint8_t>(batch_.asked, batch_.count));
+      for (std::size_t r = 0; r < batch_.count; ++r) {
+        if (batch_.asked[r] != 0 && batch_.blocked[r] != 0) batch_.through[r] *= 1.0F - veil.cover;
+      }
     }
   }
 
@@ -401,7 +475,8 @@ class BlockTracer {
   Span<const std::uint32_t> block_;
   const Emitter& emitter_;
   std::uint32_t number_;
-  const Passes& passes_;
+  const Stops& stops_;
+  const Veils& veils_;
   BlockLight& light_;
   float extent_;
   Batch batch_;
@@ -414,21 +489,21 @@ class BlockTracer {
 
 // Of one lamp; `number`: which of the scene's it is, for the draws, one stream per pair. `scene`: see trace/scene.hpp.
 // `peak_cd`: the greatest luminous intensity that it has in any variant. `face_mark[f]`: mark of the face's lamp, 0 for
-// none. `certain_lx[p]`: illuminance that every night brings. untraced_lx[b] grows by what the lamp at its peak would
+// none. `veils`: of the same faces. `certain_lx[p]`: illuminance that every night brings. untraced_lx[b] grows by what the lamp at its peak would
 // bring where it is below the cut-off, summed over the points of block b: a bound of what leaving it out costs.
 // each_block(b, const BlockLight&) is called for every block, in parallel; it may add to certain_lx of the block's
 // points.
 template <class Scene, class Executor, class Observer, class EachBlock>
 Status light_blocks(const VisibilityParams& params, std::uint64_t seed, const Scene& scene, const SurfacePoints& points,
                     const PointBlocks& blocks, Span<const float> certain_lx, const Emitter& emitter,
-                    std::uint32_t number, float peak_cd, Span<const std::uint16_t> face_mark, Span<float> untraced_lx,
-                    Executor& executor, Observer& observer, const EachBlock& each_block) {
+                    std::uint32_t number, float peak_cd, Span<const std::uint16_t> face_mark, const Veils& veils,
+                    Span<float> untraced_lx, Executor& executor, Observer& observer, const EachBlock& each_block) {
   NPSIM_RETURN_IF_ERROR(validate(points));
   NPSIM_RETURN_IF_ERROR(validate(params));
   if (certain_lx.size() != points.size() || untraced_lx.size() != blocks.count()) {
     return Status(StatusCode::shape_mismatch, "visibility: one illuminance per point, one per block");
   }
-  const auto passes = [&](std::uint32_t face) noexcept {
+  const auto stops = [&](std::uint32_t face) noexcept {
     return emitter.mark == 0 || face >= face_mark.size() || face_mark[face] != emitter.mark;
   };
   executor.for_chunks(blocks.count(), 2, [&](std::size_t begin, std::size_t end) {
@@ -448,7 +523,7 @@ Status light_blocks(const VisibilityParams& params, std::uint64_t seed, const Sc
         if (!lit[cell]) untraced_lx[b] += most_lx * static_cast<float>(bounds.points);
       }
       if (any) {
-        visibility_detail::BlockTracer tracer(params, seed, scene, points, block, emitter, number, passes, light);
+        visibility_detail::BlockTracer tracer(params, seed, scene, points, block, emitter, number, stops, veils, light);
         untraced_lx[b] += tracer.weigh(lit, blocks.cells.sub(b * kCellsOfBlock, kCellsOfBlock), certain_lx, peak_cd);
         tracer.trace();
       }

@@ -19,8 +19,8 @@
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/light/emitter.hpp"
+#include "npsim/pipeline/detail/traced_faces.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/render/surface_points.hpp"
 
@@ -113,69 +113,28 @@ class FaceMarker {
   LampsOfObjects lamps_;
 };
 
-inline void mark_indexed(const FaceMarker& marker, const SceneMesh& mesh, std::size_t first,
-                         Span<std::uint16_t> face_mark) {
-  for (std::size_t f = 0; f < face_mark.size(); ++f) {
-    const Face face = mesh.mesh.faces[first + f];
-    const Vec3f corners[3] = {mesh.mesh.vertices[face.a], mesh.mesh.vertices[face.b], mesh.mesh.vertices[face.c]};
-    const std::uint32_t pixels[3] = {mesh.vertex_pixel[face.a], mesh.vertex_pixel[face.b], mesh.vertex_pixel[face.c]};
-    face_mark[f] = marker.mark(corners, pixels, first + f >= mesh.background_faces);
-  }
-}
-
-// face_mark: of a layer's implicit faces, two a quad.
-inline void mark_layer(const FaceMarker& marker, const SheetLayer& layer, bool of_object,
-                       Span<std::uint16_t> face_mark) {
-  const auto width = static_cast<std::uint32_t>(layer.vertices.width());
-  std::size_t f = 0;
-  for (int y = 0; y < layer.quads.height(); ++y) {
-    for (int x = 0; x < layer.quads.width(); ++x) {
-      const std::uint8_t quad = layer.quads(x, y);
-      const std::uint32_t a = static_cast<std::uint32_t>(y) * width + static_cast<std::uint32_t>(x);
-      for (const bool upper : {true, false}) {
-        std::uint16_t& mark = face_mark[f++];
-        mark = 0;
-        if ((quad & (upper ? kQuadUpperFace : kQuadLowerFace)) == 0) continue;
-        const Face face = quad_face((quad & kQuadAntiDiagonal) != 0, upper, a, a + 1, a + width, a + width + 1);
-        const std::uint32_t pixels[3] = {face.a, face.b, face.c};
-        Vec3f corners[3];
-        for (int k = 0; k < 3; ++k) {
-          corners[k] = layer.vertices(static_cast<int>(pixels[k] % width), static_cast<int>(pixels[k] / width));
-        }
-        mark = marker.mark(corners, pixels, of_object);
-      }
-    }
-  }
-}
-
 }  // namespace lamp_detail
 
-// face_mark: one element per face of the mesh, 0 where it is part of no lamp.
-[[nodiscard]] inline Status mark_faces(const SceneView& scene, const SceneMesh& mesh, Span<const Emitter> emitters,
-                                       Span<std::uint16_t> face_mark, Workspace& workspace) {
+// face_mark: one element for each face that for_each(f) goes through (traced_faces.hpp), 0 where it is part of no lamp.
+template <class ForEachFace>
+[[nodiscard]] Status mark_lamp_faces(const SceneView& scene, const SceneMesh& mesh, Span<const Emitter> emitters,
+                                     const ForEachFace& for_each, Span<std::uint16_t> face_mark, Workspace& workspace) {
   std::fill(face_mark.begin(), face_mark.end(), std::uint16_t{0});
   if (scene.light_index.empty() || scene.lights.empty()) return {};
   const WorkspaceScope scope(workspace);
   lamp_detail::FaceMarker marker;
   NPSIM_RETURN_IF_ERROR(lamp_detail::FaceMarker::make(scene, mesh, emitters, workspace, marker));
-  lamp_detail::mark_indexed(marker, mesh, 0, face_mark);
+  for_each([&](std::size_t face, const Vec3f(&corners)[3], const std::uint32_t(&pixels)[3], bool of_object) {
+    face_mark[face] = marker.mark(corners, pixels, of_object);
+  });
   return {};
 }
 
-// face_mark: of the implicit faces of both layers, background first, then those of the objects' backs.
-[[nodiscard]] inline Status mark_layer_faces(const SceneView& scene, const SceneMesh& mesh,
-                                             Span<const Emitter> emitters, Span<std::uint16_t> face_mark,
-                                             Workspace& workspace) {
-  std::fill(face_mark.begin(), face_mark.end(), std::uint16_t{0});
-  if (scene.light_index.empty() || scene.lights.empty()) return {};
-  const WorkspaceScope scope(workspace);
-  lamp_detail::FaceMarker marker;
-  NPSIM_RETURN_IF_ERROR(lamp_detail::FaceMarker::make(scene, mesh, emitters, workspace, marker));
-  const std::size_t layer = sheet_face_count(scene.shape());
-  lamp_detail::mark_layer(marker, mesh.background, false, face_mark.sub(0, layer));
-  lamp_detail::mark_layer(marker, mesh.foreground, true, face_mark.sub(layer, layer));
-  lamp_detail::mark_indexed(marker, mesh, mesh.sheet_faces, face_mark.sub(2 * layer, face_mark.size() - 2 * layer));
-  return {};
+// Of the indexed mesh, one element a face.
+[[nodiscard]] inline Status mark_faces(const SceneView& scene, const SceneMesh& mesh, Span<const Emitter> emitters,
+                                       Span<std::uint16_t> face_mark, Workspace& workspace) {
+  return mark_lamp_faces(
+      scene, mesh, emitters, [&mesh](const auto& f) { for_mesh_faces(mesh, f); }, face_mark, workspace);
 }
 
 }  // namespace NPSIM_ABI

@@ -4,8 +4,9 @@
 // LayerRays: both layers, the background without its open steps, in the structure for layers (trace/sheet.hpp), and the
 // backs of objects, but for those of leaves, in a tree. Faces: two a quad of the background, two a quad of the
 // foreground, then the backs. MeshRays: the indexed mesh, however few its faces, in a tree. Faces: the mesh's. Both
-// offer  scene  (trace/scene.hpp),  face_count(),  mark(...)  and  point_of(hit). Exact, given the faces. Cost: a few
-// passes over the layers, or the building of a tree. Memory: the workspace, which they point into.
+// offer  scene  (trace/scene.hpp),  face_count(),  for_each_face(f)  (traced_faces.hpp) and  point_of(hit). Exact, given
+// the faces. Cost: a few passes over the layers, or the building of a tree. Memory: the workspace, which they point
+// into.
 #ifndef NPSIM_PIPELINE_DETAIL_SCENE_RAYS_HPP
 #define NPSIM_PIPELINE_DETAIL_SCENE_RAYS_HPP
 
@@ -16,9 +17,8 @@
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/light/emitter.hpp"
-#include "npsim/pipeline/detail/lamp_faces.hpp"
 #include "npsim/pipeline/detail/point_of_hit.hpp"
+#include "npsim/pipeline/detail/traced_faces.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/trace/bvh.hpp"
 #include "npsim/trace/scene.hpp"
@@ -51,9 +51,9 @@ struct LayerRays {
   [[nodiscard]] std::size_t face_count() const noexcept {
     return npsim::face_count(scene.first) + mesh->solid_faces - mesh->sheet_faces;
   }
-  [[nodiscard]] Status mark(const SceneView& view, Span<const Emitter> emitters, Span<std::uint16_t> face_mark,
-                            Workspace& workspace) const {
-    return mark_layer_faces(view, *mesh, emitters, face_mark, workspace);
+  template <class F>
+  void for_each_face(const F& f) const {
+    for_layer_faces(*mesh, f);
   }
   [[nodiscard]] std::uint32_t point_of(const Hit& hit) const noexcept { return PointOfLayerHit{mesh, first}(hit); }
 };
@@ -74,9 +74,9 @@ struct MeshRays {
   }
 
   [[nodiscard]] std::size_t face_count() const noexcept { return mesh->mesh.faces.size(); }
-  [[nodiscard]] Status mark(const SceneView& view, Span<const Emitter> emitters, Span<std::uint16_t> face_mark,
-                            Workspace& workspace) const {
-    return mark_faces(view, *mesh, emitters, face_mark, workspace);
+  template <class F>
+  void for_each_face(const F& f) const {
+    for_mesh_faces(*mesh, f);
   }
   [[nodiscard]] std::uint32_t point_of(const Hit& hit) const noexcept {
     return PointOfMeshHit{mesh, first, camera}(hit);
