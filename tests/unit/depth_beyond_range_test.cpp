@@ -60,10 +60,14 @@ TEST_CASE(
   Street s;
   s.before(3, label::vegetation, 70.0F);
   for (int y = 1; y < 4; ++y) s.measured(6, y) = s.depth(6, y) = 40.0F;
+  s.labels(6, 4) = label::wall;  // low, before the house, and between two rows of the laser
+  s.depth(6, 4) = 6.0F;
+  s.measured(6, 4) = 0.0F;
   s.run();
   CHECK(s.depth(5, 0) == 70.0F);
   CHECK(s.depth(6, 0) == 0.95F * 40.0F);
   CHECK(s.depth(6, 2) == 40.0F);
+  CHECK(s.depth(6, 4) == 6.0F);
   CHECK(s.depth(7, 0) == 20.0F);  // what is before it is nearer than it is
 }
 
@@ -116,6 +120,7 @@ TEST_CASE("beyond range: what ends at the picture's border, has no surface or no
   Street s;
   for (int y = 0; y < kShape.height; ++y) {
     for (int x = 0; x < kShape.width; ++x) {
+      if (x == 0) continue;
       s.labels(x, y) = label::building;
       s.measured(x, y) = 0.0F;
     }

@@ -18,7 +18,8 @@ constexpr Shape kShape{8, 4};
 // A quad of faces around each pixel but those of the last row and column; vertex (x, y) at (x, y, 5).
 struct Scene {
   npsim_test::Image<Label> labels{kShape, label::road};
-  npsim_test::Scratch memory{4096};
+  npsim_test::Image<std::uint32_t> object{kShape};
+  npsim_test::Scratch memory{8192};
   bool of_object = true;
   Veils veils;
 
@@ -38,26 +39,37 @@ struct Scene {
         }
       }
     };
-    REQUIRE(find_veils(params, labels.cview(), 2 * kShape.pixels(), each, memory.workspace(), veils).ok());
+    REQUIRE(
+        find_veils(params, labels.cview(), object.cview(), 2 * kShape.pixels(), each, memory.workspace(), veils).ok());
   }
 };
 
 }  // namespace
 
-TEST_CASE("veil faces: those with two corners on a bicycle's pixels, so that a post beside it stays solid") {
+TEST_CASE("veil faces: all of an object's, also where it is widened over others' pixels, and none of a post that is") {
   Scene s;
   s.labels(2, 1) = s.labels(3, 1) = s.labels(2, 2) = label::bicycle;
+  s.object(2, 1) = s.object(3, 1) = s.object(2, 2) = 7;
+  s.object(3, 2) = 7;  // the road's
+  s.labels(6, 0) = s.labels(6, 1) = s.labels(6, 2) = label::pole;
+  s.labels(5, 2) = label::bicycle;
+  s.object(6, 0) = s.object(6, 1) = s.object(6, 2) = s.object(5, 2) = 9;
   s.find();
   REQUIRE(s.veils.of_face.size() == 2 * kShape.pixels());
-  REQUIRE(s.veils.count == 2);
   CHECK(s.veils.veil[0].cover == VeilParams{}.bicycle);
-  for (std::size_t f = 0; f < s.veils.of_face.size(); ++f) {
-    const bool whole = f == Scene::upper(2, 1);
-    const bool two = f == Scene::upper(2, 0) + 1 || f == Scene::upper(1, 1) + 1 || f == Scene::upper(2, 1) + 1;
-    CHECK(s.veils.of_face[f] == (whole || two ? 1 : 0));
+  for (int y = 0; y + 1 < kShape.height; ++y) {
+    for (int x = 0; x + 1 < kShape.width; ++x) {
+      CAPTURE(x);
+      CAPTURE(y);
+      // Numbers of faces are those of their first corners' objects.
+      CHECK(s.veils.of_face[Scene::upper(x, y)] == (s.object(x, y) == 7 ? 1 : 0));
+      CHECK(s.veils.of_face[Scene::upper(x, y) + 1] == (s.object(x + 1, y) == 7 ? 1 : 0));
+    }
   }
-  CHECK(s.veils.veil[0].low == Vec3f{1, 0, 5});
-  CHECK(s.veils.veil[0].high == Vec3f{3, 2, 5});
+  CHECK(s.veils.veil[0].low == Vec3f{1, 1, 5});
+  CHECK(s.veils.veil[0].high == Vec3f{4, 3, 5});
+  // Of fences there are none, and their box meets nothing.
+  CHECK(!(s.veils.veil[1].low.x <= s.veils.veil[1].high.x));
 }
 
 TEST_CASE(
@@ -70,6 +82,7 @@ TEST_CASE(
 
   Scene fence;
   fence.labels = npsim_test::Image<Label>(kShape, label::fence);
+  fence.object = npsim_test::Image<std::uint32_t>(kShape, 1);
   fence.find(VeilParams::none());
   CHECK(fence.veils.count == 0);
   fence.of_object = false;
@@ -85,6 +98,7 @@ TEST_CASE(
 TEST_CASE("veil faces: ids outside the definition of labels are solid, and shares beyond 0 and 1 are refused") {
   Scene s;
   s.labels = npsim_test::Image<Label>(kShape, Label{200});
+  s.object = npsim_test::Image<std::uint32_t>(kShape, 1);
   s.labels(0, 0) = label::fence;
   s.find();
   for (const std::uint8_t of : s.veils.of_face) CHECK(of == 0);

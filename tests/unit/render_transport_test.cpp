@@ -712,7 +712,7 @@ TEST_CASE("veils: what is solid behind or before them hides the lamp, and what t
   CHECK(all_near(seen_through({1}, {1.0F}), 0.0F));
 }
 
-TEST_CASE("veils: points between those of the lattice take the share on which these agree") {
+TEST_CASE("veils: points between those of the lattice lose the same share") {
   CHECK(all_near(seen_through({1}, {0.35F}, 0.01F, 4), 0.65F));
 }
 

@@ -9,8 +9,8 @@
 //   upright and not of glass. A ray meets the box where the nearer plane's 1/z is the smaller one, and each plane is
 //   n . p = -distance, so that 1/z = -(n . ray) / distance: distances are medians, and the search is over angles alone
 //   (after L-shape fitting, Zhang et al., IV 2017, which has laser points and squared distances).
-//   Of a car that shows nothing between the belts, as behind another one, the rectangle stands along the street, as far
-//   away as all that is seen of the car.
+//   Of a car that shows nothing between the belts since something nearer covers it, the rectangle stands along the
+//   street, as far away as all that is seen of the car.
 //   Profile: each row of pixels on one side has one distance, the median of its own, then the median of the rows over
 //   window_m. How it recedes with height is how far the side leans: bonnet, windscreen, roof. A side wider than
 //   side_m is no end: its rows are within a hand of its doors, and it leans as cars do (lean_of_side()), which below
@@ -19,9 +19,10 @@
 //   outline, with the radius rim_m (detail/cars/rim.hpp).
 // A normal turns to the body's where it is farther than a bound from it, up to that bound: what is curved stays so. The
 // bound is turn_rad on exact depth and half of that where depth is known to calm_m, for its noise becomes the normals'.
-// Depth keeps what it is off the body where that is little, half of `deviations` of the noise, and less of what is more.
-// Invariant: pixels of other things are not touched, nor cars that no box explains (max_loss), that have no number of
-// their own, or fewer than min_px. Deterministic. Cost: some 10 medians of a car's rows, and 19 x 10 of 2048 samples.
+// Depth keeps what it is off the body where that is little, half of `deviations` of the noise, and less of what is
+// more. Invariant: pixels of other things are not touched, nor cars that show their doors and no box explains
+// (max_loss), that have no number of their own, or fewer than min_px. No normal comes to look away from the camera.
+// Deterministic. Cost: some 10 medians of a car's rows, and 19 x 10 of 2048 samples.
 #ifndef NPSIM_DEPTH_CAR_BODIES_HPP
 #define NPSIM_DEPTH_CAR_BODIES_HPP
 
@@ -193,10 +194,26 @@ struct CarFit {
   return n;
 }
 
+// Whether something nearer ends the car below in most of its columns.
+[[nodiscard]] inline bool is_covered(const CarFit& fit) noexcept {
+  int covered = 0;
+  int columns = 0;
+  for (int x = fit.car.x0; x < fit.car.x1; ++x) {
+    int y = fit.car.y1 - 1;
+    while (y >= fit.car.y0 && !fit.on_car(x, y)) --y;
+    if (y < fit.car.y0) continue;
+    ++columns;
+    if (y + 1 >= fit.depth.height() || !kStandingLabels.contains(fit.objects.labels(x, y + 1))) continue;
+    const float before = fit.depth(x, y + 1);
+    covered += is_valid_depth(before) && before < fit.depth(x, y) ? 1 : 0;
+  }
+  return 2 * covered > columns;
+}
+
 [[nodiscard]] inline bool find_corner(CarFit& fit) noexcept {
   constexpr std::size_t kFewest = 64;
   std::size_t n = take_samples(fit, fit.params.belt_low_m, fit.params.belt_high_m);
-  const bool hidden = n < kFewest;
+  const bool hidden = n < kFewest && is_covered(fit);
   if (hidden) n = take_samples(fit, fit.params.belt_low_m, std::numeric_limits<float>::infinity());
   if (n < kFewest) return false;
   const Span<const Sample> samples = fit.samples.sub(0, n);
@@ -321,14 +338,20 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
   while (ends.first <= ends.last && !fit.on_car(ends.first, y)) ++ends.first;
   while (ends.first < ends.last && !fit.on_car(ends.last, y)) --ends.last;
   // What stands beside it may stand before it; of two cars the one that reaches lower is the nearer one.
-  const auto behind = [&](int x) {
+  constexpr float kBefore = 0.9F;  // of the car's depth
+  const auto behind = [&](int x, int from_x) {
     if (x < 0 || x >= fit.depth.width()) return false;
-    if (!kStandingLabels.contains(fit.objects.labels(x, y))) return true;
+    const Label beside = fit.objects.labels(x, y);
+    if (beside != label::sky && kNoSurfaceLabels.contains(beside)) return false;
+    if (!kStandingLabels.contains(beside)) {
+      return !is_valid_depth(fit.depth(x, y)) || fit.depth(x, y) > kBefore * fit.depth(from_x, y);
+    }
     const std::uint16_t other = fit.car_of_id[fit.objects.instances(x, y)];
     return other != 0 && fit.cars[other - std::size_t{1}].y1 < fit.car.y1;
   };
-  ends.own[0] = behind(ends.first - 1);
-  ends.own[1] = behind(ends.last + 1);
+  if (ends.first > ends.last) return ends;
+  ends.own[0] = behind(ends.first - 1, ends.first);
+  ends.own[1] = behind(ends.last + 1, ends.last);
   return ends;
 }
 
@@ -350,7 +373,8 @@ void draw_to_body(const CarFit& fit, ImageView<Vec3f> normals, ImageView<float> 
           normal = round_at_rim(normal, ray, fit.ground.up, e == 1, from_px * z / fit.camera.fx, fit.params.rim_m);
         }
         const float unknown = fit.noise.deviation(1.0F / z) * z * z / fit.params.calm_m;
-        normals(x, y) = turned(normals(x, y), normal, fit.params.turn_rad / (1.0F + unknown * unknown));
+        const Vec3f towards = turned(normals(x, y), normal, fit.params.turn_rad / (1.0F + unknown * unknown));
+        if (dot(towards, ray) < 0.0F || dot(normals(x, y), ray) >= 0.0F) normals(x, y) = towards;
         const float here = 1.0F / surface(x, y);
         const float off = (here - 1.0F / z) / max_of(fit.params.deviations * fit.noise.deviation(here), 1e-9F);
         surface(x, y) = 1.0F / (1.0F / z + (here - 1.0F / z) / (1.0F + off * off));

@@ -287,8 +287,10 @@ namespace refine_detail {
       anchor_ground_workspace_bytes(shape),
       allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(pixels) + allocation_bytes<std::uint16_t>(pixels) +
           refine_detail::filter_workspace_bytes(params, shape),
-      plant_outlines_workspace_bytes(params.outlines, shape), planar_segments_workspace_bytes(params.planes, shape),
-      uncertainty_workspace_bytes(params.uncertainty, shape), guiding_normals_workspace_bytes(params.normals, shape),
+      plant_outlines_workspace_bytes(params.outlines, shape),
+      allocation_bytes<float>(pixels) + place_beyond_range_workspace_bytes(shape),
+      planar_segments_workspace_bytes(params.planes, shape), uncertainty_workspace_bytes(params.uncertainty, shape),
+      guiding_normals_workspace_bytes(params.normals, shape),
       refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels),
       kerb_faces_workspace_bytes(shape), ground_mismatches_workspace_bytes(shape),
       shape_cars_workspace_bytes(params.cars, shape));
@@ -489,7 +491,17 @@ template <class Executor>
                                 Workspace& workspace, Executor& executor, RefinedDepth& out) {
   NPSIM_RETURN_IF_ERROR(planar_segments(params.planes, scene.depth, objects, out.noise, out.ground.up, scene.camera,
                                         out.depth, out.planes, workspace, executor));
-  NPSIM_RETURN_IF_ERROR(place_houses(params, scene, scene.depth, workspace, out));
+  if (is_laser(params, out)) {
+    const WorkspaceScope scope(workspace);
+    ImageView<float> measured;  // what was kept of it
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(out.depth.shape(), measured));
+    for (int y = 0; y < out.depth.height(); ++y) {
+      for (int x = 0; x < out.depth.width(); ++x) {
+        measured(x, y) = scene.depth(x, y) == out.filled(x, y) ? scene.depth(x, y) : 0.0F;
+      }
+    }
+    NPSIM_RETURN_IF_ERROR(place_houses(params, scene, ImageView<const float>(measured), workspace, out));
+  }
   // What moved by more than noise was no measurement, but a mismatch or made up: the plane stands in its place.
   constexpr float kNoise = 2.0F;
   for (int y = 0; y < (out.filled.empty() ? 0 : out.depth.height()); ++y) {

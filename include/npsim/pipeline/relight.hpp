@@ -188,12 +188,12 @@ struct RelightSize {
       scene_rays_workspace_bytes(traced, shape, size.faces, size.backs) +
       allocation_bytes<std::uint16_t>(traced_face_count(traced, shape, size.faces, size.backs)) +
       allocation_bytes<std::uint8_t>(traced_face_count(traced, shape, size.faces, size.backs)) +
-      mark_faces_workspace_bytes(shape, size.marks, emitters) + allocation_bytes<std::uint8_t>(size.points) +
-      allocation_bytes<std::uint32_t>(size.receivers) + allocation_bytes<std::uint32_t>(rows + 1) +
-      allocation_bytes<std::uint32_t>(size.receivers * rays) + allocation_bytes<Vec3f>(size.receivers) +
-      allocation_bytes<Vec2f>(size.receivers) + (wet ? mirrors_bytes(params.mirror, size.wet) : 0) +
-      allocation_bytes<Vec3f>(shape.pixels()) + allocation_bytes<Vec3f>(2 * emitters + 1) +
-      allocation_bytes<float>(emitters) +
+      std::max(mark_faces_workspace_bytes(shape, size.marks, emitters), find_veils_workspace_bytes(shape)) +
+      allocation_bytes<std::uint8_t>(size.points) + allocation_bytes<std::uint32_t>(size.receivers) +
+      allocation_bytes<std::uint32_t>(rows + 1) + allocation_bytes<std::uint32_t>(size.receivers * rays) +
+      allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<Vec2f>(size.receivers) +
+      (wet ? mirrors_bytes(params.mirror, size.wet) : 0) + allocation_bytes<Vec3f>(shape.pixels()) +
+      allocation_bytes<Vec3f>(2 * emitters + 1) + allocation_bytes<float>(emitters) +
       relight_detail::light_transport_workspace_bytes(shape, size.points, params.bounces, wet);
   return shared +
          max_of(size.marks > 0 ? placement_workspace_bytes(params.placement, shape) : std::size_t{0},
@@ -320,7 +320,8 @@ template <class Rays, class Executor, class Observer>
   const auto for_each_face = [&rays](const auto& f) { rays.for_each_face(f); };
   NPSIM_RETURN_IF_ERROR(mark_lamp_faces(scene, mesh, out.emitters, for_each_face, face_mark, workspace));
   Veils veils;
-  NPSIM_RETURN_IF_ERROR(find_veils(params.veils, labels, rays.face_count(), for_each_face, workspace, veils));
+  NPSIM_RETURN_IF_ERROR(
+      find_veils(params.veils, labels, mesh.object, rays.face_count(), for_each_face, workspace, veils));
   observer.end(Stage::build_trace);
 
   observer.begin(Stage::render);

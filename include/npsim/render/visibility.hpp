@@ -21,7 +21,8 @@
 // Points are asked only on the same surface (within kSamePlane of its plane); one that finds none is traced.
 // Error of the illuminance at a point: at most  n_emitters * c  away from shadow edges, plus there  50 c  per lamp,
 // plus the penumbra's sampling noise; and shadows that are narrower than a step and meet no point of the lattice within
-// a block are lost. Faces that carry a lamp's own mark do not block it: a lamp is not hidden by its own glass.
+// a block are lost, and so are those of veils that take less than a quarter of the light there. Faces that carry a
+// lamp's own mark do not block it: a lamp is not hidden by its own glass.
 // Cost: E for every point of cells that the lamp may reach, and shadow rays in batches of neighbours and one lamp.
 // Memory: 40 KiB of stack.
 #ifndef NPSIM_RENDER_VISIBILITY_HPP
@@ -348,7 +349,8 @@ class BlockTracer {
     }
     if (!(count > 0.0F)) return false;
     visible_[i] = sum / count;
-    return stake_[i] < Stake::full || (count > 1.0F && least == most);
+    const bool whole = least == 0.0F || least == 1.0F || veils_.count > 0;  // else a penumbra's, equal by chance
+    return stake_[i] < Stake::full || (count > 1.0F && least == most && whole);
   }
 
   // Puts the slots whose values were taken and differ from those of traced neighbours on the same surface in the place
@@ -435,6 +437,7 @@ class BlockTracer {
     }
     for (std::size_t v = 0; v < veils_.count; ++v) {
       const Veil& veil = veils_.veil[v];
+      if (!(veil.low.x <= veil.high.x)) continue;  // it has no faces
       bool any = false;
       for (std::size_t r = 0; r < batch_.count; ++r) {
         const bool asked = batch_.through[r] > 0.0F && meets_box(batch_.rays[r], veil.low, veil.high);
@@ -489,10 +492,10 @@ class BlockTracer {
 
 // Of one lamp; `number`: which of the scene's it is, for the draws, one stream per pair. `scene`: see trace/scene.hpp.
 // `peak_cd`: the greatest luminous intensity that it has in any variant. `face_mark[f]`: mark of the face's lamp, 0 for
-// none. `veils`: of the same faces. `certain_lx[p]`: illuminance that every night brings. untraced_lx[b] grows by what the lamp at its peak would
-// bring where it is below the cut-off, summed over the points of block b: a bound of what leaving it out costs.
-// each_block(b, const BlockLight&) is called for every block, in parallel; it may add to certain_lx of the block's
-// points.
+// none. `veils`: of the same faces. `certain_lx[p]`: illuminance that every night brings. untraced_lx[b] grows by what
+// the lamp at its peak would bring where it is below the cut-off, summed over the points of block b: a bound of what
+// leaving it out costs. each_block(b, const BlockLight&) is called for every block, in parallel; it may add to
+// certain_lx of the block's points.
 template <class Scene, class Executor, class Observer, class EachBlock>
 Status light_blocks(const VisibilityParams& params, std::uint64_t seed, const Scene& scene, const SurfacePoints& points,
                     const PointBlocks& blocks, Span<const float> certain_lx, const Emitter& emitter,

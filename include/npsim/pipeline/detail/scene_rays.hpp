@@ -4,9 +4,9 @@
 // LayerRays: both layers, the background without its open steps, in the structure for layers (trace/sheet.hpp), and the
 // backs of objects, but for those of leaves, in a tree. Faces: two a quad of the background, two a quad of the
 // foreground, then the backs. MeshRays: the indexed mesh, however few its faces, in a tree. Faces: the mesh's. Both
-// offer  scene  (trace/scene.hpp),  face_count(),  for_each_face(f)  (traced_faces.hpp) and  point_of(hit). Exact, given
-// the faces. Cost: a few passes over the layers, or the building of a tree. Memory: the workspace, which they point
-// into.
+// offer  scene  (trace/scene.hpp),  face_count(),  for_each_face(f)  (traced_faces.hpp) and  point_of(hit). Exact,
+// given the faces. Cost: a few passes over the layers, or the building of a tree. Memory: the workspace, which they
+// point into.
 #ifndef NPSIM_PIPELINE_DETAIL_SCENE_RAYS_HPP
 #define NPSIM_PIPELINE_DETAIL_SCENE_RAYS_HPP
 

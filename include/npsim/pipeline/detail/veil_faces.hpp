@@ -2,9 +2,10 @@
 // Which faces of the scene mesh let light through: those of objects whose outline holds more gaps than the mesh does.
 //
 // A bicycle is tubes and spokes, but its label and its mesh are one skin. Light of lamps passes such a skin but for the
-// share that the thing itself covers of its outline (render/visibility.hpp); what the camera sees of it stays. A face is
-// one of a class where two of its corners are, so that the rim of a post beside a bicycle stays solid. Cost: a pass over
-// the faces. Memory: a byte a face where there are any, else none. Error: none; a rule.
+// share that the thing itself covers of its outline (render/visibility.hpp); what the camera sees of it stays. An
+// object is of the class of most of its pixels: thin ones lie on their neighbours' too. Cost: a pass over the pixels
+// and one over the faces. Memory: a byte a face where there are any, else none; 5 bytes a pixel for the search. Error:
+// none; a rule.
 #ifndef NPSIM_PIPELINE_DETAIL_VEIL_FACES_HPP
 #define NPSIM_PIPELINE_DETAIL_VEIL_FACES_HPP
 
@@ -33,6 +34,11 @@ struct VeilParams {
   [[nodiscard]] static constexpr VeilParams none() noexcept { return {1.0F, 1.0F}; }
 };
 
+// On top of what is kept, a byte a face.
+[[nodiscard]] constexpr std::size_t find_veils_workspace_bytes(Shape shape) noexcept {
+  return allocation_bytes<std::uint8_t>(shape.pixels() + 1) + allocation_bytes<std::int32_t>(shape.pixels() + 1);
+}
+
 [[nodiscard]] inline Status validate(const VeilParams& p) noexcept {
   for (const float cover : {p.bicycle, p.fence}) {
     if (!(cover >= 0.0F && cover <= 1.0F)) return {StatusCode::invalid_argument, "veils: shares in [0, 1]"};
@@ -40,11 +46,12 @@ struct VeilParams {
   return {};
 }
 
-// labels: those that the mesh was made with; empty: all is solid. for_each: see traced_faces.hpp. The workspace holds
-// what `out` points at.
+// labels: those that the mesh was made with; empty: all is solid. object: of each pixel, 0 for none. for_each: see
+// traced_faces.hpp. The workspace holds what `out` points at.
 template <class ForEachFace>
-[[nodiscard]] Status find_veils(const VeilParams& params, ImageView<const Label> labels, std::size_t faces,
-                                const ForEachFace& for_each, Workspace& workspace, Veils& out) {
+[[nodiscard]] Status find_veils(const VeilParams& params, ImageView<const Label> labels,
+                                ImageView<const std::uint32_t> object, std::size_t faces, const ForEachFace& for_each,
+                                Workspace& workspace, Veils& out) {
   out = Veils{};
   if (labels.empty()) return {};
   std::uint8_t veil_of_label[kLabelCount] = {};
@@ -56,10 +63,12 @@ template <class ForEachFace>
   };
   add(label::bicycle, params.bicycle);
   add(label::fence, params.fence);
+  const auto veil_at = [&](int x, int y) -> std::uint8_t {
+    return labels(x, y) < kLabelCount ? veil_of_label[labels(x, y)] : std::uint8_t{0};
+  };
   bool any = false;
   for (int y = 0; y < labels.height() && !any; ++y) {
-    for (int x = 0; x < labels.width() && !any; ++x)
-      any = labels(x, y) < kLabelCount && veil_of_label[labels(x, y)] != 0;
+    for (int x = 0; x < labels.width() && !any; ++x) any = veil_at(x, y) != 0;
   }
   if (!any) {
     out = Veils{};
@@ -68,17 +77,28 @@ template <class ForEachFace>
   Span<std::uint8_t> of_face;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(faces, of_face));
   std::fill(of_face.begin(), of_face.end(), std::uint8_t{0});
+  const WorkspaceScope scope(workspace);
+  Span<std::uint8_t> of_object;
+  Span<std::int32_t> votes;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(labels.shape().pixels() + 1, of_object));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(labels.shape().pixels() + 1, votes));
+  std::fill(of_object.begin(), of_object.end(), std::uint8_t{0});
+  std::fill(votes.begin(), votes.end(), 0);
+  for (int y = 0; y < labels.height(); ++y) {
+    for (int x = 0; x < labels.width(); ++x) {
+      const std::uint8_t veil = veil_at(x, y);
+      votes[object(x, y)] += veil != 0 ? 1 : -1;
+      if (veil != 0) of_object[object(x, y)] = veil;
+    }
+  }
+  for (std::size_t o = 0; o < votes.size(); ++o) {
+    if (o == 0 || votes[o] < 0) of_object[o] = 0;
+  }
   const auto width = static_cast<std::uint32_t>(labels.width());
-  const auto veil_at = [&](std::uint32_t pixel) -> std::uint8_t {
-    const Label l = labels(static_cast<int>(pixel % width), static_cast<int>(pixel / width));
-    return l < kLabelCount ? veil_of_label[l] : std::uint8_t{0};
-  };
-  for_each([&](std::size_t face, const Vec3f(&corners)[3], const std::uint32_t(&pixels)[3], bool of_object) {
-    if (!of_object) return;
-    const std::uint8_t a = veil_at(pixels[0]);
-    const std::uint8_t b = veil_at(pixels[1]);
-    const std::uint8_t of = a == b ? a : veil_at(pixels[2]);
-    if (of == 0 || (a != of && b != of)) return;
+  for_each([&](std::size_t face, const Vec3f(&corners)[3], const std::uint32_t(&pixels)[3], bool is_object) {
+    if (!is_object) return;
+    const std::uint8_t of = of_object[object(static_cast<int>(pixels[0] % width), static_cast<int>(pixels[0] / width))];
+    if (of == 0) return;
     of_face[face] = of;
     Veil& veil = out.veil[of - 1U];
     for (const Vec3f& c : corners) {
