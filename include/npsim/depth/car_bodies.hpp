@@ -20,8 +20,9 @@
 // A normal turns to the body's where it is farther than a bound from it, up to that bound: what is curved stays so. The
 // bound is turn_rad on exact depth and half of that where depth is known to calm_m, for its noise becomes the normals'.
 // Depth keeps what it is off the body where that is little, half of `deviations` of the noise, and less of what is
-// more. Invariant: pixels of other things are not touched, nor cars that show their doors and no box explains
-// (max_loss), that have no number of their own, or fewer than min_px. No normal comes to look away from the camera.
+// more.
+// Invariant: pixels of other things are not touched, nor cars that show their doors and no box explains (max_loss),
+// that have no number of their own, or fewer than min_px. No normal comes to look away from the camera.
 // Deterministic. Cost: some 10 medians of a car's rows, and 19 x 10 of 2048 samples.
 #ifndef NPSIM_DEPTH_CAR_BODIES_HPP
 #define NPSIM_DEPTH_CAR_BODIES_HPP

@@ -368,12 +368,6 @@ template <class Executor>
   return params.use_source && out.source == DepthSource::lidar;
 }
 
-[[nodiscard]] inline Status place_houses(const RefineDepthParams& params, const SceneView& scene,
-                                         ImageView<const float> measured, Workspace& workspace, RefinedDepth& out) {
-  if (!is_laser(params, out)) return {};
-  return place_beyond_range(params.beyond_range, measured, scene.labels, out.depth, workspace);
-}
-
 // drawn: the labels as given.
 template <class Executor>
 [[nodiscard]] Status complete_depth(const RefineDepthParams& params, const SceneView& scene,
@@ -392,7 +386,10 @@ template <class Executor>
   fill.laser = fill.laser || is_laser(params, out);
   NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), objects, out.depth,
                                    ImageView<std::uint8_t>(), workspace, executor));
-  NPSIM_RETURN_IF_ERROR(place_houses(params, scene, ImageView<const float>(measured), workspace, out));
+  if (is_laser(params, out)) {
+    NPSIM_RETURN_IF_ERROR(
+        place_beyond_range(params.beyond_range, ImageView<const float>(measured), scene.labels, out.depth, workspace));
+  }
   for (int y = 0; y < (continued ? shape.height : 0); ++y) {
     for (int x = 0; x < shape.width; ++x) {
       if (!is_valid_depth(scene.depth(x, y))) measured(x, y) = 0.0F;
@@ -500,7 +497,8 @@ template <class Executor>
         measured(x, y) = scene.depth(x, y) == out.filled(x, y) ? scene.depth(x, y) : 0.0F;
       }
     }
-    NPSIM_RETURN_IF_ERROR(place_houses(params, scene, ImageView<const float>(measured), workspace, out));
+    NPSIM_RETURN_IF_ERROR(
+        place_beyond_range(params.beyond_range, ImageView<const float>(measured), scene.labels, out.depth, workspace));
   }
   // What moved by more than noise was no measurement, but a mismatch or made up: the plane stands in its place.
   constexpr float kNoise = 2.0F;

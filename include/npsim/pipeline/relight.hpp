@@ -304,13 +304,11 @@ inline constexpr float kInversePi = 0.31830989F;
 }
 
 // Every ray, and the images of all lights. The structure that rays are traced through is built here and gone
-// afterwards. `out` holds all but groups' images and what was reached. labels: those that the mesh was made with, or
-// none. Rays: LayerRays or MeshRays (scene_rays.hpp).
+// afterwards. `out` holds all but groups' images and what was reached. Rays: LayerRays or MeshRays (scene_rays.hpp).
 template <class Rays, class Executor, class Observer>
 [[nodiscard]] Status trace_light(const RelightParams& params, std::uint64_t key, const SceneView& scene,
-                                 ImageView<const Label> labels, const SceneMesh& mesh, const RelightSize& size,
-                                 Span<std::uint32_t> block, Workspace& workspace, Executor& executor,
-                                 Observer& observer, Relighting& out) {
+                                 const SceneMesh& mesh, const RelightSize& size, Span<std::uint32_t> block,
+                                 Workspace& workspace, Executor& executor, Observer& observer, Relighting& out) {
   const Shape shape = scene.shape();
   observer.begin(Stage::build_trace);
   Rays rays;
@@ -321,7 +319,7 @@ template <class Rays, class Executor, class Observer>
   NPSIM_RETURN_IF_ERROR(mark_lamp_faces(scene, mesh, out.emitters, for_each_face, face_mark, workspace));
   Veils veils;
   NPSIM_RETURN_IF_ERROR(
-      find_veils(params.veils, labels, mesh.object, rays.face_count(), for_each_face, workspace, veils));
+      find_veils(params.veils, scene.labels, mesh.object, rays.face_count(), for_each_face, workspace, veils));
   observer.end(Stage::build_trace);
 
   observer.begin(Stage::render);
@@ -474,9 +472,8 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   {
     const WorkspaceScope scope(workspace);
     const auto trace = [&](auto kind) {
-      return relight_detail::trace_light<decltype(kind)>(params, key, scene,
-                                                         scene.labels.empty() ? scene.labels : refined.labels, mesh,
-                                                         size, block, workspace, executor, observer, out);
+      return relight_detail::trace_light<decltype(kind)>(params, key, scene, mesh, size, block, workspace, executor,
+                                                         observer, out);
     };
     NPSIM_RETURN_IF_ERROR(traced == TracedFaces::mesh ? trace(MeshRays{}) : trace(LayerRays{}));
   }

@@ -83,11 +83,11 @@ class FaceMarker {
                                    bool of_object) const noexcept {
     std::uint16_t found = 0;
     for (const std::uint32_t pixel : pixels) {
-      const std::uint16_t mark = at(scene_->light_index, pixel);
+      const std::uint16_t mark = at_pixel(scene_->light_index, pixel);
       if (mark != 0 && !is_group(scene_->lights[mark - 1U].cls)) found = mark;
     }
     if (!solids_ || found != 0 || !of_object) return found;
-    std::uint32_t e = lamps_.first[at(mesh_->object, pixels[0])];
+    std::uint32_t e = lamps_.first[at_pixel(mesh_->object, pixels[0])];
     if (e == kNoPoint) return 0;
     const Vec3f centre = (corners[0] + corners[1] + corners[2]) * (1.0F / 3.0F);
     for (; e != kNoPoint; e = lamps_.next[e]) {
@@ -100,12 +100,6 @@ class FaceMarker {
   }
 
  private:
-  template <class T>
-  [[nodiscard]] T at(const ImageView<const T>& plane, std::uint32_t pixel) const noexcept {
-    const auto width = static_cast<std::uint32_t>(scene_->shape().width);
-    return plane(static_cast<int>(pixel % width), static_cast<int>(pixel / width));
-  }
-
   const SceneView* scene_ = nullptr;
   const SceneMesh* mesh_ = nullptr;
   Span<const Emitter> emitters_;

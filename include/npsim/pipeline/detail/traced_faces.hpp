@@ -9,12 +9,20 @@
 #include <cstdint>
 
 #include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
+
+// Of the pixel y * width + x.
+template <class T>
+[[nodiscard]] T at_pixel(const ImageView<const T>& plane, std::uint32_t pixel) noexcept {
+  const auto width = static_cast<std::uint32_t>(plane.width());
+  return plane(static_cast<int>(pixel % width), static_cast<int>(pixel / width));
+}
 
 namespace traced_detail {
 
@@ -32,7 +40,8 @@ void for_indexed(const SceneMesh& mesh, std::size_t first, std::size_t last, std
 // Of a layer's implicit faces, two a quad, those that are there.
 template <class F>
 void for_layer(const SheetLayer& layer, bool of_object, std::size_t number, const F& f) {
-  const auto width = static_cast<std::uint32_t>(layer.vertices.width());
+  const ImageView<const Vec3f> vertices = layer.vertices;
+  const auto width = static_cast<std::uint32_t>(vertices.width());
   for (int y = 0; y < layer.quads.height(); ++y) {
     for (int x = 0; x < layer.quads.width(); ++x, number += 2) {
       const std::uint8_t quad = layer.quads(x, y);
@@ -41,10 +50,7 @@ void for_layer(const SheetLayer& layer, bool of_object, std::size_t number, cons
         if ((quad & (upper ? kQuadUpperFace : kQuadLowerFace)) == 0) continue;
         const Face face = quad_face((quad & kQuadAntiDiagonal) != 0, upper, a, a + 1, a + width, a + width + 1);
         const std::uint32_t pixels[3] = {face.a, face.b, face.c};
-        Vec3f corners[3];
-        for (int k = 0; k < 3; ++k) {
-          corners[k] = layer.vertices(static_cast<int>(pixels[k] % width), static_cast<int>(pixels[k] / width));
-        }
+        const Vec3f corners[3] = {at_pixel(vertices, face.a), at_pixel(vertices, face.b), at_pixel(vertices, face.c)};
         f(number + (upper ? 0 : 1), corners, pixels, of_object);
       }
     }

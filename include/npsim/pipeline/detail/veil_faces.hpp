@@ -21,6 +21,7 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
+#include "npsim/pipeline/detail/traced_faces.hpp"
 #include "npsim/render/visibility.hpp"
 
 namespace npsim {
@@ -94,10 +95,9 @@ template <class ForEachFace>
   for (std::size_t o = 0; o < votes.size(); ++o) {
     if (o == 0 || votes[o] < 0) of_object[o] = 0;
   }
-  const auto width = static_cast<std::uint32_t>(labels.width());
   for_each([&](std::size_t face, const Vec3f(&corners)[3], const std::uint32_t(&pixels)[3], bool is_object) {
     if (!is_object) return;
-    const std::uint8_t of = of_object[object(static_cast<int>(pixels[0] % width), static_cast<int>(pixels[0] / width))];
+    const std::uint8_t of = of_object[at_pixel(object, pixels[0])];
     if (of == 0) return;
     of_face[face] = of;
     Veil& veil = out.veil[of - 1U];
