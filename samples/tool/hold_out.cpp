@@ -40,7 +40,14 @@ enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut, kNeither };  // neither g
   copy_pixels(seen, out.view());
   if (source != DepthSource::stereo) return out;
   const ObjectMap objects{scene.labels, scene.labels.empty() ? ImageView<const std::uint16_t>() : scene.instances};
-  (void)drop_border_spill(refine_detail::scaled_spill(steps, scene.shape()), scene.depth, objects, out.view(), pool)
+  const float baseline_m = scene.stereo_baseline_m > 0.0F ? scene.stereo_baseline_m : steps.source.unknown_baseline_m;
+  std::vector<unsigned char> memory(ground_workspace_bytes(steps.ground, scene.shape()));
+  Workspace workspace(memory.data(), memory.size());
+  GroundPlane ground;  // without inliers unless it is found
+  (void)estimate_ground(steps.ground, scene.depth, scene.labels, scene.camera, workspace, ground).ok();
+  const SpillView view{scene.camera, ground, scene.camera.fx * baseline_m};
+  (void)drop_border_spill(refine_detail::scaled_spill(steps, scene.shape()), scene.depth, objects, view, out.view(),
+                          pool)
       .ok();
   return out;
 }

@@ -36,10 +36,15 @@ struct Street {
     Image<float> out = depth;
     const SerialExecutor executor;
     const ObjectMap objects{labelled ? labels.cview() : ImageView<const Label>(), {}};
-    REQUIRE(drop_border_spill(params, depth.view(), objects, out.view(), executor).ok());
+    REQUIRE(drop_border_spill(params, depth.view(), objects, view, out.view(), executor).ok());
     return out;
   }
+  SpillView view;  // nothing is known of it
 };
+
+// What is near hides a band of the wall from the right camera: at i in [60 - band, 60), as wide as disparities differ.
+constexpr float kFocalBaseline = 240.0F;  // px m
+int hidden_band() { return static_cast<int>(kFocalBaseline * (1.0F / 8.0F - 1.0F / Street::wall(60))); }
 
 }  // namespace
 
@@ -90,22 +95,114 @@ TEST_CASE("border spill: a clean wall, a wall that runs up to the post, the grou
   CHECK(spilled.kept() == spilled.depth);
 }
 
+TEST_CASE("border spill: what a pole's depth fills of the band that it hides from the right camera is dropped there") {
+  Street street;
+  REQUIRE(hidden_band() > 2 * BorderSpillParams{}.reach_px);
+  for (int j = 0; j < 48; ++j) {
+    for (int i = 62 - hidden_band(); i < 60; ++i) street.depth(i, j) = 8.2F;
+    for (int i = 64; i < 85; ++i) street.depth(i, j) = 8.2F;  // the right camera sees this
+  }
+  const Image<float> without_band = street.kept();
+  street.view.focal_baseline_px_m = kFocalBaseline;
+  const Image<float> out = street.kept();
+  for (int j = 0; j < 48; ++j) {
+    for (int i = 0; i < 120; ++i) {
+      CAPTURE(i);
+      const bool band = i >= 62 - hidden_band() && i < 60;
+      if (band) CHECK(out(i, j) == 0.0F);
+      if (i < 60 && !band) CHECK(out(i, j) == street.depth(i, j));
+      if (i >= 64) CHECK(out(i, j) == without_band(i, j));
+    }
+  }
+  // A bush may stand there.
+  for (Label& l : street.labels.view().pixels()) l = l == label::building ? label::vegetation : l;
+  CHECK(street.kept()(30, 20) == street.depth(30, 20));
+}
+
+TEST_CASE("border spill: a sliver of wall between two poles is known by the wall beyond them, a sliver of a sign not") {
+  for (const bool lying : {false, true}) {
+    Street street(lying);
+    for (int j = 0; j < 48; ++j) {
+      for (int i = 68; i < 70; ++i) {
+        street.at(street.depth, i, j) = 8.0F;
+        street.at(street.labels, i, j) = label::pole;
+      }
+      for (int i = 64; i < 68; ++i) street.at(street.depth, i, j) = 8.1F;
+    }
+    Image<float> out = street.kept();
+    CHECK(street.at(out, 65, 20) == 0.0F);
+    CHECK(street.at(out, 66, 20) == 0.0F);
+    CHECK(street.at(out, 80, 20) == street.at(street.depth, 80, 20));
+    for (int j = 0; j < 48; ++j) {
+      for (int i = 64; i < 68; ++i) street.at(street.labels, i, j) = label::traffic_sign;
+    }
+    out = street.kept();
+    CHECK(street.at(out, 65, 20) == street.at(street.depth, 65, 20));
+  }
+}
+
+TEST_CASE(
+    "border spill: pavement at the depth of a car before it is dropped by the ground plane, not at the car's foot") {
+  constexpr Shape kShape{120, 60};
+  const Intrinsics camera{120, 120, 60, 10};
+  const GroundPlane ground{{0, -1, 0}, 1.5F, 0.9F};
+  const auto plane = [&](int y) { return 1.5F * 120.0F / (static_cast<float>(y) - 10.0F); };
+  Image<float> depth(kShape), out(kShape);
+  Image<Label> labels(kShape, label::sidewalk);
+  constexpr int kFoot = 50;  // row
+  for (int y = 12; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      depth(x, y) = plane(y);
+      if (y < kFoot && y >= 20 && x >= 60 && x < 90) {
+        labels(x, y) = label::car;
+        depth(x, y) = plane(kFoot);
+      } else if (y >= 20 && y < kFoot && x >= 56 && x < 60) {
+        depth(x, y) = plane(kFoot) + 0.05F;  // spilled
+      }
+    }
+  }
+  const SerialExecutor executor;
+  for (const bool known : {true, false}) {
+    SpillView view{camera, ground, 0.0F};
+    if (!known) view.ground.inlier_share = 0.0F;
+    out = depth;
+    REQUIRE(drop_border_spill({}, depth.cview(), {labels.cview(), {}}, view, out.view(), executor).ok());
+    for (int y = 12; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        CAPTURE(x);
+        CAPTURE(y);
+        const bool spilled = known && x >= 56 && x < 60 && y >= 20 && plane(y) > 1.25F * plane(kFoot);
+        const bool unsure = x >= 56 && x < 60 && y < kFoot && y >= 20;
+        if (spilled || !unsure) CHECK(out(x, y) == (spilled ? 0.0F : depth(x, y)));
+      }
+    }
+  }
+  for (Label& l : labels.view().pixels()) l = l == label::sidewalk ? label::terrain : l;  // banks rise
+  out = depth;
+  REQUIRE(
+      drop_border_spill({}, depth.cview(), {labels.cview(), {}}, {camera, ground, 0.0F}, out.view(), executor).ok());
+  CHECK(out == depth);
+}
+
 TEST_CASE("border spill: one pixel, nothing measured, parameters and sizes out of range") {
   const SerialExecutor executor;
   Image<float> one({1, 1}, 3.0F);
   Image<Label> labels({1, 1}, label::building);
   Image<float> out = one;
   const ObjectMap objects{labels.cview(), {}};
-  REQUIRE(drop_border_spill({}, one.view(), objects, out.view(), executor).ok());
+  REQUIRE(drop_border_spill({}, one.view(), objects, {}, out.view(), executor).ok());
   CHECK(out(0, 0) == 3.0F);
   Street empty;
   for (float& z : empty.depth.view().pixels()) z = 0.0F;
   CHECK(empty.kept() == empty.depth);
   BorderSpillParams params;
   params.reach_px = 129;
-  CHECK(drop_border_spill(params, one.view(), objects, out.view(), executor).code() == StatusCode::invalid_argument);
+  CHECK(drop_border_spill(params, one.view(), objects, {}, out.view(), executor).code() ==
+        StatusCode::invalid_argument);
   params = {};
   params.contrast = 0.9F;
-  CHECK(drop_border_spill(params, one.view(), objects, out.view(), executor).code() == StatusCode::invalid_argument);
-  CHECK(drop_border_spill({}, empty.depth.view(), objects, out.view(), executor).code() == StatusCode::shape_mismatch);
+  CHECK(drop_border_spill(params, one.view(), objects, {}, out.view(), executor).code() ==
+        StatusCode::invalid_argument);
+  CHECK(drop_border_spill({}, empty.depth.view(), objects, {}, out.view(), executor).code() ==
+        StatusCode::shape_mismatch);
 }

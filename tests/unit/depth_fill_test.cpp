@@ -343,6 +343,36 @@ TEST_CASE("an object with samples keeps its own depth beside a nearer one; one w
   for (int y = 8; y < 48; ++y) CHECK(s.out(32, y) == doctest::Approx(50).epsilon(0.01));
 }
 
+TEST_CASE("a sliver of wall between two poles takes the line of the wall beside them, one without wall its poles'") {
+  Scene s({96, 20});
+  s.plane(0.02, 2e-4, 0, 0, 0, 96, 20, label::building);
+  for (const int at : {40, 46}) s.plane(0.2, 0, 0, at, 0, at + 3, 20, label::pole);
+  for (int y = 0; y < 20; ++y) {
+    for (int x = 36; x < 56; ++x) {
+      if (s.labels(x, y) == label::building) s.depth(x, y) = 0;
+    }
+  }
+  FillParams params;
+  params.behind_reach = 0.2F;
+  const SerialExecutor serial;
+  REQUIRE(s.run(serial, true, params).ok());
+  for (int y = 0; y < 20; ++y) {
+    for (int x = 43; x < 46; ++x) CHECK(s.relative_error(x, y) < 0.001);
+  }
+  CHECK(s.worst_relative_error(label::pole) == 0.0);
+  CHECK(s.filled(44, 10) == 1);
+  params.behind_reach = 0.03F;
+  REQUIRE(s.run(serial, true, params).ok());
+  CHECK(s.out(44, 10) < 8.0F);
+  // Things do not go on behind others.
+  params.behind_reach = 0.2F;
+  for (Label& l : s.labels.view().pixels()) l = l == label::building ? label::traffic_sign : l;
+  REQUIRE(s.run(serial, true, params).ok());
+  CHECK(s.out(44, 10) < 8.0F);
+  params.behind_reach = -1.0F;
+  CHECK(s.run(serial, true, params).code() == StatusCode::invalid_argument);
+}
+
 TEST_CASE("objects of one label do not share depth where there are instances") {
   Scene s({60, 20}, label::car);
   Image<std::uint16_t> instances(s.shape, 1);

@@ -6,7 +6,9 @@
 // in holes, and meet in creases. For the ground classes slope counts from the plane that fits all valid pixels of the
 // class, so that the ground also goes on as a plane beyond the last measurement, and kinds of ground meet at their
 // borders. Points of a laser are joined first (detail/fill/scan_lines.hpp). A region without any valid pixel takes
-// the plane of its class (ground that determines none: of the largest ground class), else what surrounds it. Labels
+// the plane of its class (ground that determines none: of the largest ground class); of a house, which is seen in
+// slivers between the things before it, the line between the nearest valid pixels of houses in its row; else what
+// surrounds it. Labels
 // without a surface (the sky) get 0 and are never a source. Without labels the image is one region.
 //
 // Invariant: valid depths on surfaces come out unchanged, except those far beneath the near ground (stereo mismatches,
@@ -42,6 +44,8 @@ inline namespace NPSIM_ABI {
 struct FillParams {
   LabelSet no_surface = kNoSurfaceLabels;
   LabelSet planar = kGroundLabels;
+  LabelSet behind = LabelSet::of(label::building, label::wall);  // go on behind what stands before them
+  float behind_reach = 0.125F;                                   // of the width
   float ground_outlier = 2;    // farther than this many times the near ground: filled anew; 0: kept
   int max_sweeps = 32;         // per level
   float tolerance = 1e-5F;     // stop when no inverse depth changes by more than this share of itself in one sweep
@@ -61,6 +65,9 @@ struct FillParams {
 [[nodiscard]] inline Status validate(const FillParams& params) noexcept {
   if (params.max_sweeps < 0 || params.max_sweeps > 100000) {
     return {StatusCode::invalid_argument, "fill_depth: max_sweeps must lie in 0..100000"};
+  }
+  if (!(params.behind_reach >= 0 && params.behind_reach <= 1)) {
+    return {StatusCode::invalid_argument, "fill_depth: behind_reach must lie in 0..1"};
   }
   if (!(params.tolerance >= 0) || !(params.relaxation > 0 && params.relaxation < 2)) {
     return {StatusCode::invalid_argument, "fill_depth: tolerance must not be negative, relaxation must lie in (0, 2)"};
@@ -304,9 +311,38 @@ inline void spread(FillState& state, FillReach reach) noexcept {
   }
 }
 
-// A start value for every pixel: from its region, else from its class' plane, else from any surface, else from
-// anything.
-inline void initialise(FillState& state) noexcept {
+// Orphans of these labels take the line between the nearest valid pixels of their label to the left and to the right in
+// their row, or the value of one, and keep it.
+inline void continue_behind(LabelSet labels, int reach, FillState& state) noexcept {
+  const int width = state.w.width();
+  for (int y = 0; y < state.w.height(); ++y) {
+    for (int x = 0; x < width; ++x) {
+      if (state.kind(x, y) != kOrphan || !labels.contains(state.label_at(x, y))) continue;
+      const Label own = state.label_at(x, y);
+      const auto find = [&](int step) {
+        int u = x;
+        while (u >= 0 && u < width && (u - x) * step <= reach) {
+          if (state.kind(u, y) == kGiven && state.steps(u, y) == 0 && state.label_at(u, y) == own) return u;
+          u += step;
+        }
+        return -1;
+      };
+      const int left = find(-1);
+      const int right = find(1);
+      if (left < 0 && right < 0) continue;
+      const float before = left < 0 ? state.w(right, y) : state.w(left, y);
+      const float after = right < 0 ? before : state.w(right, y);
+      const float t = left < 0 || right < 0 ? 0.0F : static_cast<float>(x - left) / static_cast<float>(right - left);
+      state.w(x, y) = before + t * (after - before);
+      state.kind(x, y) = kGiven;
+      state.steps(x, y) = 1;
+    }
+  }
+}
+
+// A start value for every pixel: from its region, else from its class' plane, else from its like in the row, else from
+// any surface, else from anything.
+inline void initialise(const FillParams& params, FillState& state) noexcept {
   spread(state, FillReach::same_object);
   for (int y = 0; y < state.w.height(); ++y) {
     for (int x = 0; x < state.w.width(); ++x) {
@@ -321,6 +357,7 @@ inline void initialise(FillState& state) noexcept {
       }
     }
   }
+  continue_behind(params.behind, static_cast<int>(params.behind_reach * static_cast<float>(state.w.width())), state);
   spread(state, FillReach::any_surface);
   spread(state, FillReach::anything);
 }
@@ -354,7 +391,7 @@ template <class Executor>
     return {StatusCode::no_valid_input, "fill_depth: no pixel of a surface has a usable depth"};
   }
   if (params.laser) join_scan_lines(params.same_surface, objects, state.w, state.steps);
-  initialise(state);
+  initialise(params, state);
   std::array<FillSlope, 256> slopes;
   for (std::size_t l = 0; l < slopes.size(); ++l) {
     const FillClass& c = state.classes[l];

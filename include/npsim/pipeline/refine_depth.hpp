@@ -361,7 +361,8 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(drop_outliers(outliers, scene.depth, objects, out.ground.up, height_m, scene.camera,
                                       out.trust.focal_baseline_px_m, measured, executor));
   if (!(out.trust.focal_baseline_px_m > 0.0F)) return {};
-  return drop_border_spill(scaled_spill(params, scene.shape()), scene.depth, objects, measured, executor);
+  const SpillView view{scene.camera, out.ground, out.trust.focal_baseline_px_m};
+  return drop_border_spill(scaled_spill(params, scene.shape()), scene.depth, objects, view, measured, executor);
 }
 
 [[nodiscard]] inline bool is_laser(const RefineDepthParams& params, const RefinedDepth& out) noexcept {
