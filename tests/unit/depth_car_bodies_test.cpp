@@ -173,6 +173,33 @@ TEST_CASE("cars: windows that show what is behind them get the side's normals an
   CHECK(turn_after / panes < 50.0);
 }
 
+TEST_CASE("cars: a side whose doors a bicycle hides but for their end is a side, and leans as windows do") {
+  Street street(-0.3F);
+  street.measure();
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (street.face(x, y) != 0 || street.height(x, y) > 1.05F) continue;
+      const Vec3f at = unproject_pixel(street.k, x, y, street.truth(x, y));
+      if (length(Vec3f{at.x + 3.0F, 0.0F, at.z - 11.0F}) < 0.9F) continue;
+      street.labels(x, y) = label::bicycle;
+      street.instances(x, y) = 0;
+    }
+  }
+  SerialExecutor serial;
+  REQUIRE(street.run(serial).ok());
+  double turned = 0;
+  int panes = 0;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (!street.in_window(x, y) || street.labels(x, y) != label::car || street.height(x, y) > 1.15F) continue;
+      ++panes;
+      turned += static_cast<double>(degrees_between(street.normals(x, y), street.normal[0]));
+    }
+  }
+  REQUIRE(panes > 500);
+  CHECK(turned / panes < 45.0);  // as where all doors are seen
+}
+
 TEST_CASE("cars: true normals at the waist stay bit by bit, for what is near the body is not turned") {
   Street street(0.0F);
   const Image<Vec3f> before = street.normals;

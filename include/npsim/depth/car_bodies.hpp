@@ -230,7 +230,9 @@ struct CarFit {
     fit.corner = fit_corner(fit.noise, fit.params.relief_m, fit.ground, middle, samples, fit.scratch);
     if (fit.corner.loss > fit.params.max_loss) return false;
   }
-  const float width_m[2] = {seen_width_m(fit, samples, 0), seen_width_m(fit, samples, 1)};
+  // Over all its height: what stands before a car hides its doors first.
+  const Span<const Sample> all = fit.samples.sub(0, take_samples(fit, 0.0F, std::numeric_limits<float>::infinity()));
+  const float width_m[2] = {seen_width_m(fit, all, 0), seen_width_m(fit, all, 1)};
   for (int k = 0; k < 2; ++k) fit.side[k] = width_m[k] > fit.params.side_m && width_m[k] > width_m[1 - k];
   return true;
 }
