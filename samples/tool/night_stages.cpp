@@ -222,6 +222,7 @@ class StageJudge {
   params.mesh.simplify_faces = false;
   params.relight.unseen.share = 0.0F;  // of which the reference knows nothing
   params.relight.veils = VeilParams::none();
+  params.relight.bodies = LabelSet();
   io::Image<Vec3f> own;
   TrueNight night;
   NPSIM_RETURN_IF_ERROR(transport_alone(params, scene, depth.refined(), samples, pool, console, own, night.luminance));
@@ -251,6 +252,7 @@ Status night_stages(const NightParams& params, const SceneView& scene, const Tru
   NPSIM_RETURN_IF_ERROR(unrefined(params, scene, refined, scene.depth, {}, pool, given));
   NPSIM_RETURN_IF_ERROR(unrefined(params, scene, refined, truth.depth.view(), truth.normals.view(), pool, exact));
   exact.like.ground = night.ground;
+  exact.like.source = DepthSource::exact;
   sheet = given;
   for (std::uint8_t& u : sheet.uncertain.view().pixels()) u = 0;
   NightParams connected = placed;  // nothing is deleted, nothing let through

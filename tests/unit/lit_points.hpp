@@ -24,6 +24,7 @@ struct LampQuestion {
   float certain_lx = 0;
   std::vector<std::uint16_t> face_mark;
   npsim::Veils veils;
+  npsim::Bodies bodies;
   npsim::ImageView<const std::uint32_t> visible_point;
 };
 
@@ -58,9 +59,9 @@ LitPoints lit_points(const Scene& scene, const npsim::SurfacePoints& points, con
       out.to_light[p] = light.to_light[i];
     }
   };
+  const Occluders occluders{{question.face_mark.data(), question.face_mark.size()}, question.veils, question.bodies};
   REQUIRE(light_blocks(question.params, 1, scene, points, blocks, {certain_lx.data(), n}, lamp, question.number,
-                       question.peak_cd, {question.face_mark.data(), question.face_mark.size()}, question.veils,
-                       {untraced_lx.data(), untraced_lx.size()}, serial, observer, keep)
+                       question.peak_cd, occluders, {untraced_lx.data(), untraced_lx.size()}, serial, observer, keep)
               .ok());
   for (const float lx : untraced_lx) out.untraced_lx += lx;
   return out;

@@ -737,3 +737,70 @@ TEST_CASE(
   CHECK(!meets_box(ray({2, -1, 0}, {2, -1, 10}), low, high));
   CHECK(meets_box(ray({0, -1, 0}, {0.5F, -1, 10}), {-1, -2, 6}, {1, 0, 6}));  // flat
 }
+
+namespace {
+
+// Points of a body on the ground under a lamp that is part of `of_lamp`, and over them a sheet of body `of_sheet` and,
+// where it is asked for, one of no body.
+bool is_lit_under(std::uint16_t of_points, std::uint16_t of_sheet, std::uint16_t of_lamp, bool roof) {
+  World world;
+  for (int y = 0; y < 8; ++y) {
+    for (int x = 0; x < 8; ++x) {
+      world.add_point({0.1F * static_cast<float>(x), 0, 10 + 0.1F * static_cast<float>(y)}, {0, -1, 0});
+    }
+  }
+  std::vector<std::uint16_t> of_face;
+  for (const float y : {-1.0F, -2.0F}) {
+    if (y < -1.0F && !roof) continue;
+    world.add_quad({-9, y, 1}, {9, y, 1}, {9, y, 19}, {-9, y, 19}, {0, -1, 0});
+    of_face.insert(of_face.end(), 2, y < -1.0F ? std::uint16_t{0} : of_sheet);
+  }
+  world.build();
+  std::vector<std::uint16_t> of_point(world.vertices.size(), of_sheet);
+  std::fill(of_point.begin(), of_point.begin() + 64, of_points);
+  const std::vector<std::uint16_t> of_lamps = {0, of_lamp};
+  npsim_test::LampQuestion question;
+  question.params.cutoff_lx = 0.0F;
+  question.number = 1;
+  question.bodies = {{of_face.data(), of_face.size()}, {of_point.data(), of_point.size()}, {of_lamps.data(), 2}};
+  const npsim_test::LitPoints lit = npsim_test::lit_points(world.bvh, world.points(), lamp_above(0.01F), question);
+  const auto is_lit = [](float lx) { return lx > 0.0F; };
+  const bool all = std::all_of(lit.lx.begin(), lit.lx.begin() + 64, is_lit);
+  CHECK(all == std::any_of(lit.lx.begin(), lit.lx.begin() + 64, is_lit));
+  return all;
+}
+
+}  // namespace
+
+TEST_CASE(
+    "bodies: their own faces do not shade them, those of others and of none do, and so does what holds the lamp") {
+  CHECK(is_lit_under(7, 7, 0, false));
+  CHECK_FALSE(is_lit_under(7, 8, 0, false));
+  CHECK_FALSE(is_lit_under(7, 0, 0, false));
+  CHECK_FALSE(is_lit_under(0, 7, 0, false));
+  CHECK_FALSE(is_lit_under(0, 0, 0, false));
+  CHECK_FALSE(is_lit_under(7, 7, 0, true));
+  CHECK_FALSE(is_lit_under(7, 7, 7, false));
+  CHECK(is_lit_under(7, 7, 9, false));
+}
+
+TEST_CASE("bodies: of the points of one block each is asked for its own") {
+  World world;
+  for (int y = 0; y < 8; ++y) {
+    for (int x = 0; x < 8; ++x) {
+      world.add_point({0.1F * static_cast<float>(x), 0, 10 + 0.1F * static_cast<float>(y)}, {0, -1, 0});
+    }
+  }
+  world.add_quad({-9, -1, 1}, {9, -1, 1}, {9, -1, 19}, {-9, -1, 19}, {0, -1, 0});
+  world.build();
+  const std::vector<std::uint16_t> of_face(2, 3);
+  std::vector<std::uint16_t> of_point(world.vertices.size(), 0);
+  for (std::size_t p = 0; p < 64; ++p) of_point[p] = static_cast<std::uint16_t>((p * 7) % 5);
+  const std::vector<std::uint16_t> of_lamps(1, 0);
+  npsim_test::LampQuestion question;
+  question.params.cutoff_lx = 0.0F;
+  question.params.lattice = 1;
+  question.bodies = {{of_face.data(), 2}, {of_point.data(), of_point.size()}, {of_lamps.data(), 1}};
+  const npsim_test::LitPoints lit = npsim_test::lit_points(world.bvh, world.points(), lamp_above(0.01F), question);
+  for (std::size_t p = 0; p < 64; ++p) CHECK((lit.lx[p] > 0.0F) == (of_point[p] == 3));
+}

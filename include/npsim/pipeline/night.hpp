@@ -70,6 +70,7 @@ struct NightParams {
   params.relight.activation.stop_probability = 0.0F;
   params.relight.denoise.iterations = 0;
   params.relight.veils = VeilParams::none();
+  params.relight.bodies = LabelSet();
   return params;
 }
 

@@ -33,6 +33,7 @@
 #include "npsim/light/headlamps.hpp"
 #include "npsim/light/placement.hpp"
 #include "npsim/light/sky.hpp"
+#include "npsim/pipeline/detail/body_faces.hpp"
 #include "npsim/pipeline/detail/lamp_faces.hpp"
 #include "npsim/pipeline/detail/light_groups.hpp"
 #include "npsim/pipeline/detail/light_transport.hpp"
@@ -69,7 +70,8 @@ struct RelightParams {
   SkyParams sky;
   MaterialParams material;
   VeilParams veils;
-  int bounces = 2;  // diffuse bounces after the direct light, 1..16
+  LabelSet bodies = kBodyLabels;  // of things that do not shade themselves
+  int bounces = 2;                // diffuse bounces after the direct light, 1..16
   // Tiles of a light's image stay out that it nowhere brings to this luminance, at its strongest.
   float least_cd_m2 = 2e-4F;  // the darkest sky over a city makes a grey surface 20 times as bright
   // Of the expected night, see Relighting::error. 0: gather.rays decide; else these are where the search begins.
@@ -184,11 +186,13 @@ struct RelightSize {
       2 * allocation_bytes<float>(size.points) + allocation_bytes<Retroreflector>(size.points) +
       LightImageBuilder::index_bytes(shape, 2 * emitters + 1) + (wet ? allocation_bytes<std::uint8_t>(size.points) : 0);
   const std::size_t rows = shape.height > 0 ? static_cast<std::size_t>(shape.height) : 0;
+  const std::size_t faces = traced_face_count(traced, shape, size.faces, size.backs);
   const std::size_t light =
-      scene_rays_workspace_bytes(traced, shape, size.faces, size.backs) +
-      allocation_bytes<std::uint16_t>(traced_face_count(traced, shape, size.faces, size.backs)) +
-      allocation_bytes<std::uint8_t>(traced_face_count(traced, shape, size.faces, size.backs)) +
-      std::max(mark_faces_workspace_bytes(shape, size.marks, emitters), find_veils_workspace_bytes(shape)) +
+      scene_rays_workspace_bytes(traced, shape, size.faces, size.backs) + 2 * allocation_bytes<std::uint16_t>(faces) +
+      allocation_bytes<std::uint8_t>(faces) + allocation_bytes<std::uint16_t>(size.points) +
+      allocation_bytes<std::uint16_t>(emitters) +
+      max_of(mark_faces_workspace_bytes(shape, size.marks, emitters), find_veils_workspace_bytes(shape),
+             find_bodies_workspace_bytes(shape)) +
       allocation_bytes<std::uint8_t>(size.points) + allocation_bytes<std::uint32_t>(size.receivers) +
       allocation_bytes<std::uint32_t>(rows + 1) + allocation_bytes<std::uint32_t>(size.receivers * rays) +
       allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<Vec2f>(size.receivers) +
@@ -303,23 +307,36 @@ inline constexpr float kInversePi = 0.31830989F;
   return {};
 }
 
+// What they are is known by what the pixels of the faces show.
+template <class Rays>
+[[nodiscard]] Status find_occluders(const RelightParams& params, const SceneView& scene, const SceneMesh& mesh,
+                                    DepthSource source, const Rays& rays, Span<const Emitter> emitters,
+                                    Workspace& workspace, Occluders& out) {
+  const auto for_each_face = [&rays](const auto& f) { rays.for_each_face(f); };
+  Span<std::uint16_t> lamp_mark;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(rays.face_count(), lamp_mark));
+  NPSIM_RETURN_IF_ERROR(mark_lamp_faces(scene, mesh, emitters, for_each_face, lamp_mark, workspace));
+  out.lamp_mark = lamp_mark;
+  NPSIM_RETURN_IF_ERROR(
+      find_veils(params.veils, scene.labels, mesh.object, rays.face_count(), for_each_face, workspace, out.veils));
+  // Exact depth has no dents, and shows what a body does shade of itself.
+  const LabelSet bodies = source == DepthSource::exact ? LabelSet() : params.bodies;
+  return find_bodies(bodies, scene, mesh, emitters, rays.face_count(), for_each_face, workspace, out.bodies);
+}
+
 // Every ray, and the images of all lights. The structure that rays are traced through is built here and gone
 // afterwards. `out` holds all but groups' images and what was reached. Rays: LayerRays or MeshRays (scene_rays.hpp).
 template <class Rays, class Executor, class Observer>
 [[nodiscard]] Status trace_light(const RelightParams& params, std::uint64_t key, const SceneView& scene,
-                                 const SceneMesh& mesh, const RelightSize& size, Span<std::uint32_t> block,
-                                 Workspace& workspace, Executor& executor, Observer& observer, Relighting& out) {
+                                 const SceneMesh& mesh, DepthSource source, const RelightSize& size,
+                                 Span<std::uint32_t> block, Workspace& workspace, Executor& executor,
+                                 Observer& observer, Relighting& out) {
   const Shape shape = scene.shape();
   observer.begin(Stage::build_trace);
   Rays rays;
   NPSIM_RETURN_IF_ERROR(Rays::make(scene, mesh, workspace, executor, rays));
-  Span<std::uint16_t> face_mark;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(rays.face_count(), face_mark));
-  const auto for_each_face = [&rays](const auto& f) { rays.for_each_face(f); };
-  NPSIM_RETURN_IF_ERROR(mark_lamp_faces(scene, mesh, out.emitters, for_each_face, face_mark, workspace));
-  Veils veils;
-  NPSIM_RETURN_IF_ERROR(
-      find_veils(params.veils, scene.labels, mesh.object, rays.face_count(), for_each_face, workspace, veils));
+  Occluders occluders;
+  NPSIM_RETURN_IF_ERROR(find_occluders(params, scene, mesh, source, rays, out.emitters, workspace, occluders));
   observer.end(Stage::build_trace);
 
   observer.begin(Stage::render);
@@ -384,7 +401,7 @@ template <class Rays, class Executor, class Observer>
     NPSIM_RETURN_IF_ERROR(make_point_blocks(lit.points, lit.visible_point, hidden, workspace, executor, lit.blocks));
     const auto light_of = [&](std::size_t e, Span<float> certain_lx, Span<float> untraced_lx, const auto& each_block) {
       return light_blocks(params.visibility, key, rays.scene, lit.points, lit.blocks, certain_lx, lit.emitters[e],
-                          static_cast<std::uint32_t>(e), lit.groups.peak_cd[e], face_mark, veils, untraced_lx, executor,
+                          static_cast<std::uint32_t>(e), lit.groups.peak_cd[e], occluders, untraced_lx, executor,
                           observer, each_block);
     };
     LightTransport transport(lit, gather.rays, params.bounces, params.denoise);
@@ -472,8 +489,8 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   {
     const WorkspaceScope scope(workspace);
     const auto trace = [&](auto kind) {
-      return relight_detail::trace_light<decltype(kind)>(params, key, scene, mesh, size, block, workspace, executor,
-                                                         observer, out);
+      return relight_detail::trace_light<decltype(kind)>(params, key, scene, mesh, refined.source, size, block,
+                                                         workspace, executor, observer, out);
     };
     NPSIM_RETURN_IF_ERROR(traced == TracedFaces::mesh ? trace(MeshRays{}) : trace(LayerRays{}));
   }

@@ -81,6 +81,20 @@ struct Veils {
   std::size_t count = 0;
 };
 
+// Things that bulge: their own faces do not shade them.
+struct Bodies {
+  Span<const std::uint16_t> of_face;   // the number of its body, 0 for none; empty: there are none
+  Span<const std::uint16_t> of_point;  // the same
+  Span<const std::uint16_t> of_lamp;   // what it is a part of, which shades it like anything
+};
+
+// What is special about some faces; all others stop every ray.
+struct Occluders {
+  Span<const std::uint16_t> lamp_mark;  // of the lamp that a face is a part of, and does not hide; 0 for none
+  Veils veils;
+  Bodies bodies;
+};
+
 // What a lamp at its peak brings to the points of a block.
 struct BlockLight {
   float illuminance_lx[kBlockPoints];  // 0: none, or nobody asks
@@ -193,15 +207,16 @@ struct Batch {
   Waiting waiting[kRaysPerBatch];
   std::size_t count = 0;
   std::size_t points = 0;
+  std::uint16_t body = 0;  // that all rays leave
 };
 
 // One lamp and one block.
-template <class Scene, class Stops>
+template <class Scene>
 class BlockTracer {
  public:
   BlockTracer(const VisibilityParams& params, std::uint64_t seed, const Scene& scene, const SurfacePoints& points,
-              Span<const std::uint32_t> block, const Emitter& emitter, std::uint32_t number, const Stops& stops,
-              const Veils& veils, BlockLight& light) noexcept
+              Span<const std::uint32_t> block, const Emitter& emitter, std::uint32_t number, const Occluders& occluders,
+              BlockLight& light) noexcept
       : params_(params),
         seed_(seed),
         scene_(scene),
@@ -209,8 +224,7 @@ class BlockTracer {
         block_(block),
         emitter_(emitter),
         number_(number),
-        stops_(stops),
-        veils_(veils),
+        occluders_(occluders),
         light_(light),
         extent_(longer_side_m(emitter)) {}
 
@@ -349,7 +363,8 @@ class BlockTracer {
     }
     if (!(count > 0.0F)) return false;
     visible_[i] = sum / count;
-    const bool whole = least == 0.0F || least == 1.0F || veils_.count > 0;  // else a penumbra's, equal by chance
+    const bool whole =
+        least == 0.0F || least == 1.0F || occluders_.veils.count > 0;  // else a penumbra's, equal by chance
     return stake_[i] < Stake::full || (count > 1.0F && least == most && whole);
   }
 
@@ -410,7 +425,9 @@ class BlockTracer {
         const Vec3f origin = ray_start(points_, block_[i]);
         const bool small = extent_ < params_.small_angle * length(emitter_.centre_m - origin);
         const int side = more ? params_.samples_per_side : (small || stake_[i] < Stake::full ? 1 : 2);
-        if (batch_.count + static_cast<std::size_t>(side * side) > kRaysPerBatch) send();
+        const std::uint16_t body = body_of(block_[i]);
+        if (batch_.count + static_cast<std::size_t>(side * side) > kRaysPerBatch || body != batch_.body) send();
+        batch_.body = body;
         RandomStream random(seed_, RandomPurpose::direct, 0, number_, block_[i], 0);
         if (more) {
           for (int drawn = 0; drawn < 8; ++drawn) static_cast<void>(random.uniform());  // by the first four rays
@@ -423,20 +440,33 @@ class BlockTracer {
     }
   }
 
+  // That lets the rays to this lamp through.
+  [[nodiscard]] std::uint16_t body_of(std::uint32_t point) const noexcept {
+    const Bodies& bodies = occluders_.bodies;
+    if (bodies.of_face.empty()) return 0;
+    const std::uint16_t body = bodies.of_point[point];
+    return body == bodies.of_lamp[number_] ? std::uint16_t{0} : body;
+  }
+  // Whether the rays of the batch take notice of a face.
+  [[nodiscard]] bool stops(std::uint32_t face) const noexcept {
+    const Span<const std::uint16_t>& marks = occluders_.lamp_mark;
+    if (emitter_.mark != 0 && face < marks.size() && marks[face] == emitter_.mark) return false;
+    return batch_.body == 0 || occluders_.bodies.of_face[face] != batch_.body;
+  }
+
   void trace_batch() noexcept {
     const Span<const Ray> rays(batch_.rays, batch_.count);
     const Span<std::uint8_t> blocked(batch_.blocked, batch_.count);
+    const Veils& veils = occluders_.veils;
     occluded(
         scene_, rays,
-        [this](std::uint32_t face) noexcept {
-          return (veils_.of_face.empty() || veils_.of_face[face] == 0) && stops_(face);
-        },
+        [&](std::uint32_t face) noexcept { return (veils.of_face.empty() || veils.of_face[face] == 0) && stops(face); },
         blocked, Span<const std::uint8_t>(batch_.above, batch_.count));
     for (std::size_t r = 0; r < batch_.count; ++r) {
       batch_.through[r] = batch_.above[r] != 0 && batch_.blocked[r] == 0 ? 1.0F : 0.0F;
     }
-    for (std::size_t v = 0; v < veils_.count; ++v) {
-      const Veil& veil = veils_.veil[v];
+    for (std::size_t v = 0; v < veils.count; ++v) {
+      const Veil& veil = veils.veil[v];
       if (!(veil.low.x <= veil.high.x)) continue;  // it has no faces
       bool any = false;
       for (std::size_t r = 0; r < batch_.count; ++r) {
@@ -446,9 +476,8 @@ class BlockTracer {
       }
       if (!any) continue;
       occluded(
-          scene_, rays,
-          [this, v](std::uint32_t face) noexcept { return veils_.of_face[face] == v + 1 && stops_(face); }, blocked,
-          Span<const std::uint8_t>(batch_.asked, batch_.count));
+          scene_, rays, [&](std::uint32_t face) noexcept { return veils.of_face[face] == v + 1 && stops(face); },
+          blocked, Span<const std::uint8_t>(batch_.asked, batch_.count));
       for (std::size_t r = 0; r < batch_.count; ++r) {
         if (batch_.asked[r] != 0 && batch_.blocked[r] != 0) batch_.through[r] *= 1.0F - veil.cover;
       }
@@ -478,8 +507,7 @@ class BlockTracer {
   Span<const std::uint32_t> block_;
   const Emitter& emitter_;
   std::uint32_t number_;
-  const Stops& stops_;
-  const Veils& veils_;
+  const Occluders& occluders_;
   BlockLight& light_;
   float extent_;
   Batch batch_;
@@ -491,24 +519,20 @@ class BlockTracer {
 }  // namespace visibility_detail
 
 // Of one lamp; `number`: which of the scene's it is, for the draws, one stream per pair. `scene`: see trace/scene.hpp.
-// `peak_cd`: the greatest luminous intensity that it has in any variant. `face_mark[f]`: mark of the face's lamp, 0 for
-// none. `veils`: of the same faces. `certain_lx[p]`: illuminance that every night brings. untraced_lx[b] grows by what
+// `peak_cd`: the greatest luminous intensity that it has in any variant. `certain_lx[p]`: illuminance that every night brings. untraced_lx[b] grows by what
 // the lamp at its peak would bring where it is below the cut-off, summed over the points of block b: a bound of what
 // leaving it out costs. each_block(b, const BlockLight&) is called for every block, in parallel; it may add to
 // certain_lx of the block's points.
 template <class Scene, class Executor, class Observer, class EachBlock>
 Status light_blocks(const VisibilityParams& params, std::uint64_t seed, const Scene& scene, const SurfacePoints& points,
                     const PointBlocks& blocks, Span<const float> certain_lx, const Emitter& emitter,
-                    std::uint32_t number, float peak_cd, Span<const std::uint16_t> face_mark, const Veils& veils,
-                    Span<float> untraced_lx, Executor& executor, Observer& observer, const EachBlock& each_block) {
+                    std::uint32_t number, float peak_cd, const Occluders& occluders, Span<float> untraced_lx,
+                    Executor& executor, Observer& observer, const EachBlock& each_block) {
   NPSIM_RETURN_IF_ERROR(validate(points));
   NPSIM_RETURN_IF_ERROR(validate(params));
   if (certain_lx.size() != points.size() || untraced_lx.size() != blocks.count()) {
     return Status(StatusCode::shape_mismatch, "visibility: one illuminance per point, one per block");
   }
-  const auto stops = [&](std::uint32_t face) noexcept {
-    return emitter.mark == 0 || face >= face_mark.size() || face_mark[face] != emitter.mark;
-  };
   executor.for_chunks(blocks.count(), 2, [&](std::size_t begin, std::size_t end) {
     BlockLight light;
     for (std::size_t b = begin; b < end && !observer.cancelled(); ++b) {
@@ -526,7 +550,7 @@ Status light_blocks(const VisibilityParams& params, std::uint64_t seed, const Sc
         if (!lit[cell]) untraced_lx[b] += most_lx * static_cast<float>(bounds.points);
       }
       if (any) {
-        visibility_detail::BlockTracer tracer(params, seed, scene, points, block, emitter, number, stops, veils, light);
+        visibility_detail::BlockTracer tracer(params, seed, scene, points, block, emitter, number, occluders, light);
         untraced_lx[b] += tracer.weigh(lit, blocks.cells.sub(b * kCellsOfBlock, kCellsOfBlock), certain_lx, peak_cd);
         tracer.trace();
       }
