@@ -519,10 +519,10 @@ class BlockTracer {
 }  // namespace visibility_detail
 
 // Of one lamp; `number`: which of the scene's it is, for the draws, one stream per pair. `scene`: see trace/scene.hpp.
-// `peak_cd`: the greatest luminous intensity that it has in any variant. `certain_lx[p]`: illuminance that every night brings. untraced_lx[b] grows by what
-// the lamp at its peak would bring where it is below the cut-off, summed over the points of block b: a bound of what
-// leaving it out costs. each_block(b, const BlockLight&) is called for every block, in parallel; it may add to
-// certain_lx of the block's points.
+// `peak_cd`: the greatest luminous intensity that it has in any variant. `certain_lx[p]`: illuminance that every night
+// brings. untraced_lx[b] grows by what the lamp at its peak would bring where it is below the cut-off, summed over the
+// points of block b: a bound of what leaving it out costs. each_block(b, const BlockLight&) is called for every block,
+// in parallel; it may add to certain_lx of the block's points.
 template <class Scene, class Executor, class Observer, class EachBlock>
 Status light_blocks(const VisibilityParams& params, std::uint64_t seed, const Scene& scene, const SurfacePoints& points,
                     const PointBlocks& blocks, Span<const float> certain_lx, const Emitter& emitter,

@@ -2,8 +2,8 @@
 // Which faces and points of the scene mesh belong to which body: a thing that bulges, and does not shade itself.
 //
 // The outside of a car turns away from every lamp that it hides from itself: its normals say where its own shadow is.
-// Its mesh says it worse. Measured depth is uneven by more than a car's relief, and each dent would lie in the shadow of
-// its rim. A body is what has one number among the instances, else an object, of the class of most of its pixels: thin
+// Its mesh says it worse. Measured depth is uneven by more than a car's relief, and each dent would lie in the shadow
+// of its rim. A body is what has one number among the instances, else an object, of the class of most of its pixels: thin
 // ones lie on their neighbours' too. The lamps of a body are shaded by it as by anything: a bonnet hides headlamps
 // from the windscreen.
 // Cost: three passes over the pixels and one over the faces. Memory: 2 bytes a face, a point and a lamp where there are
