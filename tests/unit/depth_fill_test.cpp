@@ -373,6 +373,70 @@ TEST_CASE("a sliver of wall between two poles takes the line of the wall beside 
   CHECK(s.run(serial, true, params).code() == StatusCode::invalid_argument);
 }
 
+namespace {
+
+// A crown on a trunk before a wall of 50 m, a sign before the trunk; measured: the wall, and the foot of the trunk.
+Scene tree_behind_sign(Label trunk) {
+  Scene s({80, 80});
+  s.plane(0.02, 0, 0, 0, 0, 80, 80, label::building);
+  s.plane(0.1, 0, 0, 20, 4, 60, 40, label::vegetation);
+  s.plane(0.1, 0, 0, 37, 40, 43, 80, trunk);
+  s.plane(0.1, 0, 0, 32, 44, 48, 56, label::traffic_sign);
+  for (int y = 4; y < 80; ++y) {
+    for (int x = 20; x < 60; ++x) {
+      if (s.labels(x, y) != label::building && y < 72) s.depth(x, y) = 0;
+    }
+  }
+  return s;
+}
+
+}  // namespace
+
+TEST_CASE("a crown that nothing measured, cut off from its trunk by a sign, is as far away as the trunk") {
+  Scene s = tree_behind_sign(label::vegetation);
+  s.labels(40, 41) = label::building;  // a hole in the leaves is none
+  for (int y = 40; y < 44; ++y) {
+    for (int x = 37; x < 43; ++x) s.labels(x, y) = label::vegetation;
+  }
+  REQUIRE(s.run().ok());
+  CHECK(s.worst_relative_error(label::vegetation) < 0.01);
+  CHECK(s.worst_relative_error(label::building) < 0.01);
+  // Signs hang on poles, not on leaves.
+  CHECK(s.out(33, 50) > 15.0F);
+  Scene pole = tree_behind_sign(label::pole);
+  REQUIRE(pole.run().ok());
+  CHECK(pole.worst_relative_error(label::traffic_sign) < 0.01);
+  CHECK(pole.worst_relative_error(label::pole) < 0.01);
+  CHECK(pole.out(30, 10) > 30.0F);  // leaves do not hang on poles: a near one may stand before them
+}
+
+TEST_CASE("a crown of which only the trunk was measured does not lean back onto the wall behind it") {
+  Scene s = tree_behind_sign(label::vegetation);
+  for (Label& l : s.labels.view().pixels()) l = l == label::traffic_sign ? label::vegetation : l;
+  REQUIRE(s.run().ok());
+  CHECK(s.worst_relative_error(label::vegetation) < 0.01);
+  FillParams free;
+  free.upright_reach = 1.0F;
+  const SerialExecutor serial;
+  REQUIRE(s.run(serial, true, free).ok());
+  CHECK(s.worst_relative_error(label::vegetation) > 0.5);
+}
+
+TEST_CASE("what hangs over nothing that was measured takes its surroundings' depth, at the picture's border too") {
+  Scene s({40, 40});
+  s.plane(0.02, 0, 0, 0, 0, 40, 40, label::building);
+  s.plane(0.1, 0, 0, 10, 20, 20, 40, label::vegetation);
+  s.plane(0.1, 0, 0, 30, 10, 35, 20, label::traffic_sign);
+  for (int y = 0; y < 40; ++y) {
+    for (int x = 0; x < 40; ++x) {
+      if (s.labels(x, y) != label::building) s.depth(x, y) = 0;
+    }
+  }
+  REQUIRE(s.run().ok());
+  CHECK(s.out(15, 39) == doctest::Approx(50).epsilon(0.01));
+  CHECK(s.out(32, 15) == doctest::Approx(50).epsilon(0.01));
+}
+
 TEST_CASE("objects of one label do not share depth where there are instances") {
   Scene s({60, 20}, label::car);
   Image<std::uint16_t> instances(s.shape, 1);

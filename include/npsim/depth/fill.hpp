@@ -5,11 +5,11 @@
 // field of least absolute slope and curvature with the valid pixels fixed (detail/fill/second_order.hpp): planes go on
 // in holes, and meet in creases. For the ground classes slope counts from the plane that fits all valid pixels of the
 // class, so that the ground also goes on as a plane beyond the last measurement, and kinds of ground meet at their
-// borders. Points of a laser are joined first (detail/fill/scan_lines.hpp). A region without any valid pixel takes
-// the plane of its class (ground that determines none: of the largest ground class); of a house, which is seen in
-// slivers between the things before it, the line between the nearest valid pixels of houses in its row; else what
-// surrounds it. Labels
-// without a surface (the sky) get 0 and are never a source. Without labels the image is one region.
+// borders. A crown or a pole stands upright before what lies beside it: but for pixels close to what was measured of it,
+// it is as far away as the nearest of that. Points of a laser are joined first (detail/fill/scan_lines.hpp). A region
+// without any valid pixel takes the plane of its class (ground that determines none: of the largest ground class), else
+// the depth of what it is a part of (detail/fill/orphans.hpp), else that of what surrounds it. Labels without a surface
+// (the sky) get 0 and are never a source. Without labels the image is one region.
 //
 // Invariant: valid depths on surfaces come out unchanged, except those far beneath the near ground (stereo mismatches,
 // which would otherwise spread over the hole they stand in), and every other surface pixel gets a positive depth within
@@ -26,6 +26,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/executor.hpp"
@@ -33,6 +34,7 @@
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/detail/fill/orphans.hpp"
 #include "npsim/depth/detail/fill/scan_lines.hpp"
 #include "npsim/depth/detail/fill/second_order.hpp"
 #include "npsim/depth/object_borders.hpp"
@@ -46,28 +48,32 @@ struct FillParams {
   LabelSet planar = kGroundLabels;
   LabelSet behind = LabelSet::of(label::building, label::wall);  // go on behind what stands before them
   float behind_reach = 0.125F;                                   // of the width
-  float ground_outlier = 2;    // farther than this many times the near ground: filled anew; 0: kept
-  int max_sweeps = 32;         // per level
-  float tolerance = 1e-5F;     // stop when no inverse depth changes by more than this share of itself in one sweep
-  float relaxation = 1.8F;     // of the over-relaxation, in (0, 2)
-  float edge = 0.005F;         // slopes and curvatures of 1/z per pixel below this share of it count as squares
-  float edge_inverse = 0;      // 1/m, on top: the noise of stereo is uniform in 1/z
-  bool laser = false;          // the depth is a laser's: neighbouring points are joined
-  float same_surface = 0.06F;  // of 1/z, that neighbours on such a line differ by at most
+  LabelSet hung = LabelSet::of(label::pole, label::polegroup, label::traffic_light, label::traffic_sign,
+                               label::vegetation, label::static_object, label::dynamic_object);  // on one another
+  float upright_reach = 0.01F;  // of the width: what hangs, and is farther from all measured of it, is upright
+  float ground_outlier = 2;     // farther than this many times the near ground: filled anew; 0: kept
+  int max_sweeps = 32;          // per level
+  float tolerance = 1e-5F;      // stop when no inverse depth changes by more than this share of itself in one sweep
+  float relaxation = 1.8F;      // of the over-relaxation, in (0, 2)
+  float edge = 0.005F;          // slopes and curvatures of 1/z per pixel below this share of it count as squares
+  float edge_inverse = 0;       // 1/m, on top: the noise of stereo is uniform in 1/z
+  bool laser = false;           // the depth is a laser's: neighbouring points are joined
+  float same_surface = 0.06F;   // of 1/z, that neighbours on such a line differ by at most
 };
 
 [[nodiscard]] constexpr std::size_t fill_workspace_bytes(const FillParams&, Shape shape) noexcept {
   return kWorkspaceAlignment + allocation_bytes<float>(shape.pixels()) +
          allocation_bytes<std::int32_t>(shape.pixels()) + allocation_bytes<std::uint8_t>(shape.pixels()) +
-         depth_detail::fill_pyramid_bytes(shape);
+         max_of(depth_detail::fill_pyramid_bytes(shape), depth_detail::hang_on_supports_bytes(shape));
 }
 
 [[nodiscard]] inline Status validate(const FillParams& params) noexcept {
   if (params.max_sweeps < 0 || params.max_sweeps > 100000) {
     return {StatusCode::invalid_argument, "fill_depth: max_sweeps must lie in 0..100000"};
   }
-  if (!(params.behind_reach >= 0 && params.behind_reach <= 1)) {
-    return {StatusCode::invalid_argument, "fill_depth: behind_reach must lie in 0..1"};
+  if (!(params.behind_reach >= 0 && params.behind_reach <= 1 && params.upright_reach >= 0 &&
+        params.upright_reach <= 1)) {
+    return {StatusCode::invalid_argument, "fill_depth: behind_reach and upright_reach must lie in 0..1"};
   }
   if (!(params.tolerance >= 0) || !(params.relaxation > 0 && params.relaxation < 2)) {
     return {StatusCode::invalid_argument, "fill_depth: tolerance must not be negative, relaxation must lie in (0, 2)"};
@@ -83,8 +89,6 @@ struct FillParams {
 }
 
 namespace depth_detail {
-
-inline constexpr std::int32_t kUnreached = std::numeric_limits<std::int32_t>::max();
 
 // What is known of one label: range of inverse depth, and for planar labels the plane w = w0 + slope_u x + slope_v y.
 struct FillClass {
@@ -311,44 +315,21 @@ inline void spread(FillState& state, FillReach reach) noexcept {
   }
 }
 
-// Orphans of these labels take the line between the nearest valid pixels of their label to the left and to the right in
-// their row, or the value of one, and keep it.
-inline void continue_behind(LabelSet labels, int reach, FillState& state) noexcept {
-  const int width = state.w.width();
-  for (int y = 0; y < state.w.height(); ++y) {
-    for (int x = 0; x < width; ++x) {
-      if (state.kind(x, y) != kOrphan || !labels.contains(state.label_at(x, y))) continue;
-      const Label own = state.label_at(x, y);
-      const auto find = [&](int step) {
-        int u = x;
-        while (u >= 0 && u < width && (u - x) * step <= reach) {
-          if (state.kind(u, y) == kGiven && state.steps(u, y) == 0 && state.label_at(u, y) == own) return u;
-          u += step;
-        }
-        return -1;
-      };
-      const int left = find(-1);
-      const int right = find(1);
-      if (left < 0 && right < 0) continue;
-      const float before = left < 0 ? state.w(right, y) : state.w(left, y);
-      const float after = right < 0 ? before : state.w(right, y);
-      const float t = left < 0 || right < 0 ? 0.0F : static_cast<float>(x - left) / static_cast<float>(right - left);
-      state.w(x, y) = before + t * (after - before);
-      state.kind(x, y) = kGiven;
-      state.steps(x, y) = 1;
-    }
-  }
-}
-
-// A start value for every pixel: from its region, else from its class' plane, else from its like in the row, else from
-// any surface, else from anything.
-inline void initialise(const FillParams& params, FillState& state) noexcept {
+// A start value for every pixel: from its region, else from its class' plane, else from what it is a part of
+// (detail/fill/orphans.hpp), else from any surface, else from anything.
+[[nodiscard]] inline Status initialise(const FillParams& params, FillState& state, Workspace& workspace) noexcept {
   spread(state, FillReach::same_object);
+  const bool labelled = !state.objects.labels.empty();
+  const auto far = static_cast<std::int32_t>(params.upright_reach * static_cast<float>(state.w.width()));
   for (int y = 0; y < state.w.height(); ++y) {
     for (int x = 0; x < state.w.width(); ++x) {
       const FillClass& c = state.class_at(x, y);
       state.kind(x, y) = !c.surface ? kNothing : (state.steps(x, y) == 0 ? kGiven : kFree);
-      if (state.steps(x, y) != kUnreached) continue;
+      if (state.steps(x, y) != kUnreached) {
+        const bool upright = labelled && params.hung.contains(state.label_at(x, y));
+        if (upright && state.steps(x, y) > far) state.kind(x, y) = kGiven;
+        continue;
+      }
       if (c.plane) {
         state.w(x, y) = static_cast<float>(plane_at(c, x, y));
         state.steps(x, y) = 1;
@@ -357,9 +338,15 @@ inline void initialise(const FillParams& params, FillState& state) noexcept {
       }
     }
   }
-  continue_behind(params.behind, static_cast<int>(params.behind_reach * static_cast<float>(state.w.width())), state);
+  if (labelled) {
+    const OrphanView orphans{state.objects, state.w, state.steps, state.kind};
+    const float reach = params.behind_reach * static_cast<float>(state.w.width());
+    continue_behind(params.behind, static_cast<int>(reach), orphans);
+    NPSIM_RETURN_IF_ERROR(hang_on_supports(params.hung, orphans, workspace));
+  }
   spread(state, FillReach::any_surface);
   spread(state, FillReach::anything);
+  return {};
 }
 
 }  // namespace depth_detail
@@ -391,7 +378,7 @@ template <class Executor>
     return {StatusCode::no_valid_input, "fill_depth: no pixel of a surface has a usable depth"};
   }
   if (params.laser) join_scan_lines(params.same_surface, objects, state.w, state.steps);
-  initialise(params, state);
+  NPSIM_RETURN_IF_ERROR(initialise(params, state, workspace));
   std::array<FillSlope, 256> slopes;
   for (std::size_t l = 0; l < slopes.size(); ++l) {
     const FillClass& c = state.classes[l];

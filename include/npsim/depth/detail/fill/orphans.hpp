@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+// Depth of regions in which nothing was measured, from what they are a part of.
+//
+// What surrounds such a region in the picture is mostly behind it, or before it: a crown above the rows of a laser would
+// lie on the house behind it, and a sliver of house between two poles at the poles. Two kinds are known better:
+//   behind   houses go on behind what stands before them: the line between the nearest sources of houses to the left and
+//            to the right in the row, or the value of one.
+//   hung     a sign is as far away as the pole below it, and a crown as its trunk, also where a sign comes between. The
+//            median over the region's columns.
+// Both keep what they are given.
+#ifndef NPSIM_DEPTH_DETAIL_FILL_ORPHANS_HPP
+#define NPSIM_DEPTH_DETAIL_FILL_ORPHANS_HPP
+
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+#include "npsim/core/algorithm.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/depth/detail/fill/second_order.hpp"
+#include "npsim/depth/object_borders.hpp"
+#include "npsim/labels/cityscapes.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+namespace depth_detail {
+
+// Of a pixel that no path leads to.
+inline constexpr std::int32_t kUnreached = std::numeric_limits<std::int32_t>::max();
+
+// w: inverse depth; steps: 0 at sources; kind: FillKind. There are labels.
+struct OrphanView {
+  const ObjectMap& objects;
+  ImageView<float> w;
+  ImageView<std::int32_t> steps;
+  ImageView<std::uint8_t> kind;
+
+  [[nodiscard]] Label label(int x, int y) const noexcept { return objects.labels(x, y); }
+  [[nodiscard]] bool is_orphan(LabelSet labels, int x, int y) const noexcept {
+    return kind(x, y) == kOrphan && labels.contains(label(x, y));
+  }
+  void give(int x, int y, float value) const noexcept {
+    w(x, y) = value;
+    kind(x, y) = kGiven;
+    steps(x, y) = 1;
+  }
+};
+
+// reach: in pixels.
+inline void continue_behind(LabelSet behind, int reach, const OrphanView& view) noexcept {
+  const int width = view.w.width();
+  for (int y = 0; y < view.w.height(); ++y) {
+    for (int x = 0; x < width; ++x) {
+      if (!view.is_orphan(behind, x, y)) continue;
+      const auto find = [&](int step) {
+        for (int u = x; u >= 0 && u < width && (u - x) * step <= reach; u += step) {
+          if (view.kind(u, y) == kGiven && view.steps(u, y) == 0 && view.label(u, y) == view.label(x, y)) return u;
+        }
+        return -1;
+      };
+      const int left = find(-1);
+      const int right = find(1);
+      if (left < 0 && right < 0) continue;
+      const float before = left < 0 ? view.w(right, y) : view.w(left, y);
+      const float after = right < 0 ? before : view.w(right, y);
+      const float t = left < 0 || right < 0 ? 0.0F : static_cast<float>(x - left) / static_cast<float>(right - left);
+      view.give(x, y, before + t * (after - before));
+    }
+  }
+}
+
+// What poles carry is as far away as they are; else a thing is carried by its own kind.
+[[nodiscard]] inline bool carries(Label lower, Label upper) noexcept {
+  constexpr LabelSet kOnPoles = LabelSet::of(label::pole, label::polegroup, label::traffic_light, label::traffic_sign);
+  return lower == upper || (kOnPoles.contains(lower) && kOnPoles.contains(upper));
+}
+
+// Inverse depth of what carries a pixel, straight below it, past whatever else hangs there; 0 where that is not known.
+[[nodiscard]] inline float support_below(LabelSet hung, const OrphanView& view, int x, int y) noexcept {
+  for (int v = y + 1; v < view.w.height() && hung.contains(view.label(x, v)); ++v) {
+    if (view.kind(x, v) != kOrphan && carries(view.label(x, v), view.label(x, y))) return view.w(x, v);
+  }
+  return 0.0F;
+}
+
+[[nodiscard]] constexpr std::size_t hang_on_supports_bytes(Shape shape) noexcept {
+  return allocation_bytes<std::uint32_t>(shape.pixels()) + kWorkspaceAlignment;
+}
+
+// And 2 KiB of stack.
+[[nodiscard]] inline Status hang_on_supports(LabelSet hung, const OrphanView& view, Workspace& workspace) noexcept {
+  constexpr std::size_t kMost = 512;
+  const WorkspaceScope scope(workspace);
+  const Shape shape = view.w.shape();
+  Span<std::uint32_t> region;  // its pixels, y * width + x, in the order in which they were reached
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), region));
+  const auto width = static_cast<std::uint32_t>(shape.width);
+  constexpr std::int32_t kSeen = -1;
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (!view.is_orphan(hung, x, y) || view.steps(x, y) == kSeen) continue;
+      std::size_t count = 0;
+      const auto reach = [&](int u, int v) {
+        view.steps(u, v) = kSeen;
+        region[count++] = static_cast<std::uint32_t>(v) * width + static_cast<std::uint32_t>(u);
+      };
+      reach(x, y);
+      float supports[kMost];
+      std::size_t found = 0;
+      for (std::size_t i = 0; i < count; ++i) {
+        const int u = static_cast<int>(region[i] % width);
+        const int v = static_cast<int>(region[i] / width);
+        const int around[4][2] = {{u - 1, v}, {u + 1, v}, {u, v - 1}, {u, v + 1}};
+        for (const auto& at : around) {
+          if (!view.w.contains(at[0], at[1]) || view.kind(at[0], at[1]) != kOrphan) continue;
+          if (view.steps(at[0], at[1]) != kSeen && view.objects.same(u, v, at[0], at[1])) reach(at[0], at[1]);
+        }
+        if (v + 1 < shape.height && view.objects.same(u, v, u, v + 1)) continue;
+        const float below = support_below(hung, view, u, v);
+        if (below > 0.0F && found < kMost) supports[found++] = below;
+      }
+      if (found == 0) continue;
+      select_nth(supports, supports + found / 2, supports + found);
+      for (std::size_t i = 0; i < count; ++i) {
+        view.give(static_cast<int>(region[i] % width), static_cast<int>(region[i] / width), supports[found / 2]);
+      }
+    }
+  }
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (view.steps(x, y) == kSeen) view.steps(x, y) = kUnreached;
+    }
+  }
+  return {};
+}
+
+}  // namespace depth_detail
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_DEPTH_DETAIL_FILL_ORPHANS_HPP
