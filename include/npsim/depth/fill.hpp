@@ -5,11 +5,11 @@
 // field of least absolute slope and curvature with the valid pixels fixed (detail/fill/second_order.hpp): planes go on
 // in holes, and meet in creases. For the ground classes slope counts from the plane that fits all valid pixels of the
 // class, so that the ground also goes on as a plane beyond the last measurement, and kinds of ground meet at their
-// borders. A crown or a pole stands upright before what lies beside it: but for pixels close to what was measured of it,
-// it is as far away as the nearest of that. Points of a laser are joined first (detail/fill/scan_lines.hpp). A region
-// without any valid pixel takes the plane of its class (ground that determines none: of the largest ground class), else
-// the depth of what it is a part of (detail/fill/orphans.hpp), else that of what surrounds it. Labels without a surface
-// (the sky) get 0 and are never a source. Without labels the image is one region.
+// borders. A crown or a pole stands upright before what lies beside it: but for pixels close to what was measured of
+// it, it is as far away as the nearest of that. Points of a laser are joined first (detail/fill/scan_lines.hpp). A
+// region without any valid pixel takes the plane of its class (ground that determines none: of the largest ground
+// class), else the depth of what it is a part of (detail/fill/orphans.hpp), else that of what surrounds it. Labels
+// without a surface (the sky) get 0 and are never a source. Without labels the image is one region.
 //
 // Invariant: valid depths on surfaces come out unchanged, except those far beneath the near ground (stereo mismatches,
 // which would otherwise spread over the hole they stand in), and every other surface pixel gets a positive depth within
