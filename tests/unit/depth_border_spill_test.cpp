@@ -119,6 +119,37 @@ TEST_CASE("border spill: what a pole's depth fills of the band that it hides fro
   CHECK(street.kept()(30, 20) == street.depth(30, 20));
 }
 
+TEST_CASE("border spill: a wall that turns a corner in the hidden band stays, and a tiny camera height is no ground") {
+  Street street;
+  street.view.focal_baseline_px_m = 1000.0F;
+  for (int j = 0; j < 48; ++j) {
+    for (int i = 0; i < 60; ++i) {  // oblique up to 20, then facing the camera
+      street.depth(i, j) = i < 20 ? 1.0F / (0.025F + 2.5e-3F * static_cast<float>(20 - i)) : 40.0F;
+    }
+  }
+  Image<float> out = street.kept();
+  for (int j = 0; j < 48; ++j) {
+    for (int i = 0; i < 60; ++i) CHECK(out(i, j) == street.depth(i, j));
+  }
+  street.view.ground = {{0, -1, 0}, 1e-45F, 1.0F};
+  for (Label& l : street.labels.view().pixels()) l = l == label::building ? label::road : l;
+  out = street.kept();
+  CHECK(out == street.depth);
+}
+
+TEST_CASE("border spill: what a wide thing hides on both sides of it is left, for another house may stand there") {
+  Street street;
+  for (int j = 0; j < 48; ++j) {
+    for (int i = 15; i < 64; ++i) {
+      street.depth(i, j) = 8.0F;
+      street.labels(i, j) = label::car;
+    }
+    for (int i = 64; i < 68; ++i) street.depth(i, j) = 8.1F;
+    for (int i = 68; i < 120; ++i) street.labels(i, j) = label::vegetation;
+  }
+  CHECK(street.kept()(65, 20) == street.depth(65, 20));
+}
+
 TEST_CASE("border spill: a sliver of wall between two poles is known by the wall beyond them, a sliver of a sign not") {
   for (const bool lying : {false, true}) {
     Street street(lying);

@@ -113,6 +113,18 @@ TEST_CASE("bodies: without numbers of instances each object is its own, of the c
   CHECK(s.of_pixel(8, 1) == 0);
 }
 
+TEST_CASE("bodies: two cars stay two where one is widened over a pixel of the other") {
+  Street s;
+  s.thing(0, 4, label::car, 5, 1);
+  s.thing(4, 8, label::car, 9, 2);
+  s.object(4, 1) = 1;
+  s.find();
+  CHECK(s.of_pixel(0, 1) != 0);
+  CHECK(s.of_pixel(6, 1) != 0);
+  CHECK(s.of_pixel(0, 1) != s.of_pixel(6, 1));
+  CHECK(s.of_pixel(4, 1) == s.of_pixel(0, 1));
+}
+
 TEST_CASE("bodies: a lamp is part of the body that its mark lies on") {
   Street s;
   s.thing(0, 3, label::car, 7, 1);

@@ -13,10 +13,10 @@
 //
 // Invariant: valid depths on surfaces come out unchanged, except those far beneath the near ground (stereo mismatches,
 // which would otherwise spread over the hole they stand in), and every other surface pixel gets a positive depth within
-// a factor 4 of the range of valid depths of its label. Depths outside 1e-4..1e6 m are kept but not used.
+// a factor 4 of the range of valid depths of its label, or of what it is a part of. Depths outside 1e-4..1e6 m are kept but not used.
 // Method: start from the nearest valid or joined pixel of the object along 4-connected paths, then coarse to fine.
 // Cost: O(pixels) + sweeps over the filled pixels, and up to three passes over the image per planar label. Memory: 14
-// bytes per pixel, 8 KiB of stack. Deterministic for any executor.
+// bytes per pixel, 16 KiB of stack. Deterministic for any executor.
 #ifndef NPSIM_DEPTH_FILL_HPP
 #define NPSIM_DEPTH_FILL_HPP
 
@@ -394,7 +394,8 @@ template <class Executor>
         const FillClass& c = state.class_at(x, y);
         const bool dropped = state.steps(x, y) != 0 && is_fill_source(depth(x, y));
         const bool keep = c.surface && is_valid_depth(depth(x, y)) && !dropped;
-        const float w = state.w(x, y) < c.low ? c.low : (state.w(x, y) > c.high ? c.high : state.w(x, y));
+        // What carries a thing may be nearer than all that was measured of its label.
+        const float w = state.kind(x, y) == kGiven ? state.w(x, y) : clamp_to(state.w(x, y), c.low, c.high);
         output(x, y) = keep ? depth(x, y) : (c.surface ? 1.0F / w : 0.0F);
         if (!filled.empty()) filled(x, y) = c.surface && !keep ? 1 : 0;
       }

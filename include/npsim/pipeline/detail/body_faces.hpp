@@ -3,11 +3,11 @@
 //
 // The outside of a car turns away from every lamp that it hides from itself: its normals say where its own shadow is.
 // Its mesh says it worse. Measured depth is uneven by more than a car's relief, and each dent would lie in the shadow
-// of its rim. A body is what has one number among the instances, else an object, of the class of most of its pixels: thin
-// ones lie on their neighbours' too. The lamps of a body are shaded by it as by anything: a bonnet hides headlamps
-// from the windscreen.
-// Cost: three passes over the pixels and one over the faces. Memory: 2 bytes a face, a point and a lamp where there are
-// any, else none; 6 bytes a pixel and 128 KiB for the search. Error: what a body does shade of itself, under a wheel
+// of its rim. A body is what has one number among the instances, else an object, of the class and the number of most of
+// its pixels: thin ones lie on their neighbours' too. The lamps of a body are shaded by it as by anything: a bonnet
+// hides headlamps from the windscreen.
+// Cost: four passes over the pixels and one over the faces. Memory: 2 bytes a face, a point and a lamp where there are
+// any, else none; 8 bytes a pixel and 128 KiB for the search. Error: what a body does shade of itself, under a wheel
 // arch or behind a mirror, is lit.
 #ifndef NPSIM_PIPELINE_DETAIL_BODY_FACES_HPP
 #define NPSIM_PIPELINE_DETAIL_BODY_FACES_HPP
@@ -36,7 +36,7 @@ inline constexpr LabelSet kBodyLabels =
 
 // On top of what is kept: 2 bytes a face, a point and a lamp.
 [[nodiscard]] constexpr std::size_t find_bodies_workspace_bytes(Shape shape) noexcept {
-  return allocation_bytes<std::uint16_t>(shape.pixels() + 1) + allocation_bytes<std::int32_t>(shape.pixels() + 1) +
+  return 2 * allocation_bytes<std::uint16_t>(shape.pixels() + 1) + allocation_bytes<std::int32_t>(shape.pixels() + 1) +
          allocation_bytes<std::uint16_t>(65536);
 }
 
@@ -56,8 +56,9 @@ void for_pixels(Shape shape, const F& f) {
   const Shape shape = scene.shape();
   const auto is_body = [&](int x, int y) { return classes.contains(scene.labels(x, y)); };
   Span<std::int32_t> votes;
-  Span<std::uint16_t> of_instance;
+  Span<std::uint16_t> instance, of_instance;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(of_object.size(), votes));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(of_object.size(), instance));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(65536, of_instance));
   std::fill(votes.begin(), votes.end(), 0);
   std::fill(of_instance.begin(), of_instance.end(), std::uint16_t{0});
@@ -68,13 +69,20 @@ void for_pixels(Shape shape, const F& f) {
     if (votes[o] > 0) of_object[o] = ++count;
   }
   if (scene.instances.empty()) return {};
+  // The number that most of an object's pixels have, where more than half of them agree (Boyer and Moore 1981).
+  std::fill(votes.begin(), votes.end(), 0);
   for_pixels(shape, [&](int x, int y) {
-    const std::uint16_t id = scene.instances(x, y);
-    std::uint16_t& body = of_object[object(x, y)];
-    if (id == 0 || body == 0 || !is_body(x, y)) return;
-    if (of_instance[id] == 0) of_instance[id] = body;
-    body = of_instance[id];
+    const std::uint32_t o = object(x, y);
+    if (of_object[o] == 0 || !is_body(x, y)) return;
+    if (votes[o] == 0) instance[o] = scene.instances(x, y);
+    votes[o] += instance[o] == scene.instances(x, y) ? 1 : -1;
   });
+  for (std::size_t o = 1; o < votes.size(); ++o) {
+    if (of_object[o] == 0 || votes[o] <= 0 || instance[o] == 0) continue;
+    std::uint16_t& body = of_instance[instance[o]];
+    if (body == 0) body = of_object[o];
+    of_object[o] = body;
+  }
   return {};
 }
 
@@ -112,7 +120,7 @@ template <class ForEachFace>
     if (vertex != kNoVertex && vertex >= mesh.background_vertices) of_point[vertex] = body;
     const std::uint16_t mark = scene.light_index.empty() ? std::uint16_t{0} : scene.light_index(x, y);
     for (std::size_t e = 0; mark != 0 && e < emitters.size(); ++e) {
-      if (emitters[e].mark == mark) of_lamp[e] = body;
+      if (emitters[e].mark == mark && of_lamp[e] == 0) of_lamp[e] = body;
     }
   });
   for_each([&](std::size_t face, const Vec3f(&)[3], const std::uint32_t(&pixels)[3], bool is_object) {

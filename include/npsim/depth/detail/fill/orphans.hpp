@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Depth of regions in which nothing was measured, from what they are a part of.
 //
-// What surrounds such a region in the picture is mostly behind it, or before it: a crown above the rows of a laser would
-// lie on the house behind it, and a sliver of house between two poles at the poles. Two kinds are known better:
+// What surrounds such a region in the picture is mostly behind it, or before it: a crown above the rows of a laser
+// would lie on the house behind it, and a sliver of house between two poles at the poles. Two kinds are known better:
 //   behind   houses go on behind what stands before them: the line between the nearest sources of houses to the left
 //            and to the right in the row, or the value of one.
 //   hung     a sign is as far away as the pole below it, and a crown as its trunk, also where a sign comes between. The
@@ -54,21 +54,25 @@ struct OrphanView {
 inline void continue_behind(LabelSet behind, int reach, const OrphanView& view) noexcept {
   const int width = view.w.width();
   for (int y = 0; y < view.w.height(); ++y) {
-    for (int x = 0; x < width; ++x) {
-      if (!view.is_orphan(behind, x, y)) continue;
-      const auto find = [&](int step) {
-        for (int u = x; u >= 0 && u < width && (u - x) * step <= reach; u += step) {
-          if (view.kind(u, y) == kGiven && view.steps(u, y) == 0 && view.label(u, y) == view.label(x, y)) return u;
+    int end = 0;
+    for (int first = 0; first < width; first = end) {
+      end = first + 1;
+      if (!view.is_orphan(behind, first, y)) continue;
+      const Label own = view.label(first, y);
+      while (end < width && view.is_orphan(behind, end, y) && view.label(end, y) == own) ++end;
+      const auto find = [&](int from, int step) {
+        for (int u = from; u >= 0 && u < width && (u - from) * step <= reach; u += step) {
+          if (view.kind(u, y) == kGiven && view.steps(u, y) == 0 && view.label(u, y) == own) return u;
         }
         return -1;
       };
-      const int left = find(-1);
-      const int right = find(1);
+      const int left = find(first, -1);
+      const int right = find(end - 1, 1);
       if (left < 0 && right < 0) continue;
       const float before = left < 0 ? view.w(right, y) : view.w(left, y);
       const float after = right < 0 ? before : view.w(right, y);
-      const float t = left < 0 || right < 0 ? 0.0F : static_cast<float>(x - left) / static_cast<float>(right - left);
-      view.give(x, y, before + t * (after - before));
+      const float slope = left < 0 || right < 0 ? 0.0F : (after - before) / static_cast<float>(right - left);
+      for (int x = first; x < end; ++x) view.give(x, y, before + slope * static_cast<float>(x - left));
     }
   }
 }
@@ -109,7 +113,7 @@ inline void continue_behind(LabelSet behind, int reach, const OrphanView& view) 
         region[count++] = static_cast<std::uint32_t>(v) * width + static_cast<std::uint32_t>(u);
       };
       reach(x, y);
-      float supports[kMost];
+      float supports[kMost];  // of the columns that were reached first
       std::size_t found = 0;
       for (std::size_t i = 0; i < count; ++i) {
         const int u = static_cast<int>(region[i] % width);
