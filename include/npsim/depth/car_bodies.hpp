@@ -422,7 +422,8 @@ void draw_to_body(const CarFit& fit, ImageView<Vec3f> normals, ImageView<float> 
 }
 
 // depth: as measured and filled. noise: its. normals, surface: changed in place; surface is the depth that a mesh is
-// made of, valid where `depth` is, and not its memory. Without labels, numbers of objects or a ground plane nothing changes.
+// made of, valid where `depth` is, and not its memory. Without labels, numbers of objects or a ground plane nothing
+// changes.
 template <class Executor>
 [[nodiscard]] Status shape_cars(const CarBodiesParams& params, ImageView<const float> depth, const ObjectMap& objects,
                                 const DepthNoise& noise, const Intrinsics& camera, const GroundPlane& ground,

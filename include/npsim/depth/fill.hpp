@@ -13,7 +13,8 @@
 //
 // Invariant: valid depths on surfaces come out unchanged, except those far beneath the near ground (stereo mismatches,
 // which would otherwise spread over the hole they stand in), and every other surface pixel gets a positive depth within
-// a factor 4 of the range of valid depths of its label, or of what it is a part of. Depths outside 1e-4..1e6 m are kept but not used.
+// a factor 4 of the range of valid depths of its label, or of what it is a part of. Depths outside 1e-4..1e6 m are kept
+// but not used.
 // Method: start from the nearest valid or joined pixel of the object along 4-connected paths, then coarse to fine.
 // Cost: O(pixels) + sweeps over the filled pixels, and up to three passes over the image per planar label. Memory: 14
 // bytes per pixel, 16 KiB of stack. Deterministic for any executor.

@@ -4,7 +4,7 @@
 // What surrounds such a region in the picture is mostly behind it, or before it: a crown above the rows of a laser
 // would lie on the house behind it, and a sliver of house between two poles at the poles. Two kinds are known better:
 //   behind   houses go on behind what stands before them: the line between the nearest sources of houses to the left
-//            and to the right in the row, or the value of one.
+//            and to the right in the row, or the value of one. Not between leaves: there the label is as good as a guess.
 //   hung     a sign is as far away as the pole below it, and a crown as its trunk, also where a sign comes between. The
 //            median over the region's columns.
 // Both keep what they are given. Error: what is in fact another house, or another tree's trunk, is taken for its own.
@@ -43,6 +43,9 @@ struct OrphanView {
   [[nodiscard]] bool is_orphan(LabelSet labels, int x, int y) const noexcept {
     return kind(x, y) == kOrphan && labels.contains(label(x, y));
   }
+  [[nodiscard]] bool is_leaf(int x, int y) const noexcept {
+    return w.contains(x, y) && label(x, y) == label::vegetation;
+  }
   void give(int x, int y, float value) const noexcept {
     w(x, y) = value;
     kind(x, y) = kGiven;
@@ -60,6 +63,7 @@ inline void continue_behind(LabelSet behind, int reach, const OrphanView& view) 
       if (!view.is_orphan(behind, first, y)) continue;
       const Label own = view.label(first, y);
       while (end < width && view.is_orphan(behind, end, y) && view.label(end, y) == own) ++end;
+      if (view.is_leaf(first - 1, y) || view.is_leaf(end, y)) continue;
       const auto find = [&](int from, int step) {
         for (int u = from; u >= 0 && u < width && (u - from) * step <= reach; u += step) {
           if (view.kind(u, y) == kGiven && view.steps(u, y) == 0 && view.label(u, y) == own) return u;
