@@ -4,7 +4,7 @@
 // What surrounds such a region in the picture is mostly behind it, or before it: a crown above the rows of a laser
 // would lie on the house behind it, and a sliver of house between two poles at the poles. Two kinds are known better:
 //   behind   houses go on behind what stands before them: the line between the nearest sources of houses to the left
-//            and to the right in the row, or the value of one. Not between leaves: there the label is as good as a guess.
+//            and to the right in the row, or the value of one. Not between leaves: there the label is a guess.
 //   hung     a sign is as far away as the pole below it, and a crown as its trunk, also where a sign comes between. The
 //            median over the region's columns.
 // Both keep what they are given. Error: what is in fact another house, or another tree's trunk, is taken for its own.
