@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "depth_recorder.hpp"
 #include "engine.hpp"
@@ -24,11 +25,10 @@ enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut, kNeither };  // neither g
   io::Image<float> out(scene.shape());
   copy_pixels(scene.depth, out.view());
   if (source != DepthSource::stereo) return out;
-  const float baseline_m = scene.stereo_baseline_m > 0.0F ? scene.stereo_baseline_m : steps.source.unknown_baseline_m;
   OutlierParams strip = refine_detail::scaled_outliers(steps, scene.shape());
   strip.speck_radius_px = 0;
-  (void)drop_outliers(strip, scene.depth, {}, {0, -1, 0}, 0.0F, scene.camera, scene.camera.fx * baseline_m, out.view(),
-                      pool)
+  (void)drop_outliers(strip, scene.depth, {}, {0, -1, 0}, 0.0F, scene.camera,
+                      stereo_focal_baseline_px_m(steps.source, scene), out.view(), pool)
       .ok();
   return out;
 }
@@ -40,12 +40,11 @@ enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut, kNeither };  // neither g
   copy_pixels(seen, out.view());
   if (source != DepthSource::stereo) return out;
   const ObjectMap objects{scene.labels, scene.labels.empty() ? ImageView<const std::uint16_t>() : scene.instances};
-  const float baseline_m = scene.stereo_baseline_m > 0.0F ? scene.stereo_baseline_m : steps.source.unknown_baseline_m;
   std::vector<unsigned char> memory(ground_workspace_bytes(steps.ground, scene.shape()));
   Workspace workspace(memory.data(), memory.size());
   GroundPlane ground;  // without inliers unless it is found
   (void)estimate_ground(steps.ground, scene.depth, scene.labels, scene.camera, workspace, ground).ok();
-  const SpillView view{scene.camera, ground, scene.camera.fx * baseline_m};
+  const SpillView view{scene.camera, ground, stereo_focal_baseline_px_m(steps.source, scene)};
   (void)drop_border_spill(refine_detail::scaled_spill(steps, scene.shape()), scene.depth, objects, view, out.view(),
                           pool)
       .ok();

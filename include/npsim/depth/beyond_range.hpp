@@ -40,7 +40,7 @@ inline namespace NPSIM_ABI {
 
 struct BeyondRangeParams {
   bool enabled = true;
-  LabelSet houses = LabelSet::of(label::building, label::wall);
+  LabelSet houses = kHouseLabels;
 };
 
 namespace beyond_detail {

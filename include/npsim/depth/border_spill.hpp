@@ -40,7 +40,7 @@ struct BorderSpillParams {
   float contrast = 1.2F;
   LabelSet ground = kGroundLabels;
   LabelSet paved = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground);  // lies in the plane
-  LabelSet behind = LabelSet::of(label::building, label::wall);  // go on behind what stands before them
+  LabelSet behind = kHouseLabels;  // go on behind what stands before them
 };
 
 [[nodiscard]] inline Status validate(const BorderSpillParams& p) noexcept {

@@ -71,7 +71,14 @@ struct DepthTrust {
   }
 };
 
-// focal_baseline_px_m: focal length times baseline of a stereo pair, of a usual one where it is not known.
+// Focal length times baseline of the scene's stereo pair, of a usual one where it is not known: disparity times depth.
+[[nodiscard]] inline float stereo_focal_baseline_px_m(const DepthSourceParams& params,
+                                                      const SceneView& scene) noexcept {
+  const bool known = scene.stereo_baseline_m > 0.0F;
+  return scene.camera.fx * (known ? scene.stereo_baseline_m : params.unknown_baseline_m);
+}
+
+// focal_baseline_px_m: as above; used for stereo alone.
 [[nodiscard]] inline DepthTrust depth_trust(const DepthSourceParams& params, DepthSource source,
                                             const DepthNoise& noise, float focal_baseline_px_m) noexcept {
   DepthTrust trust;

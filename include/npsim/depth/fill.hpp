@@ -47,7 +47,7 @@ inline namespace NPSIM_ABI {
 struct FillParams {
   LabelSet no_surface = kNoSurfaceLabels;
   LabelSet planar = kGroundLabels;
-  LabelSet behind = LabelSet::of(label::building, label::wall);  // go on behind what stands before them
+  LabelSet behind = kHouseLabels;  // go on behind what stands before them
   float behind_reach = 0.125F;                                   // of the width
   LabelSet hung = LabelSet::of(label::pole, label::polegroup, label::traffic_light, label::traffic_sign,
                                label::vegetation, label::static_object, label::dynamic_object);  // on one another

@@ -97,6 +97,9 @@ inline constexpr LabelSet kVehicleLabels = LabelSet::of(label::car, label::truck
 inline constexpr LabelSet kGroundLabels =
     LabelSet::of(label::road, label::sidewalk, label::parking, label::ground, label::rail_track, label::terrain);
 
+// What goes on upright behind the things that stand before it.
+inline constexpr LabelSet kHouseLabels = LabelSet::of(label::building, label::wall);
+
 // Labels that bound no surface of the scene: the sky, and what belongs to the camera rather than to the street.
 inline constexpr LabelSet kNoSurfaceLabels =
     LabelSet::of(label::sky, label::ego_vehicle, label::rectification_border, label::out_of_roi);

@@ -603,9 +603,8 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& given, Wor
   out.mesh_depth = {};
   const ObjectMap objects{scene.labels, labelled ? scene.instances : ImageView<const std::uint16_t>()};
   out.noise = depth_noise(out.source, scene.stereo_baseline_m, scene.depth, objects, scene.camera);
-  const float baseline_m = scene.stereo_baseline_m > 0.0F ? scene.stereo_baseline_m : params.source.unknown_baseline_m;
   out.trust = depth_trust(params.source, params.use_source ? out.source : DepthSource::network, out.noise,
-                          scene.camera.fx * baseline_m);
+                          stereo_focal_baseline_px_m(params.source, scene));
   NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(params, scene, workspace, out));
 
   NPSIM_RETURN_IF_ERROR(step(
