@@ -394,6 +394,35 @@ TEST_CASE("sensor: the gradient filters follow a grey edge that the bilinear one
   CHECK(fringe(npsim::Demosaic::gradient) < 0.6 * fringe(npsim::Demosaic::bilinear));
 }
 
+TEST_CASE("sensor: the outline of a clipped lamp has no dots: what is dark beside it stays dark in every channel") {
+  const auto worst = [](npsim::Demosaic method, bool upright) {
+    const int n = 24;
+    Plane plane({n + 2 * kMosaicMargin, n});
+    const float dark[3] = {0.02F, 0.015F, 0.01F};
+    const auto is_lamp = [upright](int x, int y) { return (upright ? x : y) >= 12; };
+    for (int y = 0; y < n; ++y) {
+      for (int x = -kMosaicMargin; x < n + kMosaicMargin; ++x) {
+        plane(x + kMosaicMargin, y) = is_lamp(x, y) ? 1.0F : dark[npsim::filter_at(Mosaic::rggb, x + 2, y)];
+      }
+    }
+    double most = 0;
+    for (int y = 4; y < n - 4; ++y) {
+      for (int x = 4; x < n - 4; ++x) {
+        if (is_lamp(x, y)) continue;
+        const auto c = npsim::demosaic<npsim::simd::scalar::F32>(method, Mosaic::rggb, plane.cview(), x, y, 1).rgb;
+        most = std::fmax(most, std::fabs(static_cast<double>(c.x.value - dark[0])));
+        most = std::fmax(most, std::fabs(static_cast<double>(c.y.value - dark[1])));
+        most = std::fmax(most, std::fabs(static_cast<double>(c.z.value - dark[2])));
+      }
+    }
+    return most;
+  };
+  for (const bool upright : {true, false}) {
+    CHECK(worst(npsim::Demosaic::bilinear, upright) > 0.2);
+    CHECK(worst(npsim::Demosaic::gradient, upright) < 0.01);
+  }
+}
+
 TEST_CASE("sensor: denoising halves the noise of a flat area, leaves an edge, and is a copy at strength 0") {
   const NoiseParams noise{{1e-3F, 1e-5F}, 1.0F};
   Image step({120, 120}, {0.003F, 0.003F, 0.003F});

@@ -20,7 +20,7 @@
 // that a mosaic leaves at edges go. On the square roots of the linear values: red - Y and blue - Y become the means of
 // their quad, Y = .2126 red + .7152 green + .0722 blue stays.
 // Then sRGB and rounding to one of 256 levels, within .6 of a level.
-// Cost: about 6 ns per pixel, demosaic included (AVX2). Memory: 6 KiB of stack.
+// Cost: about 7 ns per pixel, demosaic included (AVX2). Memory: 6 KiB of stack.
 #ifndef NPSIM_SENSOR_ISP_HPP
 #define NPSIM_SENSOR_ISP_HPP
 
