@@ -120,6 +120,33 @@ TEST_CASE("ground contact: a car that is seen over a raised edge is not drawn to
   }
 }
 
+TEST_CASE("ground contact: of depth without noise a foot stays that is low above the ground, one below it comes up") {
+  Street s(9.0F);
+  const Street before = s;
+  SerialExecutor serial;
+  GroundContactParams params;
+  params.unsure_m = 0;
+  REQUIRE(s.run(serial, params).ok());
+  int low = 0;
+  int drawn = 0;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 20; x < 130; ++x) {
+      const float was_m = before.height_m(x, y);
+      if (was_m >= 0.0F) {
+        low += was_m < 0.05F && s.labels(x, y) == label::building ? 1 : 0;
+        CHECK_UNARY(s.surface(x, y) == before.surface(x, y));
+      } else if (s.surface(x, y) != before.surface(x, y)) {
+        ++drawn;
+        CHECK(s.height_m(x, y) == doctest::Approx(0.05).epsilon(1e-3));
+      }
+    }
+  }
+  CHECK(low > 50);
+  CHECK(drawn > 100);
+  params.unsure_m = 0.1F;
+  CHECK(s.run(serial, params).code() == StatusCode::invalid_argument);
+}
+
 TEST_CASE("ground contact: holes stay, bad arguments are refused, and the bits are those of any number of threads") {
   SerialExecutor serial;
   npsim_test::BackwardExecutor backward;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Faces of kerbs against the exact picture of one: a pavement 12 cm above the road, with the face left out.
+// Either the face is labelled pavement, as Cityscapes has it, or the two levels have one label.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -17,18 +18,20 @@ using namespace npsim;
 constexpr float kHeight_m = 1.4F;
 constexpr float kKerb_m = 0.12F;
 
+enum class FaceIs { pavement, road };
+
 // Seen from a camera that looks along z, level. The pavement is where inside(x, z) is.
 template <class Inside>
 struct Kerb {
   Shape shape{480, 270};
   Intrinsics camera = intrinsics_from_fov(shape, 1.17F);
   GroundPlane ground{{0, -1, 0}, kHeight_m, 1.0F};
-  io::Image<float> exact{shape}, flat{shape};  // with its face, and with road in its place
+  io::Image<float> exact{shape}, flat{shape};  // with its face, and with ground of one level in its place
   io::Image<Label> labels{shape, label::sky};
   io::Image<Vec3f> normals{shape, Vec3f{0, -1, 0}};
   int faces = 0;
 
-  explicit Kerb(const Inside& inside) {
+  explicit Kerb(const Inside& inside, FaceIs face_is = FaceIs::pavement) {
     for (int y = shape.height / 2 + 8; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
         const Vec3f ray = unproject_pixel(camera, x, y, 1.0F);
@@ -36,8 +39,9 @@ struct Kerb {
         const float road = kHeight_m / ray.y;
         const bool pavement = inside(ray.x * top, top);
         const bool face = !pavement && inside(ray.x * road, road);
-        labels(x, y) = pavement ? label::sidewalk : label::road;
-        flat(x, y) = pavement ? top : road;
+        const bool upper = pavement || (face && face_is == FaceIs::pavement);
+        labels(x, y) = upper && face_is == FaceIs::pavement ? label::sidewalk : label::road;
+        flat(x, y) = upper ? top : road;
         exact(x, y) = flat(x, y);
         if (!face) continue;
         ++faces;
@@ -58,8 +62,8 @@ struct Kerb {
 };
 
 template <class Inside>
-void check_faces(const Inside& inside, int least) {
-  Kerb<Inside> kerb(inside);
+void check_faces(const Inside& inside, FaceIs face_is, int least) {
+  Kerb<Inside> kerb(inside, face_is);
   REQUIRE(kerb.faces > least);
   const io::Image<float> before = kerb.flat;
   REQUIRE(kerb.mend().ok());
@@ -68,7 +72,7 @@ void check_faces(const Inside& inside, int least) {
   for (int y = 0; y < kerb.shape.height; ++y) {
     for (int x = 0; x < kerb.shape.width; ++x) {
       if (kerb.flat(x, y) == before(x, y)) continue;
-      CHECK(kerb.flat(x, y) < before(x, y));
+      CHECK((kerb.flat(x, y) > before(x, y)) == (face_is == FaceIs::pavement));
       ++mended;
       // One row of ground is this share of its depth.
       const double row = 1.0 / (y + 0.5 - kerb.shape.height / 2);
@@ -83,11 +87,19 @@ void check_faces(const Inside& inside, int least) {
 
 }  // namespace
 
-TEST_CASE("kerb faces: a kerb beside the road, one across it, and one aslant") {
-  check_faces([](float x, float) { return x < -1.2F; }, 200);
-  check_faces([](float x, float z) { return x > 2.0F && z < 20.0F; }, 150);
-  check_faces([](float, float z) { return z > 6.0F; }, 200);
-  check_faces([](float x, float z) { return z + 2.0F * x > 9.0F; }, 200);
+TEST_CASE("kerb faces: a kerb beside the road, one across it, and one aslant, with the face on either level") {
+  for (const FaceIs face_is : {FaceIs::pavement, FaceIs::road}) {
+    CAPTURE(face_is == FaceIs::pavement);
+    check_faces([](float x, float) { return x < -1.2F; }, face_is, 200);
+    check_faces([](float x, float z) { return x > 2.0F && z < 20.0F; }, face_is, 150);
+    check_faces([](float, float z) { return z > 6.0F; }, face_is, 200);
+    check_faces([](float x, float z) { return z + 2.0F * x > 9.0F; }, face_is, 200);
+  }
+}
+
+TEST_CASE(
+    "kerb faces: an outline that falls by a row in eight columns, each row of which is a line across the kerb's") {
+  check_faces([](float x, float z) { return x < 0.32F * z - 11.4F && z < 20.0F; }, FaceIs::pavement, 100);
 }
 
 TEST_CASE("kerb faces: an edge that looks away from the camera stays as it is, bit by bit, and so does flat ground") {

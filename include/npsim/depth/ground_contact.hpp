@@ -7,7 +7,7 @@
 // them, and masts, walls and bicycles end in black rims.
 // In each column the ground of the nearest ground pixel below goes on in parallel to the ground plane: as far below the
 // camera, so that a ray r meets it at z = z_ground dot(up, r_ground) / dot(up, r).
-// A surface that lies less than clear_m above that, or below it, takes the depth of clear_m above, if it does not come
+// A surface that lies less than unsure_m above that, or below it, takes the depth of clear_m above, if it does not come
 // nearer by more than most_share: the mesh has the ground itself there too, completed behind the thing. One that was
 // more than bare_m below shows ground that a loose label gave to the thing, and takes the ground's normal.
 // Invariant: ground pixels, pixels without ground below them in their column, and what lies farther behind are not
@@ -33,6 +33,7 @@ inline namespace NPSIM_ABI {
 struct GroundContactParams {
   float bare_m = 0.05F;
   float clear_m = 0.05F;
+  float unsure_m = 0.05F;  // at most clear_m; of depth without noise 0
   // Of its depth that a pixel may come nearer; what would more is no foot, but seen over a raised edge, or a slope
   // beyond. 0 switches the step off.
   float most_share = 0.1F;
@@ -41,10 +42,10 @@ struct GroundContactParams {
 
 [[nodiscard]] inline Status validate(const GroundContactParams& p) noexcept {
   const bool good = p.bare_m >= 0.0F && std::isfinite(p.bare_m) && p.clear_m >= 0.0F && p.most_share >= 0.0F &&
-                    p.most_share <= 1.0F && std::isfinite(p.clear_m);
-  return good
-             ? Status()
-             : Status(StatusCode::invalid_argument, "ground contact: heights finite and not negative, share in [0, 1]");
+                    p.most_share <= 1.0F && std::isfinite(p.clear_m) && p.unsure_m >= 0.0F && p.unsure_m <= p.clear_m;
+  return good ? Status()
+              : Status(StatusCode::invalid_argument,
+                       "ground contact: heights finite and not negative, unsure_m at most clear_m, share in [0, 1]");
 }
 
 // surface: z-depth, m, and normals: changed in place. Without labels nothing changes.
@@ -76,7 +77,7 @@ template <class Executor>
         }
         const float below_m = z * fall - under_m[column - begin];
         const float clear_m = under_m[column - begin] - params.clear_m;  // below the camera
-        if (!(below_m > -params.clear_m) || !(clear_m > 0.0F)) continue;
+        if (!(below_m > -params.unsure_m) || !(clear_m > 0.0F)) continue;
         if (z * fall - clear_m > params.most_share * z * fall) continue;
         surface(x, y) = std::min(z, clear_m / fall);
         if (below_m > params.bare_m) normals(x, y) = normal[column - begin];

@@ -2,22 +2,26 @@
 // Kerbs: where ground ends in a step and what is seen below it is laid flat, the step has no face.
 //
 // Depth of the ground, measured or laid flat, knows two levels and nothing between them. The pixels that show a kerb's
-// face then get the depth of the lower level, which puts them under the edge of the upper one, where no lamp reaches:
-// a black line along every kerb. What the camera sees there can only be the face. It stands upright below the edge:
-//   edge: pixels of ground with lower ground (min_step_m to max_step_m) beside them; its direction from the edge's
-//         points around, by their principal axis in plan, where they are a line
-//   face: a pixel of lower ground near an edge, whose ray meets the upright plane through the edge before it meets the
-//         lower ground, and does so below the edge, gets that depth and the plane's normal
+// face then get the depth of one level. With the lower one they lie under the edge of the upper, where no lamp reaches,
+// with the upper one the edge hangs over the road: a black line along every kerb. Labels tell which: pavements and
+// grass include their kerb (Cityscapes' rule), so the face is among their pixels and its foot at their border; where
+// both levels have one label it is among the lower pixels, and its top at the step.
+//   line: pixels of ground with ground of the other level (min_step_m to max_step_m) beside them, the lower ones at a
+//         border of labels, else the upper ones; its direction from the line's points around, by their principal axis
+//         in plan, where they are a line
+//   face: a pixel of the other ground near the line, whose ray meets the upright plane through the line between the
+//         two levels, gets that depth and the plane's normal: farther than before at a border of labels, else nearer
 // A step that looks away from the camera has no such pixel: rays over its edge meet the plane above it.
-// Invariant: depth only gets nearer, on ground labels alone, and by no more than a step's height allows. Ground without
-// steps stays as it is, bit by bit.
-// Cost: a pass over the image, and (2 reach + 1)^2 per edge pixel. Memory: a number and an index a pixel.
+// Invariant: depth changes on ground labels alone, and by no more than a step's height allows. Ground without steps
+// stays as it is, bit by bit.
+// Cost: two passes over the image, and (2 reach + 1)^2, reach at most 48 px, per pixel of a line. Memory: 21 B a pixel.
 #ifndef NPSIM_DEPTH_KERB_FACES_HPP
 #define NPSIM_DEPTH_KERB_FACES_HPP
 
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
@@ -35,6 +39,7 @@ inline namespace NPSIM_ABI {
 struct KerbFaceParams {
   bool enabled = true;
   LabelSet labels = kGroundLabels;
+  LabelSet with_kerb = LabelSet::of(label::sidewalk, label::terrain);  // whose pixels include the face
   float min_step_m = 0.03F;
   float max_step_m = 0.4F;
   int most_px = 256;  // of a face's extent, 1..1024; nearer than where a kerb is this large it is cut
@@ -47,10 +52,18 @@ struct KerbFaceParams {
 }
 
 [[nodiscard]] constexpr std::size_t kerb_faces_workspace_bytes(Shape shape) noexcept {
-  return 2 * allocation_bytes<float>(shape.pixels()) + allocation_bytes<Vec3f>(shape.pixels()) + kWorkspaceAlignment;
+  return 2 * allocation_bytes<float>(shape.pixels()) + allocation_bytes<Vec3f>(shape.pixels()) +
+         allocation_bytes<std::uint8_t>(shape.pixels()) + kWorkspaceAlignment;
 }
 
 namespace depth_detail {
+
+struct KerbPixel {
+  int x, y;
+};
+
+// Which end of a face the two levels show: its top edge, or its foot.
+enum class KerbLine : std::uint8_t { top, foot };
 
 // The ground's points and heights, as the depth was before.
 struct KerbScene {
@@ -59,46 +72,71 @@ struct KerbScene {
   const GroundPlane& ground;
   ImageView<const Label> labels;
   ImageView<const float> depth;
-  ImageView<float> height;  // m above the ground plane; NAN off the ground
+  ImageView<float> height;          // m above the ground plane; NAN off the ground
+  ImageView<std::uint8_t> on_line;  // of either kind, a bit each
 
-  [[nodiscard]] Vec3f point(int x, int y) const noexcept { return unproject_pixel(camera, x, y, depth(x, y)); }
-  // NAN compares false with everything.
-  [[nodiscard]] bool is_step(float upper, float lower) const noexcept {
-    return upper - lower >= params.min_step_m && upper - lower <= params.max_step_m;
+  [[nodiscard]] bool is_on(KerbLine line, int x, int y) const noexcept {
+    return ((on_line(x, y) >> static_cast<int>(line)) & 1) != 0;
   }
-  // The highest step down to a neighbour; 0: none.
-  [[nodiscard]] float step(int x, int y) const noexcept {
+  [[nodiscard]] Vec3f point(int x, int y) const noexcept { return unproject_pixel(camera, x, y, depth(x, y)); }
+  // Whether the pixel `upper` stands a step above `lower`, and the face is among the pixels of the ground that `line`
+  // does not lie in. NAN compares false with everything.
+  [[nodiscard]] bool is_step(KerbLine line, KerbPixel upper, KerbPixel lower) const noexcept {
+    const float rise = height(upper.x, upper.y) - height(lower.x, lower.y);
+    if (!(rise >= params.min_step_m && rise <= params.max_step_m)) return false;
+    const Label above = labels(upper.x, upper.y);
+    const bool in_upper = params.with_kerb.contains(above) && above != labels(lower.x, lower.y);
+    return in_upper == (line == KerbLine::foot);
+  }
+  // Of a pixel p of the line and one of the other ground.
+  [[nodiscard]] bool is_step_from(KerbLine line, KerbPixel p, KerbPixel other) const noexcept {
+    return line == KerbLine::foot ? is_step(line, other, p) : is_step(line, p, other);
+  }
+  // The highest step from a pixel of the line to a neighbour; 0: it is none. Where the lower ground is seen above the
+  // upper one the step looks away.
+  [[nodiscard]] float step(KerbLine line, int x, int y) const noexcept {
     const float here = height(x, y);
     float most = 0.0F;
     const auto try_neighbour = [&](int i, int j) {
-      if (height.contains(i, j) && is_step(here, height(i, j))) most = max_of(most, here - height(i, j));
+      if (!height.contains(i, j) || !is_step_from(line, {x, y}, {i, j})) return;
+      most = max_of(most, std::fabs(here - height(i, j)));
     };
     try_neighbour(x - 1, y);
     try_neighbour(x + 1, y);
-    try_neighbour(x, y - 1);
-    try_neighbour(x, y + 1);
+    try_neighbour(x, line == KerbLine::foot ? y - 1 : y + 1);
     return most;
   }
 };
 
-// The upright plane through the edge at (x, y): its normal, horizontal and towards the camera, from the edge's points
-// within `reach` pixels. False where they are no line, or where the upper ground lies on the camera's side: such a step
-// looks away.
-[[nodiscard]] inline bool edge_plane(const KerbScene& s, int x, int y, int reach, Vec3f& normal) noexcept {
+// An upright plane: dot(normal, X) = distance, the normal horizontal and towards the camera.
+struct KerbPlane {
+  Vec3f normal;
+  float distance = 0.0F;
+};
+
+// That through the line about (x, y), by its points at this height within `reach` pixels. Steps of a row or a column,
+// which outlines have, are evened out: a foot may lie before the plane, a top behind it. False where the points are no
+// line, or where the upper ground lies on the camera's side: such a step looks away.
+[[nodiscard]] inline bool fit_face(const KerbScene& s, KerbLine line, int x, int y, int reach,
+                                   KerbPlane& plane) noexcept {
   constexpr double kLine = 0.03;  // squared ratio of a line's width to its length, at most
+  constexpr int kBeside_px = 6;   // within which the line's ground is looked for
   const Vec3f across = normalized(cross(s.ground.up, Vec3f{0.0F, 0.0F, 1.0F}));
   const Vec3f ahead = cross(across, s.ground.up);
   const Vec3f centre = s.point(x, y);
   double n = 0, a = 0, b = 0, aa = 0, ab = 0, bb = 0;
-  Vec3f upper;  // sum of the offsets of the upper ground's points
+  Vec3f same;  // sum of the offsets of the points of the line's ground
   for (int j = y - reach; j <= y + reach; ++j) {
     for (int i = x - reach; i <= x + reach; ++i) {
       if (!s.height.contains(i, j)) continue;
+      const bool on_line = s.is_on(line, i, j);
+      const bool beside = std::abs(i - x) <= kBeside_px && std::abs(j - y) <= kBeside_px;
+      if (!on_line && !beside) continue;
       const float rise = std::fabs(s.height(i, j) - s.height(x, y));
       if (!(rise < s.params.min_step_m)) continue;  // a NaN is another surface too
       const Vec3f d = s.point(i, j) - centre;
-      upper += d;
-      if (!(s.step(i, j) > 0.0F)) continue;
+      if (beside) same += d;
+      if (!on_line) continue;
       const double u = static_cast<double>(dot(d, across));
       const double v = static_cast<double>(dot(d, ahead));
       n += 1;
@@ -114,11 +152,26 @@ struct KerbScene {
   const double uv = ab - a * b / n;
   const double vv = bb - b * b / n;
   const double spread = std::sqrt((uu - vv) * (uu - vv) + 4 * uv * uv);
-  if (!(uu + vv - spread < kLine * (uu + vv + spread))) return false;
+  // Rows of the image sample the ground this far apart, and no line is known better.
+  const double row_m = static_cast<double>(centre.z * centre.z / (s.camera.fy * s.ground.camera_height_m));
+  if (!(uu + vv - spread < kLine * (uu + vv + spread) + n * row_m * row_m / 6)) return false;
   const double angle = 0.5 * std::atan2(2 * uv, uu - vv);
-  normal = ahead * static_cast<float>(std::cos(angle)) - across * static_cast<float>(std::sin(angle));
-  if (dot(normal, centre) > 0.0F) normal = -normal;
-  return dot(normal, upper) < 0.0F;
+  plane.normal = ahead * static_cast<float>(std::cos(angle)) - across * static_cast<float>(std::sin(angle));
+  if (dot(plane.normal, centre) > 0.0F) plane.normal = -plane.normal;
+  const float away = dot(plane.normal, across * static_cast<float>(a / n) + ahead * static_cast<float>(b / n));
+  const bool foot = line == KerbLine::foot;
+  plane.distance = dot(plane.normal, centre) + (foot ? std::fmin(away, 0.0F) : std::fmax(away, 0.0F));
+  return foot ? dot(plane.normal, same) > 0.0F : dot(plane.normal, same) < 0.0F;
+}
+
+// The same by as long a stretch of the line as is straight.
+[[nodiscard]] inline bool find_face(const KerbScene& s, KerbLine line, int x, int y, KerbPlane& plane) noexcept {
+  constexpr float kStretch_m = 2.0F;  // to either side
+  const float z = s.depth(x, y);
+  for (int reach = clamp_to(static_cast<int>(kStretch_m * s.camera.fx / z), 6, 48); reach >= 6; reach /= 2) {
+    if (fit_face(s, line, x, y, reach, plane)) return true;
+  }
+  return false;
 }
 
 }  // namespace depth_detail
@@ -136,10 +189,11 @@ struct KerbScene {
   }
   if (!params.enabled || labels.empty() || !(ground.inlier_share > 0.0F)) return {};
   const WorkspaceScope scope(workspace);
-  KerbScene s{params, camera, ground, labels, depth, {}};
-  ImageView<float> off;   // squared distance in pixels to the edge that a face was found for
+  KerbScene s{params, camera, ground, labels, depth, {}, {}};
+  ImageView<float> off;   // squared distance in pixels to the point of a line that a face was found for
   ImageView<Vec3f> face;  // depth in z, and the normal's plan components
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, s.height));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, s.on_line));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, off));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, face));
   for (int y = 0; y < shape.height; ++y) {
@@ -149,30 +203,41 @@ struct KerbScene {
       off(x, y) = INFINITY;
     }
   }
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const int top = s.step(KerbLine::top, x, y) > 0.0F ? 1 : 0;
+      const int foot = s.step(KerbLine::foot, x, y) > 0.0F ? 1 : 0;
+      s.on_line(x, y) = static_cast<std::uint8_t>((top << static_cast<int>(KerbLine::top)) |
+                                                  (foot << static_cast<int>(KerbLine::foot)));
+    }
+  }
   const Vec3f across = normalized(cross(ground.up, Vec3f{0.0F, 0.0F, 1.0F}));
   const Vec3f ahead = cross(across, ground.up);
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
-      const float step = s.step(x, y);
-      if (!(step > 0.0F)) continue;
-      const Vec3f edge = s.point(x, y);
-      // A face is no larger than the step looks from the side; half as much again for a leaning camera.
-      const int reach = clamp_to(static_cast<int>(1.5F * step * camera.fy / edge.z) + 2, 3, params.most_px);
-      Vec3f normal;
-      if (!edge_plane(s, x, y, reach < 12 ? reach : 12, normal)) continue;
-      const float distance = dot(normal, edge);
-      for (int j = y - reach; j <= y + reach; ++j) {
-        for (int i = x - reach; i <= x + reach; ++i) {
-          if (!s.height.contains(i, j) || !s.is_step(s.height(x, y), s.height(i, j))) continue;
-          const auto squared = static_cast<float>((i - x) * (i - x) + (j - y) * (j - y));
-          if (!(squared < off(i, j))) continue;
-          const Vec3f ray = unproject_pixel(camera, i, j, 1.0F);
-          const float z = distance / dot(normal, ray);
-          if (!(z > 0.0F && z < depth(i, j))) continue;
-          const float up = dot(ground.up, ray) * z + ground.camera_height_m;
-          if (!(up > s.height(i, j) && up < s.height(x, y)) || length(ray * z - edge) > 3.0F * step) continue;
-          off(i, j) = squared;
-          face(i, j) = {dot(normal, across), dot(normal, ahead), z};
+      for (const KerbLine line : {KerbLine::top, KerbLine::foot}) {
+        KerbPlane plane;
+        if (!s.is_on(line, x, y) || !find_face(s, line, x, y, plane)) continue;
+        const float step = s.step(line, x, y);
+        const Vec3f at = s.point(x, y);
+        // A face is no larger than the step looks from the side; half as much again for a leaning camera.
+        const int reach = clamp_to(static_cast<int>(1.5F * step * camera.fy / at.z) + 2, 3, params.most_px);
+        for (int j = y - reach; j <= y + reach; ++j) {
+          for (int i = x - reach; i <= x + reach; ++i) {
+            if (!s.height.contains(i, j) || !s.is_step_from(line, {x, y}, {i, j})) continue;
+            const auto squared = static_cast<float>((i - x) * (i - x) + (j - y) * (j - y));
+            if (!(squared < off(i, j))) continue;
+            const Vec3f ray = unproject_pixel(camera, i, j, 1.0F);
+            const float z = plane.distance / dot(plane.normal, ray);
+            if (!(z > 0.0F && (line == KerbLine::foot ? z > depth(i, j) : z < depth(i, j)))) continue;
+            const float up = dot(ground.up, ray) * z + ground.camera_height_m;
+            // Between the two levels: nearer to either than they are to each other.
+            const float rise = std::fabs(s.height(x, y) - s.height(i, j));
+            const bool between = std::fabs(up - s.height(x, y)) < rise && std::fabs(up - s.height(i, j)) < rise;
+            if (!between || length(ray * z - at) > 3.0F * step) continue;
+            off(i, j) = squared;
+            face(i, j) = {dot(plane.normal, across), dot(plane.normal, ahead), z};
+          }
         }
       }
     }

@@ -114,8 +114,8 @@ struct RefineDepthParams {
   BorderSpillParams spill;          // of stereo
   CarBodiesParams cars;             // of stereo
   StreetFurnitureParams furniture;  // of stereo and laser without given normals
-  GroundContactParams contact;      // of stereo and laser
-  bool guess_ground = true;         // without labels
+  GroundContactParams contact;
+  bool guess_ground = true;  // without labels
   // The caller's memory for the losses before each step of the refinement and at its end (figure 4.4), at most
   // refine_max_steps() + 1 of them; RefinedDepth::refinement says how many there were. Empty: none are kept.
   Span<LossValues> loss_curve;
@@ -538,39 +538,59 @@ template <class Executor>
   return refine_with_normals(params.refine, input, out.depth, params.loss_curve, out.refinement, workspace, executor);
 }
 
-// Stereo and laser show the faces of kerbs as ramps, and a step between two of their pixels is noise: surfaces are
-// smoothed. Other depth has steps, and lacks the faces.
+// Estimated and exact depth has steps of ground, and lacks the faces of kerbs. Plants keep the shape they were given.
 template <class Executor>
-[[nodiscard]] Status complete_surfaces(const RefineDepthParams& params, const SceneView& scene,
-                                       const ObjectMap& objects, Workspace& workspace, Executor& executor,
-                                       RefinedDepth& out) {
-  if (!out.trust.bounded || out.source == DepthSource::exact) {
-    NPSIM_RETURN_IF_ERROR(
-        kerb_faces(params.kerbs, scene.camera, out.ground, scene.labels, out.depth, out.normals, workspace));
-    for (int y = 0; y < out.mesh_depth.height(); ++y) {
-      for (int x = 0; x < out.mesh_depth.width(); ++x) {
-        const float z = out.depth(x, y);
-        const bool kept =
-            params.plants.contains(scene.labels(x, y)) && std::fabs(out.mesh_depth(x, y) - z) < params.plant_change * z;
-        if (!kept) out.mesh_depth(x, y) = z;
-      }
-    }
+[[nodiscard]] Status complete_steps(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace,
+                                    Executor& executor, RefinedDepth& out) {
+  KerbFaceParams kerbs = params.kerbs;
+  if (!scene.normals.empty()) kerbs.with_kerb = LabelSet();  // refinement has found the faces that they show
+  NPSIM_RETURN_IF_ERROR(kerb_faces(kerbs, scene.camera, out.ground, scene.labels, out.depth, out.normals, workspace));
+  if (out.trust.bounded) {
+    out.mesh_depth = out.filled;  // its memory: no step asks any more
+    out.filled = {};
+    copy_pixels(ImageView<const float>(out.depth), out.mesh_depth);
     return {};
   }
+  for_rows(executor, out.mesh_depth.height(), [&](int y) {
+    for (int x = 0; x < out.mesh_depth.width(); ++x) {
+      const float z = out.depth(x, y);
+      const bool kept =
+          params.plants.contains(scene.labels(x, y)) && std::fabs(out.mesh_depth(x, y) - z) < params.plant_change * z;
+      if (!kept) out.mesh_depth(x, y) = z;
+    }
+  });
+  return {};
+}
+
+// Stereo and laser show the faces of kerbs as ramps, and a step between two of their pixels is noise: surfaces are
+// smoothed.
+template <class Executor>
+[[nodiscard]] Status smooth_measured(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
+                                     Workspace& workspace, Executor& executor, RefinedDepth& out) {
   out.mesh_depth = out.filled;  // its memory: no step asks any more
   out.filled = {};
   NPSIM_RETURN_IF_ERROR(smooth_surfaces(params.smooth, ImageView<const float>(out.depth), objects, out.planes,
                                         out.noise, scene.camera, out.ground, out.mesh_depth, executor));
-  if (scene.normals.empty()) {  // given normals know more than shapes do
-    NPSIM_RETURN_IF_ERROR(shape_furniture(params.furniture, ImageView<const float>(out.depth), objects, out.planes,
-                                          scene.camera, out.ground.up, out.normals, out.mesh_depth, executor));
-    if (out.source == DepthSource::stereo) {
-      NPSIM_RETURN_IF_ERROR(shape_cars(params.cars, ImageView<const float>(out.depth), objects, out.noise, scene.camera,
-                                       out.ground, out.normals, out.mesh_depth, workspace, executor));
-    }
-  }
-  return keep_above_ground(params.contact, scene.labels, scene.camera, out.ground, out.normals, out.mesh_depth,
-                           executor);
+  if (!scene.normals.empty()) return {};  // given normals know more than shapes do
+  NPSIM_RETURN_IF_ERROR(shape_furniture(params.furniture, ImageView<const float>(out.depth), objects, out.planes,
+                                        scene.camera, out.ground.up, out.normals, out.mesh_depth, executor));
+  if (out.source != DepthSource::stereo) return {};
+  return shape_cars(params.cars, ImageView<const float>(out.depth), objects, out.noise, scene.camera, out.ground,
+                    out.normals, out.mesh_depth, workspace, executor);
+}
+
+// What the mesh is made of.
+template <class Executor>
+[[nodiscard]] Status complete_surfaces(const RefineDepthParams& params, const SceneView& scene,
+                                       const ObjectMap& objects, Workspace& workspace, Executor& executor,
+                                       RefinedDepth& out) {
+  const bool noisy = out.trust.bounded && out.source != DepthSource::exact;
+  NPSIM_RETURN_IF_ERROR(noisy ? smooth_measured(params, scene, objects, workspace, executor, out)
+                              : complete_steps(params, scene, workspace, executor, out));
+  if (out.mesh_depth.empty()) return {};  // an estimate without labels: no ground is known
+  GroundContactParams contact = params.contact;
+  if (!noisy) contact.unsure_m = 0.0F;
+  return keep_above_ground(contact, scene.labels, scene.camera, out.ground, out.normals, out.mesh_depth, executor);
 }
 
 }  // namespace refine_detail
