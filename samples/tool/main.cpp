@@ -26,6 +26,10 @@
 #include "truth_command.hpp"
 #include "view_command.hpp"
 
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
+
 namespace {
 
 constexpr const char* kAbout =
@@ -49,6 +53,10 @@ constexpr const char* kStatuses =
 
 int main(int argc, char** argv) {
   using namespace npsim::tool;
+#ifdef __GLIBC__
+  // Else it grows with what is freed, images come from the heap, and what files were read into stays there as holes.
+  mallopt(M_MMAP_THRESHOLD, 1 << 20);
+#endif
   CLI::App app{kAbout, "npsim"};
   app.set_version_flag("--version", std::string("npsim ") + NPSIM_VERSION_STRING);
   app.require_subcommand(1);

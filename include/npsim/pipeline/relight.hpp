@@ -196,8 +196,8 @@ struct RelightSize {
       allocation_bytes<std::uint8_t>(size.points) + allocation_bytes<std::uint32_t>(size.receivers) +
       allocation_bytes<std::uint32_t>(rows + 1) + allocation_bytes<std::uint32_t>(size.receivers * rays) +
       allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<Vec2f>(size.receivers) +
-      (wet ? mirrors_bytes(params.mirror, size.wet) : 0) + allocation_bytes<Vec3f>(shape.pixels()) +
-      allocation_bytes<Vec3f>(2 * emitters + 1) + allocation_bytes<float>(emitters) +
+      (wet ? mirrors_bytes(params.mirror, size.wet) : 0) + allocation_bytes<Vec3f>(2 * emitters + 1) +
+      allocation_bytes<float>(emitters) +
       relight_detail::light_transport_workspace_bytes(shape, size.points, params.bounces, wet);
   return shared +
          max_of(size.marks > 0 ? placement_workspace_bytes(params.placement, shape) : std::size_t{0},
@@ -367,12 +367,10 @@ template <class Rays, class Executor, class Observer>
   Span<Vec2f> unseen;
   Span<std::uint8_t> hidden;
   Span<Vec3f> expected;
-  ImageView<Vec3f> night;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers, sky_irradiance));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.receivers, unseen));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(lit.points.size(), hidden));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(lit.groups.image_count(), expected));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, night));
   lit.sky_irradiance = sky_irradiance;
   lit.unseen = unseen;
   light_weights(
@@ -412,6 +410,7 @@ template <class Rays, class Executor, class Observer>
     out.images = {shape, block, images.values(), lit.groups.image_count(), images.left_out_cd_m2()};
     out.rays = gather.rays;
     out.mean_untraced_lx = transport.mean_untraced_lx();
+    const ImageView<Vec3f> night = transport.night_room();
     NPSIM_RETURN_IF_ERROR(sum_light_images(out.images, expected, night, executor));
     NPSIM_RETURN_IF_ERROR(transport.error(night, out.error, executor));
     // Noise falls with the square root of the rays.

@@ -34,7 +34,7 @@ inline constexpr std::size_t kLightBlock = 3 * kLightTilePixels;  // values of a
 inline constexpr std::uint32_t kNoBlock = 0xFFFFFFFFU;
 
 // What one batch makes at a time; more would be quicker by a tenth, and take some 32 bytes a pixel for each.
-inline constexpr std::size_t kLightsAtOnce = 4;
+inline constexpr std::size_t kLightsAtOnce = 2;
 inline constexpr std::size_t kLightLanes = 3 * kLightsAtOnce;
 
 namespace light_image_detail {

@@ -10,8 +10,8 @@
 // The last gather is made with even and with odd rays apart. Half of what they differ by, weighted as in the night that
 // is expected (every lamp at its mean intensity) and denoised like everything else, has the noise of the images: its
 // size is error (LightTransport). It knows neither the denoiser's bias nor that of guesses about the scene.
-// Memory: light_transport_workspace_bytes(), 170 bytes a pixel and 57 for each point beyond their number; 48 more a
-// pixel from 3 bounces on, 52 where it is wet.
+// Memory: light_transport_workspace_bytes(), 107 bytes a pixel and 33 for each point beyond their number; 24 more a
+// pixel from 3 bounces on, 28 where it is wet.
 #ifndef NPSIM_PIPELINE_DETAIL_LIGHT_TRANSPORT_HPP
 #define NPSIM_PIPELINE_DETAIL_LIGHT_TRANSPORT_HPP
 
@@ -143,8 +143,14 @@ class LightTransport {
     return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while tracing light") : Status();
   }
 
+  // Room for the image that error() is told, free from make() to error().
+  [[nodiscard]] ImageView<Vec3f> night_room() const noexcept {
+    static_assert(sizeof(Vec3f) == 3 * sizeof(float) && kPlanes >= 6, "three planes for it behind those of error()");
+    return {reinterpret_cast<Vec3f*>(spare_.data() + 3 * shape_.pixels()), shape_};
+  }
+
   // Root mean square over what pixels show, without the largest .1 %, of the noise of the expected night's luminance,
-  // relative to it where a camera sees more than its own noise. night: that night. After make(), once.
+  // relative to it where a camera sees more than its own noise. night: that night, in night_room(). After make(), once.
   template <class Executor>
   Status error(ImageView<const Vec3f> night, double& out, Executor& executor) {
     constexpr float kFloor = 0.005F;  // cd/m2, that of luminance_errors()
