@@ -103,6 +103,8 @@ Status evaluate_meshes(const SceneView& scene, const Truth& truth, const Uncerta
   out[1].key = "true_depth";
   NPSIM_RETURN_IF_ERROR(evaluate_mesh(params, scene, ideal.refined, judges, pool, console, out[1]));
   if (truth.emitters.empty()) return {};
+  io::Image<float> certain(scene.shape(), 1.0F);  // nothing of the true depth is blurred
+  ideal.refined.confidence = certain.view();
   const std::array<const RefinedDepth*, 2> depths = {&refined, &ideal.refined};
   for (std::size_t i = 0; i < depths.size(); ++i) {
     std::vector<Emitter> placed;

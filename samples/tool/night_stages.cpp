@@ -253,6 +253,7 @@ Status night_stages(const NightParams& params, const SceneView& scene, const Tru
   NPSIM_RETURN_IF_ERROR(unrefined(params, scene, refined, truth.depth.view(), truth.normals.view(), pool, exact));
   exact.like.ground = night.ground;
   exact.like.source = DepthSource::exact;
+  exact.confidence = io::Image<float>(scene.shape(), 1.0F);  // nothing of it is blurred
   sheet = given;
   for (std::uint8_t& u : sheet.uncertain.view().pixels()) u = 0;
   NightParams connected = placed;  // nothing is deleted, nothing let through

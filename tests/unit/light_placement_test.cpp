@@ -281,6 +281,26 @@ TEST_CASE("street lamp whose own pixels are an object with a credible depth: tha
   CHECK(s.only().centre_m.z == doctest::Approx(24).epsilon(1e-3));
 }
 
+TEST_CASE("a lantern shines from the middle of its glass, a road luminaire from the lower edge of its head") {
+  for (const float z : {12.0F, 36.0F}) {
+    Scene s;
+    s.measured = true;
+    for (float& c : s.confidence.view().pixels()) c = 1.0F;
+    // Rows 20..29, the lower edge 4/3 m above the camera at 12 m, 4 m at 36 m; the pole stands on the road.
+    s.paint(98, 20, 103, 29, label::static_object, z);
+    const auto foot = static_cast<int>(50.0F + 1.5F * 180.0F / z);
+    s.paint(100, 30, 101, foot, label::pole, z);
+    s.mark(LightClass::street_light_lt, 98, 20, 103, 29);
+    const Emitter& e = s.only();
+    const bool lantern = z < 20.0F;
+    CHECK(e.profile == (lantern ? EmissionProfile::lantern : EmissionProfile::street_luminaire));
+    CHECK(e.centre_m.z == doctest::Approx(static_cast<double>(z)).epsilon(0.01));
+    const double row = lantern ? 25 : 30;
+    CHECK(e.centre_m.y == doctest::Approx((row - 50) / 180 * static_cast<double>(z) + 0.02).epsilon(0.01));
+    CHECK(e.mounting_height_m == doctest::Approx(1.52 - static_cast<double>(e.centre_m.y)).epsilon(0.01));
+  }
+}
+
 TEST_CASE("street lamp on a wire, nothing but sky: hung at the default height") {
   Scene s;
   s.paint(98, 10, 104, 14, label::sky, 500);

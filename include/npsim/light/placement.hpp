@@ -2,8 +2,9 @@
 // From annotated regions to emitters in space: one per marked source that has pixels and whose distance can be known.
 //
 // Street lamps: detail/street_lamps.hpp weighs the pole's foot and depth, the head, and what the row says. The patch is
-// level, at the lower edge of the head; axis down. Below 5 m it is a lantern, over the road without a pole it hangs on
-// a wire, any other is a road luminaire on a mast whose road lies where its arm leads.
+// level; axis down. Below 5 m it is a lantern, which shines from the middle of its glass, all others from the lower edge
+// of the head; over the road without a pole it hangs on a wire, any other is a road luminaire on a mast whose road lies
+// where its arm leads.
 // Clocks and the lenses of traffic lights are discs, all else is a patch.
 // Lit surfaces (windows, signs, posters, clocks): on the upright plane of the wall around them, with the rectangle that
 // their outline spans there, what is hidden included; axis along its normal (detail/lamp_plane.hpp). Where no plane is
@@ -197,8 +198,8 @@ inline constexpr float kLanternHeight_m = 5.0F;
 }
 inline constexpr float kOverRoad_m = 5.0F;  // to either side of the camera: half of a road of three lanes [default]
 
-inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, const LightRegion& r, float u, float z,
-                              const GroundPlane& ground, Emitter& e) noexcept {
+inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, const LightRegion& r, float u, float v,
+                              float z, const GroundPlane& ground, Emitter& e) noexcept {
   const Vec3f down = -ground.up;
   const Vec3f along = forward_on_ground(ground);
   const Vec3f across = cross(along, ground.up);
@@ -209,16 +210,18 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
   e.area_m2 = std::max(seen_area, p.min_street_area_m2);
   e.axis = down;
   e.up = along;
-  e.mounting_height_m = std::max(height_above_ground(ground, unproject(k, u, static_cast<float>(r.y1 + 1), z)), 0.0F);
-  e.centre_m = unproject(k, u, static_cast<float>(r.y1 + 1), z) + down * p.offset_m;
+  const Vec3f lower_edge = unproject(k, u, static_cast<float>(r.y1 + 1), z);
+  e.profile = street_profile(height_above_ground(ground, lower_edge));
+  const Vec3f centre = e.profile == EmissionProfile::lantern ? unproject(k, u, v, z) : lower_edge;
+  e.mounting_height_m = std::max(height_above_ground(ground, centre), 0.0F);
+  e.centre_m = centre + down * p.offset_m;
 }
 
-// What kind of luminaire a street lamp is, and which side of it the road is: a low one is a lantern; one over the road
-// without a pole hangs on a wire; the road of any other is where its arm leads, else where the camera is.
+// What kind of luminaire a tall street lamp is, and which side of it the road is: one over the road without a pole hangs
+// on a wire; the road of any other is where its arm leads, else where the camera is.
 inline void set_street_profile(const StreetLamp& l, bool poles_known, const GroundPlane& ground, Emitter& e) noexcept {
   const Vec3f along = forward_on_ground(ground);
   const float right_m = dot(cross(along, ground.up), e.centre_m);
-  e.profile = street_profile(e.mounting_height_m);
   if (e.profile != EmissionProfile::street_luminaire) return;
   if (poles_known && l.pole_rows == 0 && std::fabs(right_m) < kOverRoad_m) {
     e.profile = EmissionProfile::hung_luminaire;
@@ -355,7 +358,7 @@ inline void outline_surfaces(Placing& all, Span<PlaneSample> samples) noexcept {
     const float z = street_lamp_depth(all.lamp_view(), all.lamps[m], m,
                                       Span<const LampHeight>(all.witnesses[c], all.witness_count[c]));
     if (!is_valid_depth(z)) return false;
-    place_street_lamp(p, scene.camera, r, u, z, scene.ground, e);
+    place_street_lamp(p, scene.camera, r, u, v, z, scene.ground, e);
     set_street_profile(all.lamps[m], !scene.labels.empty(), scene.ground, e);
     return true;
   }
