@@ -147,6 +147,32 @@ TEST_CASE("ground contact: of depth without noise a foot stays that is low above
   CHECK(s.run(serial, params).code() == StatusCode::invalid_argument);
 }
 
+TEST_CASE("ground contact: of a thing that ends deeper below the ground than feet do no row comes up") {
+  // At 7.7 m it ends 2 cm below the road, at 9 m .28 m.
+  for (const float wall_m : {7.7F, 9.0F}) {
+    Street s(wall_m);
+    const Street before = s;
+    SerialExecutor serial;
+    GroundContactParams params;
+    params.unsure_m = -0.005F;
+    params.deepest_m = 0.06F;
+    REQUIRE(s.run(serial, params).ok());
+    const float lowest_m = before.height_m(60, 79);
+    CAPTURE(lowest_m);
+    int drawn = 0;
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 20; x < 130; ++x) drawn += s.surface(x, y) != before.surface(x, y) ? 1 : 0;
+    }
+    if (wall_m < 8.0F) {
+      CHECK(lowest_m > -0.06F);
+      CHECK(drawn > 50);
+    } else {
+      CHECK(lowest_m < -0.06F);
+      CHECK(drawn == 0);
+    }
+  }
+}
+
 TEST_CASE("ground contact: holes stay, bad arguments are refused, and the bits are those of any number of threads") {
   SerialExecutor serial;
   npsim_test::BackwardExecutor backward;

@@ -198,7 +198,8 @@ TEST_CASE("the chain leaves good measurements as they are and smooths the surfac
     RefinedDepth out;
     REQUIRE(refine_depth(params, scene, scratch.workspace(), serial, observer, out).ok());
     CHECK(out.source == source);
-    REQUIRE(out.mesh_depth.empty() == (source == DepthSource::exact));
+    REQUIRE_FALSE(out.mesh_depth.empty());
+    CHECK(out.filled.empty());
     int smoothed = 0;
     for (int y = 0; y < kShape.height; ++y) {
       for (int x = 0; x < kShape.width; ++x) {
@@ -210,6 +211,56 @@ TEST_CASE("the chain leaves good measurements as they are and smooths the surfac
       }
     }
     CHECK((smoothed > 0) == (source != DepthSource::exact));
+  }
+}
+
+TEST_CASE("exact depth: a foot just below the road comes up to it in the mesh, a car seen over an edge stays") {
+  const Intrinsics k{300, 300, 160, 90};
+  Image<Rgb8> image(kShape, Rgb8{90, 100, 110});
+  Image<Label> labels(kShape, label::building);
+  Image<float> depth(kShape, 40.0F);
+  const auto road_m = [&](int y, float under_m) { return under_m * k.fy / (static_cast<float>(y) + 0.5F - k.cy); };
+  for (int y = 105; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      const bool island = x >= 200 && y >= 145;  // 12 cm high
+      labels(x, y) = label::road;
+      depth(x, y) = road_m(y, island ? 1.38F : 1.5F);
+    }
+  }
+  // The pole's label goes down to row 139, where it is 1 cm below the road; the car stands .3 m behind the island.
+  for (int y = 60; y <= 139; ++y) {
+    for (int x = 100; x < 108; ++x) {
+      labels(x, y) = label::pole;
+      depth(x, y) = road_m(139, 1.51F);
+    }
+  }
+  const float car_m = road_m(144, 1.38F) + 0.3F;
+  for (int y = 100; y < 145; ++y) {
+    for (int x = 220; x < 300; ++x) {
+      labels(x, y) = label::car;
+      depth(x, y) = car_m;
+    }
+  }
+  SceneView scene;
+  scene.camera = k;
+  scene.image = image.cview();
+  scene.depth = depth.cview();
+  scene.labels = labels.cview();
+  scene.depth_source = DepthSource::exact;
+  const RefineDepthParams params;
+  npsim_test::Scratch scratch(refine_depth_workspace_bytes(params, kShape));
+  SerialExecutor serial;
+  NullObserver observer;
+  RefinedDepth out;
+  REQUIRE(refine_depth(params, scene, scratch.workspace(), serial, observer, out).ok());
+  REQUIRE(out.source == DepthSource::exact);
+  CHECK(out.depth(104, 139) == doctest::Approx(static_cast<double>(depth(104, 139))).epsilon(1e-5));
+  CHECK(out.mesh_depth(104, 139) < road_m(139, 1.5F));
+  CHECK(out.mesh_depth(104, 100) == doctest::Approx(static_cast<double>(depth(104, 100))).epsilon(1e-5));
+  for (int x = 225; x < 295; ++x) {
+    for (int y = 110; y < 145; ++y) {
+      CHECK(out.mesh_depth(x, y) == doctest::Approx(static_cast<double>(car_m)).epsilon(1e-5));
+    }
   }
 }
 

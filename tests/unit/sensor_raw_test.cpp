@@ -394,6 +394,26 @@ TEST_CASE("sensor: the gradient filters follow a grey edge that the bilinear one
   CHECK(fringe(npsim::Demosaic::gradient) < 0.6 * fringe(npsim::Demosaic::bilinear));
 }
 
+TEST_CASE("sensor: demosaicing knows numbers alone, at the end of the range of four exposures and below black") {
+  for (const float bright : {1e-3F, 1.0F, 256.0F, 1.7e7F}) {
+    Plane plane({24 + 2 * kMosaicMargin, 12});
+    for (int y = 0; y < 12; ++y) {
+      for (int x = 0; x < 24 + 2 * kMosaicMargin; ++x) plane(x, y) = x < 16 ? bright : (y % 3 == 0 ? -0.01F : 0.0F);
+    }
+    for (int y = 0; y < 12; ++y) {
+      for (int x = 0; x < 24; ++x) {
+        const auto c =
+            npsim::demosaic<npsim::simd::scalar::F32>(npsim::Demosaic::gradient, Mosaic::gbrg, plane.cview(), x, y, 1)
+                .rgb;
+        for (const float v : {c.x.value, c.y.value, c.z.value}) {
+          CHECK(v >= -0.1F);  // false for NaN
+          CHECK(v <= 1.5F * bright);
+        }
+      }
+    }
+  }
+}
+
 TEST_CASE("sensor: the outline of a clipped lamp has no dots: what is dark beside it stays dark in every channel") {
   const auto worst = [](npsim::Demosaic method, bool upright) {
     const int n = 24;

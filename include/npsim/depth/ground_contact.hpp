@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Nothing that stands on the ground reaches below it: the feet of what measured depth places behind the ground before
-// them are drawn up to the ground.
+// Nothing that stands on the ground reaches below it: the feet of what depth places behind the ground before them are
+// drawn up to the ground.
 //
 // Noise, loose labels and the shapes that poles and cars are given put the lowest rows of a thing farther away than the
 // ground in the rows below goes on, which is under it. In the mesh these rows lie beneath the ground: no lamp reaches
@@ -10,6 +10,7 @@
 // A surface that lies less than unsure_m above that, or below it, takes the depth of clear_m above, if it does not come
 // nearer by more than most_share: the mesh has the ground itself there too, completed behind the thing. One that was
 // more than bare_m below shows ground that a loose label gave to the thing, and takes the ground's normal.
+// A thing whose lowest pixels are deeper than deepest_m below is seen over an edge and stays.
 // Invariant: ground pixels, pixels without ground below them in their column, and what lies farther behind are not
 // touched; no depth grows, none falls to 0 or below. The same bits for any thread count. Cost: one pass over the image.
 #ifndef NPSIM_DEPTH_GROUND_CONTACT_HPP
@@ -33,7 +34,10 @@ inline namespace NPSIM_ABI {
 struct GroundContactParams {
   float bare_m = 0.05F;
   float clear_m = 0.05F;
-  float unsure_m = 0.05F;  // at most clear_m; of depth without noise 0
+  // What lies lower than this above the ground may be below it; negative: only what is that far below is. At most
+  // clear_m, either way.
+  float unsure_m = 0.05F;
+  float deepest_m = 0.0F;  // below the ground at which a surface is still a foot; 0: any
   // Of its depth that a pixel may come nearer; what would more is no foot, but seen over a raised edge, or a slope
   // beyond. 0 switches the step off.
   float most_share = 0.1F;
@@ -42,10 +46,11 @@ struct GroundContactParams {
 
 [[nodiscard]] inline Status validate(const GroundContactParams& p) noexcept {
   const bool good = p.bare_m >= 0.0F && std::isfinite(p.bare_m) && p.clear_m >= 0.0F && p.most_share >= 0.0F &&
-                    p.most_share <= 1.0F && std::isfinite(p.clear_m) && p.unsure_m >= 0.0F && p.unsure_m <= p.clear_m;
+                    p.most_share <= 1.0F && std::isfinite(p.clear_m) && std::fabs(p.unsure_m) <= p.clear_m &&
+                    p.deepest_m >= 0.0F;
   return good ? Status()
               : Status(StatusCode::invalid_argument,
-                       "ground contact: heights finite and not negative, unsure_m at most clear_m, share in [0, 1]");
+                       "ground contact: heights not negative, unsure_m at most clear_m, share in [0, 1]");
 }
 
 // surface: z-depth, m, and normals: changed in place. Without labels nothing changes.
@@ -77,6 +82,10 @@ template <class Executor>
         }
         const float below_m = z * fall - under_m[column - begin];
         const float clear_m = under_m[column - begin] - params.clear_m;  // below the camera
+        if (params.deepest_m > 0.0F && below_m > params.deepest_m) {
+          under_m[column - begin] = 0.0F;  // what stands there is seen over an edge, all the way up
+          continue;
+        }
         if (!(below_m > -params.unsure_m) || !(clear_m > 0.0F)) continue;
         if (z * fall - clear_m > params.most_share * z * fall) continue;
         surface(x, y) = std::min(z, clear_m / fall);

@@ -14,7 +14,8 @@
 // A step that looks away from the camera has no such pixel: rays over its edge meet the plane above it.
 // Invariant: depth changes on ground labels alone, and by no more than a step's height allows. Ground without steps
 // stays as it is, bit by bit.
-// Cost: two passes over the image, and (2 reach + 1)^2, reach at most 48 px, per pixel of a line. Memory: 21 B a pixel.
+// Cost: two passes over the image, and per pixel of a line at most 4/3 of 97 x 97 samples of it and 4 reach^2 of its
+// face. Memory: 21 bytes a pixel.
 #ifndef NPSIM_DEPTH_KERB_FACES_HPP
 #define NPSIM_DEPTH_KERB_FACES_HPP
 
@@ -168,7 +169,7 @@ struct KerbPlane {
 [[nodiscard]] inline bool find_face(const KerbScene& s, KerbLine line, int x, int y, KerbPlane& plane) noexcept {
   constexpr float kStretch_m = 2.0F;  // to either side
   const float z = s.depth(x, y);
-  for (int reach = clamp_to(static_cast<int>(kStretch_m * s.camera.fx / z), 6, 48); reach >= 6; reach /= 2) {
+  for (int reach = static_cast<int>(clamp_to(kStretch_m * s.camera.fx / z, 6.0F, 48.0F)); reach >= 6; reach /= 2) {
     if (fit_face(s, line, x, y, reach, plane)) return true;
   }
   return false;
@@ -221,7 +222,8 @@ struct KerbPlane {
         const float step = s.step(line, x, y);
         const Vec3f at = s.point(x, y);
         // A face is no larger than the step looks from the side; half as much again for a leaning camera.
-        const int reach = clamp_to(static_cast<int>(1.5F * step * camera.fy / at.z) + 2, 3, params.most_px);
+        const auto reach = static_cast<int>(
+            clamp_to(1.5F * step * camera.fy / at.z + 2.0F, 3.0F, static_cast<float>(max_of(params.most_px, 3))));
         for (int j = y - reach; j <= y + reach; ++j) {
           for (int i = x - reach; i <= x + reach; ++i) {
             if (!s.height.contains(i, j) || !s.is_step_from(line, {x, y}, {i, j})) continue;

@@ -2,9 +2,9 @@
 // From annotated regions to emitters in space: one per marked source that has pixels and whose distance can be known.
 //
 // Street lamps: detail/street_lamps.hpp weighs the pole's foot and depth, the head, and what the row says. The patch is
-// level; axis down. Below 5 m it is a lantern, which shines from the middle of its glass, all others from the lower edge
-// of the head; over the road without a pole it hangs on a wire, any other is a road luminaire on a mast whose road lies
-// where its arm leads.
+// level; axis down. One whose head's middle is below 5 m is a lantern, which shines from there; all others do from the
+// head's lower edge. Over the road without a pole it hangs on a wire, any other is a road luminaire on a mast, whose
+// road lies where its arm leads.
 // Clocks and the lenses of traffic lights are discs, all else is a patch.
 // Lit surfaces (windows, signs, posters, clocks): on the upright plane of the wall around them, with the rectangle that
 // their outline spans there, what is hidden included; axis along its normal (detail/lamp_plane.hpp). Where no plane is
@@ -210,15 +210,16 @@ inline void place_street_lamp(const PlacementParams& p, const Intrinsics& k, con
   e.area_m2 = std::max(seen_area, p.min_street_area_m2);
   e.axis = down;
   e.up = along;
-  const Vec3f lower_edge = unproject(k, u, static_cast<float>(r.y1 + 1), z);
-  e.profile = street_profile(height_above_ground(ground, lower_edge));
-  const Vec3f centre = e.profile == EmissionProfile::lantern ? unproject(k, u, v, z) : lower_edge;
+  const Vec3f middle = unproject(k, u, v, z);
+  e.profile = street_profile(height_above_ground(ground, middle));
+  const bool lantern = e.profile == EmissionProfile::lantern;
+  const Vec3f centre = lantern ? middle : unproject(k, u, static_cast<float>(r.y1 + 1), z);
   e.mounting_height_m = std::max(height_above_ground(ground, centre), 0.0F);
   e.centre_m = centre + down * p.offset_m;
 }
 
-// What kind of luminaire a tall street lamp is, and which side of it the road is: one over the road without a pole hangs
-// on a wire; the road of any other is where its arm leads, else where the camera is.
+// What kind of luminaire a tall street lamp is, and on which side of it the road is: one over the road without a pole
+// hangs on a wire; the road of any other is where its arm leads, else where the camera is.
 inline void set_street_profile(const StreetLamp& l, bool poles_known, const GroundPlane& ground, Emitter& e) noexcept {
   const Vec3f along = forward_on_ground(ground);
   const float right_m = dot(cross(along, ground.up), e.centre_m);

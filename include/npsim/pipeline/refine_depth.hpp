@@ -151,7 +151,8 @@ struct RefineDepthParams {
 struct RefinedDepth {
   ImageView<float> depth;             // m; 0 where there is no surface
   ImageView<float> mesh_depth;        // what a mesh is made of, where it is not that: of measured depth without its
-                                      // sensor's noise, of a network's with plants as they were given
+                                      // sensor's noise, of a network's with plants as they were given, of all with
+                                      // feet above the ground
   ImageView<const Label> labels;      // the scene's, plants without what is behind them; without any, ground near its
                                       // plane, else one class
   ImageView<std::uint8_t> surface;    // 1 where the pixel shows a surface of the scene
@@ -160,9 +161,9 @@ struct RefinedDepth {
   DepthSource source = DepthSource::network;  // given or found
   DepthTrust trust;                           // by how much the filled depth may be changed
   DepthNoise noise;                           // of the depth as given
-  ImageView<float> filled;      // m; the depth before it was filtered and refined; empty where it moves freely, and
-                                // where `mesh_depth` has taken its memory
-  ImageView<float> confidence;  // 1 where measured, falling to 0 where made up far from it; empty likewise
+  ImageView<float> filled;  // m; while steps work, the depth before it was filtered and refined; empty where it moves
+                            // freely, and at the end, when `mesh_depth` has taken its memory
+  ImageView<float> confidence;  // 1 where measured, falling to 0 where made up far from it; empty of a network's depth
   PlanarMap planes;             // of facades and the like; empty where normals are given
   GroundPlane ground;           // of the anchored depth; inlier_share 0: a guess
   RefineResult refinement;
@@ -543,7 +544,7 @@ template <class Executor>
 [[nodiscard]] Status complete_steps(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace,
                                     Executor& executor, RefinedDepth& out) {
   KerbFaceParams kerbs = params.kerbs;
-  if (!scene.normals.empty()) kerbs.with_kerb = LabelSet();  // refinement has found the faces that they show
+  kerbs.enabled = kerbs.enabled && scene.normals.empty();  // refinement has found the faces that given ones show
   NPSIM_RETURN_IF_ERROR(kerb_faces(kerbs, scene.camera, out.ground, scene.labels, out.depth, out.normals, workspace));
   if (out.trust.bounded) {
     out.mesh_depth = out.filled;  // its memory: no step asks any more
@@ -587,9 +588,13 @@ template <class Executor>
   const bool noisy = out.trust.bounded && out.source != DepthSource::exact;
   NPSIM_RETURN_IF_ERROR(noisy ? smooth_measured(params, scene, objects, workspace, executor, out)
                               : complete_steps(params, scene, workspace, executor, out));
-  if (out.mesh_depth.empty()) return {};  // an estimate without labels: no ground is known
+  if (out.mesh_depth.empty()) return {};  // of an estimate without labels, or whose plants are not kept
   GroundContactParams contact = params.contact;
   if (!noisy) contact.unsure_m = 0.0F;
+  if (out.source == DepthSource::exact) {  // deeper than the least step, things are seen over one, and stand right
+    contact.unsure_m = std::max(-0.005F, -contact.clear_m);
+    contact.deepest_m = params.kerbs.min_step_m;
+  }
   return keep_above_ground(contact, scene.labels, scene.camera, out.ground, out.normals, out.mesh_depth, executor);
 }
 

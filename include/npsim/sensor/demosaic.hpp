@@ -3,13 +3,15 @@
 //
 //   bilinear   the mean of the neighbours that have the channel
 //   gradient   the mean weighted by 1 / ((own - far)^2 + own^2 + 1.6e-5), far: the sample two pixels away in the
-//              neighbour's direction, behind the pixel's own filter (diagonal neighbours: by the product of two such),
-//              plus 1/2 (diagonally 3/4) of what the pixel's own sample differs from the same mean of the far ones.
-//              Where all weights are alike this is, at red and blue, the filter of Malvar, He and Cutler, "High-quality
-//              linear interpolation for demosaicing of Bayer-patterned color images", ICASSP 2004. The weights follow
-//              Kimmel, "Demosaicing: image reconstruction from color CCD samples", IEEE Trans. Image Processing 8(9),
-//              1999: colours do not mix over the outline of a lamp, where the linear filters leave a row of dots.
-// Both keep the pixel's own sample, constants and slopes. What the gradient adds is limited to half of the mean.
+//              neighbour's direction, behind the pixel's own filter; of diagonal neighbours by the product of the
+//              weights of their row's and their column's side. To it comes 1/2 (diagonally 3/4) of what the pixel's own
+//              sample differs from the mean of the far ones, weighted likewise: at most half of the mean, for either
+//              axis apart. Where all weights are alike this is, at red and blue, the filter of Malvar, He and Cutler,
+//              "High-quality linear interpolation for demosaicing of Bayer-patterned color images", ICASSP 2004. The
+//              weights follow Kimmel, "Demosaicing: image reconstruction from color CCD samples", IEEE Trans. Image
+//              Processing 8(9), 1999: colours do not mix over the outline of a lamp, where the linear filters leave a
+//              row of dots.
+// Both keep the pixel's own sample, constants and slopes.
 // `peak` tells of clipped neighbours, which the pixel's colour may be taken from: the mean of the largest samples of
 // the four 2x2 quads that the pixel belongs to.
 // Borders are mirrored about the outermost pixels, which keeps the order of the filters.
@@ -72,8 +74,10 @@ template <class F>
     const F pair_y = unlike[2] + unlike[3];
     const F share_west = unlike[1] / pair_x;
     const F share_north = unlike[3] / pair_y;
-    const F weight_x = pair_x * (unlike[2] * unlike[3]);
-    const F share_x = weight_x / (weight_x + pair_y * (unlike[0] * unlike[1]));
+    // Both pairs as one: the inverses of their sums of weights, which no range of exposures makes overflow.
+    const F unlike_x = unlike[0] * share_west;
+    const F unlike_y = unlike[2] * share_north;
+    const F share_x = unlike_y / (unlike_x + unlike_y);
     const F far_x = mix(far[0], far[1], share_west);
     const F far_y = mix(far[2], far[3], share_north);
     const auto corrected = [](F mean, F gradient) {
