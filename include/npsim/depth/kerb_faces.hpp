@@ -22,7 +22,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
@@ -131,7 +130,8 @@ struct KerbPlane {
     for (int i = x - reach; i <= x + reach; ++i) {
       if (!s.height.contains(i, j)) continue;
       const bool on_line = s.is_on(line, i, j);
-      const bool beside = std::abs(i - x) <= kBeside_px && std::abs(j - y) <= kBeside_px;
+      const bool beside =
+          clamp_to(i, x - kBeside_px, x + kBeside_px) == i && clamp_to(j, y - kBeside_px, y + kBeside_px) == j;
       if (!on_line && !beside) continue;
       const float rise = std::fabs(s.height(i, j) - s.height(x, y));
       if (!(rise < s.params.min_step_m)) continue;  // a NaN is another surface too
