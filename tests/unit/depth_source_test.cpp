@@ -49,23 +49,32 @@ void thin_out(Image<float>& depth, const Keep& keep) {
 
 constexpr Intrinsics kCamera{300, 300, 160, 90};
 
-// The chain on a laser's depth of a scene without labels.
-struct Unlabelled {
+// The chain on a depth of a known source. labels: empty where the scene has none.
+struct Chain {
   Image<Rgb8> image{kShape, Rgb8{90, 100, 110}};
   npsim_test::Scratch scratch;
   RefinedDepth out;
 
-  explicit Unlabelled(const Image<float>& depth, const RefineDepthParams& params = {})
+  Chain(const Image<float>& depth, DepthSource source, ImageView<const Label> labels,
+        const RefineDepthParams& params = {})
       : scratch(refine_depth_workspace_bytes(params, kShape)) {
     SceneView scene;
     scene.camera = kCamera;
     scene.image = image.cview();
     scene.depth = depth.cview();
-    scene.depth_source = DepthSource::lidar;
+    scene.labels = labels;
+    scene.depth_source = source;
+    scene.stereo_baseline_m = 0.3F;
     SerialExecutor serial;
     NullObserver observer;
     REQUIRE(refine_depth(params, scene, scratch.workspace(), serial, observer, out).ok());
   }
+};
+
+// On a laser's, without labels.
+struct Unlabelled : Chain {
+  explicit Unlabelled(const Image<float>& depth, const RefineDepthParams& params = {})
+      : Chain(depth, DepthSource::lidar, {}, params) {}
 };
 
 }  // namespace
@@ -132,8 +141,6 @@ TEST_CASE("what is proposed for a measured depth is held within its source's noi
 }
 
 TEST_CASE("a network's crown is as rough in the mesh as it was given, its wall as smooth as the depth") {
-  const Intrinsics k{300, 300, 160, 90};
-  Image<Rgb8> image(kShape, Rgb8{90, 100, 110});
   Image<Label> labels(kShape, label::building);
   Image<float> depth(kShape);
   for (int y = 0; y < kShape.height; ++y) {
@@ -142,11 +149,6 @@ TEST_CASE("a network's crown is as rough in the mesh as it was given, its wall a
       depth(x, y) = (x < 200 ? 20.0F : 12.0F) * (1.0F + 0.01F * (draw(x, y, 5) - 0.5F));
     }
   }
-  SceneView scene;
-  scene.camera = k;
-  scene.image = image.cview();
-  scene.depth = depth.cview();
-  scene.depth_source = DepthSource::network;
   const auto roughness = [&](ImageView<const float> z, int from, int to) {
     double sum = 0;
     for (int y = 20; y < kShape.height - 20; ++y) {
@@ -155,13 +157,8 @@ TEST_CASE("a network's crown is as rough in the mesh as it was given, its wall a
     return sum / ((to - from) * (kShape.height - 40));
   };
   for (const bool labelled : {true, false}) {
-    scene.labels = labelled ? labels.cview() : ImageView<const Label>();
-    const RefineDepthParams params;
-    npsim_test::Scratch scratch(refine_depth_workspace_bytes(params, kShape));
-    SerialExecutor serial;
-    NullObserver observer;
-    RefinedDepth out;
-    REQUIRE(refine_depth(params, scene, scratch.workspace(), serial, observer, out).ok());
+    const Chain chain(depth, DepthSource::network, labelled ? labels.cview() : ImageView<const Label>());
+    const RefinedDepth& out = chain.out;
     const double given = roughness(depth.cview(), 220, 300);
     CHECK(roughness(out.depth, 220, 300) < 0.5 * given);
     if (labelled) {
@@ -174,8 +171,6 @@ TEST_CASE("a network's crown is as rough in the mesh as it was given, its wall a
 }
 
 TEST_CASE("the chain leaves good measurements as they are and smooths the surfaces that a mesh is made of") {
-  const Intrinsics k{300, 300, 160, 90};
-  Image<Rgb8> image(kShape, Rgb8{90, 100, 110});
   Image<Label> labels(kShape, label::building);
   for (int y = 100; y < kShape.height; ++y) {
     for (int x = 0; x < kShape.width; ++x) labels(x, y) = label::road;
@@ -184,19 +179,8 @@ TEST_CASE("the chain leaves good measurements as they are and smooths the surfac
     CAPTURE(static_cast<int>(source));
     Image<float> depth = street(source == DepthSource::exact ? 0.0F : 0.0005F);
     thin_out(depth, [&](int x, int y) { return source != DepthSource::lidar || draw(x, y, 1) < 0.3F; });
-    SceneView scene;
-    scene.camera = k;
-    scene.image = image.cview();
-    scene.depth = depth.cview();
-    scene.labels = labels.cview();
-    scene.depth_source = source;
-    scene.stereo_baseline_m = 0.3F;
-    const RefineDepthParams params;
-    npsim_test::Scratch scratch(refine_depth_workspace_bytes(params, kShape));
-    SerialExecutor serial;
-    NullObserver observer;
-    RefinedDepth out;
-    REQUIRE(refine_depth(params, scene, scratch.workspace(), serial, observer, out).ok());
+    const Chain chain(depth, source, labels.cview());
+    const RefinedDepth& out = chain.out;
     CHECK(out.source == source);
     REQUIRE_FALSE(out.mesh_depth.empty());
     CHECK(out.filled.empty());
@@ -215,11 +199,11 @@ TEST_CASE("the chain leaves good measurements as they are and smooths the surfac
 }
 
 TEST_CASE("exact depth: a foot just below the road comes up to it in the mesh, a car seen over an edge stays") {
-  const Intrinsics k{300, 300, 160, 90};
-  Image<Rgb8> image(kShape, Rgb8{90, 100, 110});
   Image<Label> labels(kShape, label::building);
   Image<float> depth(kShape, 40.0F);
-  const auto road_m = [&](int y, float under_m) { return under_m * k.fy / (static_cast<float>(y) + 0.5F - k.cy); };
+  const auto road_m = [](int y, float under_m) {
+    return under_m * kCamera.fy / (static_cast<float>(y) + 0.5F - kCamera.cy);
+  };
   for (int y = 105; y < kShape.height; ++y) {
     for (int x = 0; x < kShape.width; ++x) {
       const bool island = x >= 200 && y >= 145;  // 12 cm high
@@ -241,18 +225,8 @@ TEST_CASE("exact depth: a foot just below the road comes up to it in the mesh, a
       depth(x, y) = car_m;
     }
   }
-  SceneView scene;
-  scene.camera = k;
-  scene.image = image.cview();
-  scene.depth = depth.cview();
-  scene.labels = labels.cview();
-  scene.depth_source = DepthSource::exact;
-  const RefineDepthParams params;
-  npsim_test::Scratch scratch(refine_depth_workspace_bytes(params, kShape));
-  SerialExecutor serial;
-  NullObserver observer;
-  RefinedDepth out;
-  REQUIRE(refine_depth(params, scene, scratch.workspace(), serial, observer, out).ok());
+  const Chain chain(depth, DepthSource::exact, labels.cview());
+  const RefinedDepth& out = chain.out;
   REQUIRE(out.source == DepthSource::exact);
   CHECK(out.depth(104, 139) == doctest::Approx(static_cast<double>(depth(104, 139))).epsilon(1e-5));
   CHECK(out.mesh_depth(104, 139) < road_m(139, 1.5F));
