@@ -74,6 +74,9 @@ struct KerbScene {
   ImageView<const float> depth;
   ImageView<float> height;          // m above the ground plane; NAN off the ground
   ImageView<std::uint8_t> on_line;  // of either kind, a bit each
+  // Directions in plan.
+  Vec3f across = normalized(cross(ground.up, Vec3f{0.0F, 0.0F, 1.0F}));
+  Vec3f ahead = cross(across, ground.up);
 
   [[nodiscard]] bool is_on(KerbLine line, int x, int y) const noexcept {
     return ((on_line(x, y) >> static_cast<int>(line)) & 1) != 0;
@@ -121,8 +124,6 @@ struct KerbPlane {
                                    KerbPlane& plane) noexcept {
   constexpr double kLine = 0.03;  // squared ratio of a line's width to its length, at most
   constexpr int kBeside_px = 6;   // within which the line's ground is looked for
-  const Vec3f across = normalized(cross(s.ground.up, Vec3f{0.0F, 0.0F, 1.0F}));
-  const Vec3f ahead = cross(across, s.ground.up);
   const Vec3f centre = s.point(x, y);
   double n = 0, a = 0, b = 0, aa = 0, ab = 0, bb = 0;
   Vec3f same;  // sum of the offsets of the points of the line's ground
@@ -138,8 +139,8 @@ struct KerbPlane {
       const Vec3f d = s.point(i, j) - centre;
       if (beside) same += d;
       if (!on_line) continue;
-      const double u = static_cast<double>(dot(d, across));
-      const double v = static_cast<double>(dot(d, ahead));
+      const double u = static_cast<double>(dot(d, s.across));
+      const double v = static_cast<double>(dot(d, s.ahead));
       n += 1;
       a += u;
       b += v;
@@ -157,9 +158,9 @@ struct KerbPlane {
   const double row_m = static_cast<double>(centre.z * centre.z / (s.camera.fy * s.ground.camera_height_m));
   if (!(uu + vv - spread < kLine * (uu + vv + spread) + n * row_m * row_m / 6)) return false;
   const double angle = 0.5 * std::atan2(2 * uv, uu - vv);
-  plane.normal = ahead * static_cast<float>(std::cos(angle)) - across * static_cast<float>(std::sin(angle));
+  plane.normal = s.ahead * static_cast<float>(std::cos(angle)) - s.across * static_cast<float>(std::sin(angle));
   if (dot(plane.normal, centre) > 0.0F) plane.normal = -plane.normal;
-  const float away = dot(plane.normal, across * static_cast<float>(a / n) + ahead * static_cast<float>(b / n));
+  const float away = dot(plane.normal, s.across * static_cast<float>(a / n) + s.ahead * static_cast<float>(b / n));
   const bool foot = line == KerbLine::foot;
   plane.distance = dot(plane.normal, centre) + (foot ? std::fmin(away, 0.0F) : std::fmax(away, 0.0F));
   return foot ? dot(plane.normal, same) > 0.0F : dot(plane.normal, same) < 0.0F;
@@ -212,8 +213,6 @@ struct KerbPlane {
                                                   (foot << static_cast<int>(KerbLine::foot)));
     }
   }
-  const Vec3f across = normalized(cross(ground.up, Vec3f{0.0F, 0.0F, 1.0F}));
-  const Vec3f ahead = cross(across, ground.up);
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       for (const KerbLine line : {KerbLine::top, KerbLine::foot}) {
@@ -238,7 +237,7 @@ struct KerbPlane {
             const bool between = std::fabs(up - s.height(x, y)) < rise && std::fabs(up - s.height(i, j)) < rise;
             if (!between || length(ray * z - at) > 3.0F * step) continue;
             off(i, j) = squared;
-            face(i, j) = {dot(plane.normal, across), dot(plane.normal, ahead), z};
+            face(i, j) = {dot(plane.normal, s.across), dot(plane.normal, s.ahead), z};
           }
         }
       }
@@ -248,7 +247,7 @@ struct KerbPlane {
     for (int x = 0; x < shape.width; ++x) {
       if (!std::isfinite(off(x, y))) continue;
       depth(x, y) = face(x, y).z;
-      if (!normals.empty()) normals(x, y) = across * face(x, y).x + ahead * face(x, y).y;
+      if (!normals.empty()) normals(x, y) = s.across * face(x, y).x + s.ahead * face(x, y).y;
     }
   }
   return {};

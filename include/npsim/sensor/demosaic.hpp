@@ -57,39 +57,34 @@ template <class F>
                   (quad(west, south, corner[2]) + quad(east, south, corner[3]))) *
                  F(0.25F);
   const auto mix = [](F a, F b, F share_of_a) { return b + (a - b) * share_of_a; };
-  F cross, diagonal;  // green at red and blue; blue at red, red at blue
-  F along, across;    // at green: the colour of its row, and the other
-  if (method == Demosaic::bilinear) {
-    const F half(0.5F);
-    along = mix(west, east, half);
-    across = mix(north, south, half);
-    cross = mix(along, across, half);
-    diagonal = mix(mix(corner[0], corner[1], half), mix(corner[2], corner[3], half), half);
-  } else {
+  const auto corrected = [](F mean, F gradient) {
+    const F most = abs(mean) * F(0.5F);
+    return mean + simd::clamp(gradient, -most, most);
+  };
+  F share_west(0.5F), share_north(0.5F);  // of a pair of neighbours
+  F share_x(0.5F);                        // of the row's pair
+  F far_x = own;                          // what lies beyond either pair, behind the pixel's own filter
+  F far_y = own;
+  if (method == Demosaic::gradient) {
     const F far[4] = {at(-2, 0), at(2, 0), at(0, -2), at(0, 2)};
     const F least = own * own + F(1.6e-5F);
     F unlike[4];  // of which the weights are the inverses
     for (int i = 0; i < 4; ++i) unlike[i] = (own - far[i]) * (own - far[i]) + least;
-    const F pair_x = unlike[0] + unlike[1];
-    const F pair_y = unlike[2] + unlike[3];
-    const F share_west = unlike[1] / pair_x;
-    const F share_north = unlike[3] / pair_y;
+    share_west = unlike[1] / (unlike[0] + unlike[1]);
+    share_north = unlike[3] / (unlike[2] + unlike[3]);
     // Both pairs as one: the inverses of their sums of weights, which no range of exposures makes overflow.
     const F unlike_x = unlike[0] * share_west;
     const F unlike_y = unlike[2] * share_north;
-    const F share_x = unlike_y / (unlike_x + unlike_y);
-    const F far_x = mix(far[0], far[1], share_west);
-    const F far_y = mix(far[2], far[3], share_north);
-    const auto corrected = [](F mean, F gradient) {
-      const F most = abs(mean) * F(0.5F);
-      return mean + simd::clamp(gradient, -most, most);
-    };
-    along = corrected(mix(west, east, share_west), (own - far_x) * F(0.5F));
-    across = corrected(mix(north, south, share_north), (own - far_y) * F(0.5F));
-    cross = mix(along, across, share_x);
-    diagonal = corrected(mix(mix(corner[0], corner[1], share_west), mix(corner[2], corner[3], share_west), share_north),
-                         (own - mix(far_x, far_y, share_x)) * F(0.75F));
+    share_x = unlike_y / (unlike_x + unlike_y);
+    far_x = mix(far[0], far[1], share_west);
+    far_y = mix(far[2], far[3], share_north);
   }
+  const F along = corrected(mix(west, east, share_west), (own - far_x) * F(0.5F));      // at green: its row's colour
+  const F across = corrected(mix(north, south, share_north), (own - far_y) * F(0.5F));  // and the other
+  const F cross = mix(along, across, share_x);                                          // green at red and blue
+  const F diagonal =                                                                    // blue at red, red at blue
+      corrected(mix(mix(corner[0], corner[1], share_west), mix(corner[2], corner[3], share_west), share_north),
+                (own - mix(far_x, far_y, share_x)) * F(0.75F));
   const bool red_row = filter_at(mosaic, 0, y) == 0 || filter_at(mosaic, 1, y) == 0;
   const bool green_first = filter_at(mosaic, x, y) == 1;
   using I = typename F::Int;
