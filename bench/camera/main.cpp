@@ -79,6 +79,10 @@ int main(int argc, char** argv) {
   without.glare.halo = without.glare.veil = 0.0F;
   PhotographParams with_motion = with_glare;
   with_motion.motion.velocity_m_s = {0.0F, 0.0F, 10.0F};
+  StarburstParams six_blades;
+  six_blades.blades = 6;
+  IspParams local_tone = with_glare.isp;
+  local_tone.local.share = 0.8F;
   const PhotographedStreet street{depth.view(), {}, {}, {}, {}};
   Arena arena(photograph_workspace_bytes(with_motion, shape));
   Workspace& workspace = arena.workspace();
@@ -117,6 +121,10 @@ int main(int argc, char** argv) {
        pixels,
        [&] { must(add_glare(with_glare.glare, camera.fx, light.view(), other.view(), workspace, executor)); },
        {}},
+      {"starburst",
+       pixels,
+       [&] { must(add_starburst(six_blades, camera.fx, light.view(), other.view(), workspace, executor)); },
+       {}},
       {"raw",
        pixels,
        [&] { must(capture(with_glare.sensor, 0.1F, noise, camera, 0, 0, light.view(), plane.view(), executor)); },
@@ -133,7 +141,11 @@ int main(int argc, char** argv) {
        {}},
       {"demosaic and picture",
        pixels,
-       [&] { must(develop(with_glare.isp, with_glare.sensor, clean.view(), picture.view(), executor)); },
+       [&] { must(develop(with_glare.isp, with_glare.sensor, clean.view(), picture.view(), workspace, executor)); },
+       {}},
+      {"the same, local tone curve",
+       pixels,
+       [&] { must(develop(local_tone, with_glare.sensor, clean.view(), picture.view(), workspace, executor)); },
        {}},
       {"whole chain without glare", pixels, [&] { chain(without); }, {}},
       {"whole chain with glare", pixels, [&] { chain(with_glare); }, {}},

@@ -20,6 +20,7 @@
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/core/window_filter.hpp"
 #include "npsim/core/workspace.hpp"
 
 // meshes, layers over the pixel grid, the ground plane
@@ -126,12 +127,14 @@
 #include "npsim/sensor/exposure.hpp"
 #include "npsim/sensor/glare.hpp"
 #include "npsim/sensor/isp.hpp"
+#include "npsim/sensor/local_tone.hpp"
 #include "npsim/sensor/motion.hpp"
 #include "npsim/sensor/noise.hpp"
 #include "npsim/sensor/noise_fit.hpp"
 #include "npsim/sensor/raw.hpp"
 #include "npsim/sensor/sharpen.hpp"
 #include "npsim/sensor/signal_masks.hpp"
+#include "npsim/sensor/starburst.hpp"
 #include "npsim/sensor/white_balance.hpp"
 
 // errors against a known truth

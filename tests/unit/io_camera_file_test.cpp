@@ -42,12 +42,12 @@ TEST_CASE("camera file: presets by name, each valid; another name is refused wit
 TEST_CASE("camera file: every part is read, and what is not named is the preset's") {
   const auto camera = read(R"({"preset": "dashcam",
     "exposure": {"iso": 500, "f_number": 2.8, "time_s": 0.02},
-    "glare": {"halo": 0.1},
+    "glare": {"halo": 0.1, "cap": 1e5, "blades": 6, "turn_deg": 10, "apothem_mm": 2},
     "sensor": {"mosaic": "gbrg", "bits": 10, "black": 32, "row_noise": 0.2, "hot_pixels": 1e-4, "serial": 9,
     "response": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
     "noise": {"residual": 0.5, "table": [[100, 1e-4, 1e-7], [200, 2e-4, 4e-7]]},
     "white_balance": {"fixed_k": 4000}, "denoise": {"strength": 0},
-    "isp": {"demosaic": "bilinear", "chroma": "4:4:4", "tone": "log", "lift": 50, "sharpening": 0.7}})");
+    "isp": {"demosaic": "bilinear", "chroma": "4:4:4", "tone": "log", "lift": 50, "local": 0.5, "local_edge": 3, "sharpening": 0.7}})");
   REQUIRE(camera.ok());
   const PhotographParams p = camera.value().params();
   CHECK(p.exposure.metering == Metering::fixed);
@@ -66,6 +66,12 @@ TEST_CASE("camera file: every part is read, and what is not named is the preset'
   CHECK(p.isp.demosaic == Demosaic::bilinear);
   CHECK(p.isp.chroma == ChromaSampling::yuv444);
   CHECK(p.isp.tone.kind == ToneKind::log);
+  CHECK(p.starburst.blades == 6);
+  CHECK(p.starburst.turn_deg == 10.0F);
+  CHECK(p.starburst.apothem_mm == 2.0F);
+  CHECK(p.starburst.cap == 1e5F);
+  CHECK(p.isp.local.share == 0.5F);
+  CHECK(p.isp.local.edge_stops == 3.0F);
   CHECK(camera.value().from_file());
 }
 
@@ -115,6 +121,8 @@ TEST_CASE("camera file: each fault is named by file and field") {
   CHECK(has(fault(R"({"sensor": {"mosaic": "xtrans"}})"), "sensor.mosaic"));
   CHECK(has(fault(R"({"sensor": {"hot_pixels": 0.5}})"), "hot pixels in [0, .1]"));
   CHECK(has(fault(R"({"isp": {"sharpening": 9}})"), "sharpening in [0, 4]"));
+  CHECK(has(fault(R"({"isp": {"local": 2}})"), "share in [0, 1]"));
+  CHECK(has(fault(R"({"glare": {"blades": 2}})"), "blades 0 or 3 to 31"));
   CHECK(has(fault(R"({"sensor": {"bits": 99}})"), "bits in 8..16"));
   CHECK(has(fault(R"({"sensor": {"response": [[1, 0], [0, 1], [0, 0]]}})"), "sensor.response"));
   CHECK(has(fault(R"({"noise": {"table": []}})"), "noise.table"));

@@ -442,13 +442,14 @@ TEST_CASE("sensor: by 4:2:0 the pixels of a quad have one colour and their own l
       for (int x = 0; x < plane.shape().width; ++x) plane(x, y) = random.uniform(0.1F, 0.3F);
     }
     const npsim::SerialExecutor executor;
+    npsim::Workspace none;
     npsim::IspParams params;
     params.saturation = 1;
     const auto developed = [&](npsim::ChromaSampling chroma) {
       npsim_test::Image<float> copy = plane;
       Picture out(shape);
       params.chroma = chroma;
-      REQUIRE(npsim::develop(params, {}, copy.view(), out.view(), executor).ok());
+      REQUIRE(npsim::develop(params, {}, copy.view(), out.view(), none, executor).ok());
       return out;
     };
     const Picture each = developed(npsim::ChromaSampling::yuv444);
@@ -482,20 +483,20 @@ TEST_CASE("sensor: the ISP refuses parameters out of range, planes of another si
   npsim_test::Image<float> plane(npsim::mosaic_shape({4, 3}), 1.0F);
   std::vector<Rgb8> out(40);
   const ImageView<Rgb8> wide(out.data(), {8, 5});
+  npsim::Workspace none;
   npsim::IspParams params;
-  REQUIRE(npsim::develop(params, {}, plane.view(), wide.sub(2, 1, {4, 3}), executor).ok());
+  REQUIRE(npsim::develop(params, {}, plane.view(), wide.sub(2, 1, {4, 3}), none, executor).ok());
   CHECK(wide(1, 1).g == 0);
   CHECK(wide(2, 1).g == 255);
   CHECK(wide(6, 3).g == 0);
-  CHECK(npsim::develop(params, {}, plane.view(), wide, executor).code() == npsim::StatusCode::shape_mismatch);
+  CHECK(npsim::develop(params, {}, plane.view(), wide, none, executor).code() == npsim::StatusCode::shape_mismatch);
   params.tone.toe = -1;
-  CHECK(npsim::develop(params, {}, plane.view(), wide.sub(0, 0, {4, 3}), executor).code() ==
+  CHECK(npsim::develop(params, {}, plane.view(), wide.sub(0, 0, {4, 3}), none, executor).code() ==
         npsim::StatusCode::invalid_argument);
   params = {};
   params.gains.y = std::numeric_limits<float>::quiet_NaN();
-  CHECK(npsim::develop(params, {}, plane.view(), wide.sub(0, 0, {4, 3}), executor).code() ==
+  CHECK(npsim::develop(params, {}, plane.view(), wide.sub(0, 0, {4, 3}), none, executor).code() ==
         npsim::StatusCode::invalid_argument);
-  npsim::Workspace none;
   CameraExposure exposure;
   const Image image({4, 3}, {1, 1, 1});
   CHECK(npsim::photograph({}, {100, 100, 2, 2}, 0, 0, image.view(), wide.sub(0, 0, {4, 3}), exposure, none, executor)

@@ -155,7 +155,8 @@ TEST_CASE("signal masks: saturated is what the ISP clips, in each mosaic, odd si
       isp.gains = gains;
       npsim_test::Image<npsim::Rgb8> picture(light.shape());
       npsim::SerialExecutor serial;
-      REQUIRE(npsim::develop(isp, sensor, plane.view(), picture.view(), serial).ok());
+      npsim::Workspace none;
+      REQUIRE(npsim::develop(isp, sensor, plane.view(), picture.view(), none, serial).ok());
       int saturated = 0;
       for (int y = 0; y < 31; ++y) {
         for (int x = 0; x < 47; ++x) {

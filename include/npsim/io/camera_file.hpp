@@ -149,6 +149,22 @@ inline Outcome read_exposure(const JsonObject& o, AutoExposureParams& p) {
   return read_word(o, "meter", {"mean", "centre", "highlight", "fixed"}, p.metering);
 }
 
+inline Outcome read_glare(const JsonObject& o, GlareParams& glare, StarburstParams& starburst) {
+  if (auto k = o.allow_only({"halo", "veil", "core_deg", "cap", "blades", "turn_deg", "apothem_mm"}); !k) return k;
+  if (auto r = read_whole(o, "blades", starburst.blades); !r) return r;
+  if (auto r = read_numbers(o, {{"halo", &glare.halo},
+                                {"veil", &glare.veil},
+                                {"core_deg", &glare.core_deg},
+                                {"cap", &glare.cap},
+                                {"turn_deg", &starburst.turn_deg},
+                                {"apothem_mm", &starburst.apothem_mm}});
+      !r) {
+    return r;
+  }
+  starburst.cap = glare.cap;
+  return Done{};
+}
+
 inline Outcome read_sensor(const JsonObject& o, SensorParams& p) {
   if (auto k = o.allow_only({"mosaic", "response", "bits", "black", "vignetting", "blur_px", "exposures", "ratio",
                              "row_noise", "hot_pixels", "hot_rate", "serial"});
@@ -262,8 +278,8 @@ inline Outcome read_white_balance(const JsonObject& o, WhiteBalanceParams& p) {
 }
 
 inline Outcome read_isp(const JsonObject& o, IspParams& p, float& sharpening) {
-  if (auto k = o.allow_only(
-          {"demosaic", "chroma", "pale_from", "pale", "saturation", "tone", "toe", "knee", "lift", "sharpening"});
+  if (auto k = o.allow_only({"demosaic", "chroma", "pale_from", "pale", "saturation", "tone", "toe", "knee", "lift",
+                             "local", "local_reach", "local_edge", "local_dark", "sharpening"});
       !k) {
     return k;
   }
@@ -273,6 +289,10 @@ inline Outcome read_isp(const JsonObject& o, IspParams& p, float& sharpening) {
                                 {"toe", &p.tone.toe},
                                 {"knee", &p.tone.knee},
                                 {"lift", &p.tone.lift},
+                                {"local", &p.local.share},
+                                {"local_reach", &p.local.reach},
+                                {"local_edge", &p.local.edge_stops},
+                                {"local_dark", &p.local.dark},
                                 {"sharpening", &sharpening}});
       !r) {
     return r;
@@ -334,14 +354,8 @@ Outcome read_part(const JsonObject& whole, const char* key, const Part& part, co
       !r) {
     return r.error();
   }
-  if (auto r = read_part(whole, "glare", p.glare,
-                         [&](const JsonObject& o) {
-                           if (auto k = o.allow_only({"halo", "veil", "core_deg", "cap"}); !k) return k;
-                           return detail::read_numbers(o, {{"halo", &p.glare.halo},
-                                                           {"veil", &p.glare.veil},
-                                                           {"core_deg", &p.glare.core_deg},
-                                                           {"cap", &p.glare.cap}});
-                         });
+  if (auto r = read_part(whole, "glare", p,
+                         [&](const JsonObject& o) { return detail::read_glare(o, p.glare, p.starburst); });
       !r) {
     return r.error();
   }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Section 3.6.3: the camera that looks at the night. Linear scene luminance in, an 8-bit picture out.
 //
-// motion -> glare -> exposure -> filters of the sensor, full well, shot and read noise (3.10), converter -> white
+// motion -> starburst, glare -> exposure -> filters of the sensor, full well, shot and read noise (3.10), converter -> white
 // balance -> denoise -> demosaic -> highlights, colour matrix, tone curve, sRGB -> sharpening. docs/camera.md draws the
 // chain and shows the cameras.
 // Exposure is metered on what the sensor sees, glare included.
@@ -32,6 +32,7 @@
 #include "npsim/sensor/noise.hpp"
 #include "npsim/sensor/raw.hpp"
 #include "npsim/sensor/sharpen.hpp"
+#include "npsim/sensor/starburst.hpp"
 #include "npsim/sensor/white_balance.hpp"
 
 namespace npsim {
@@ -80,6 +81,7 @@ struct PhotographParams {
   AutoExposureParams exposure;
   MotionParams motion = rolling(0.016F);  // at rest, until its speed is given
   FlickerParams flicker;
+  StarburstParams starburst;  // none: small lenses of fixed f-number have a round opening
   GlareParams glare;
   // Three linear sRGB channels in every pixel, neither filters nor full well nor converter: equation (3.10) and
   // clipping alone. sensor, white_balance and isp are not used then.
@@ -129,7 +131,7 @@ struct PhotographParams {
     params.isp.tone.toe = 0.001F;
     return params;
   }
-  // Three exposures, 120 dB, and a curve that shows them all; little colour preference.
+  // Three exposures, 120 dB, and a curve that shows them all place by place; little colour preference.
   [[nodiscard]] static constexpr PhotographParams automotive_hdr() noexcept {
     PhotographParams params;
     params.exposure.camera.f_number = 1.6F;
@@ -144,7 +146,8 @@ struct PhotographParams {
     params.sharpening = 0.0F;
     params.isp.saturation = 1.0F;
     params.isp.tone.kind = ToneKind::log;
-    params.isp.tone.lift = 1000.0F;
+    params.isp.tone.lift = 4000.0F;
+    params.isp.local.share = 0.8F;
     return params;
   }
   // One exposure, noise as it is read, colours and levels as they are: what a network on raw pictures would see.
@@ -175,6 +178,7 @@ struct PhotographParams {
   NPSIM_RETURN_IF_ERROR(validate(params.exposure));
   NPSIM_RETURN_IF_ERROR(validate(params.motion));
   NPSIM_RETURN_IF_ERROR(validate(params.flicker));
+  NPSIM_RETURN_IF_ERROR(validate(params.starburst));
   NPSIM_RETURN_IF_ERROR(validate(params.glare));
   NPSIM_RETURN_IF_ERROR(validate(params.sensor));
   NPSIM_RETURN_IF_ERROR(validate(params.noise_table));
@@ -200,7 +204,12 @@ namespace photograph_detail {
 
 // Whether light is changed between the scene and the converter, which takes an image.
 [[nodiscard]] constexpr bool changes_light(const PhotographParams& params) noexcept {
-  return params.ideal_sensor || has_glare(params.glare) || moves(params);
+  return params.ideal_sensor || has_starburst(params.starburst) || has_glare(params.glare) || moves(params);
+}
+
+// What the steps of light_at_sensor() take one after the other.
+[[nodiscard]] constexpr std::size_t optics_workspace_bytes(const PhotographParams& params, Shape shape) noexcept {
+  return max_of(starburst_workspace_bytes(params.starburst, shape), glare_workspace_bytes(params.glare, shape));
 }
 
 [[nodiscard]] constexpr std::size_t own_light_bytes(const PhotographParams& params, Shape shape) noexcept {
@@ -284,6 +293,10 @@ template <class Executor>
     NPSIM_RETURN_IF_ERROR(move(params, intrinsics, seed, image, street, light, own, workspace, executor));
     light = own;
   }
+  if (has_starburst(params.starburst)) {
+    NPSIM_RETURN_IF_ERROR(add_starburst(params.starburst, intrinsics.fx, light, own, workspace, executor));
+    light = own;
+  }
   if (has_glare(params.glare)) {
     NPSIM_RETURN_IF_ERROR(add_glare(params.glare, intrinsics.fx, light, own, workspace, executor));
     light = own;
@@ -297,10 +310,11 @@ template <class Executor>
 [[nodiscard]] constexpr std::size_t photograph_workspace_bytes(const PhotographParams& params, Shape shape,
                                                                std::size_t lights = 0) noexcept {
   return photograph_detail::own_light_bytes(params, shape) +
-         max_of((params.ideal_sensor ? 0 : 2 * allocation_bytes<float>(mosaic_shape(shape).pixels())) +
-                    max_of(glare_workspace_bytes(params.glare, shape), auto_exposure_workspace_bytes(shape),
-                           white_balance_workspace_bytes(shape)),
-                photograph_detail::motion_bytes(params, shape, lights)) +
+         max_of(
+             (params.ideal_sensor ? 0 : 2 * allocation_bytes<float>(mosaic_shape(shape).pixels())) +
+                 max_of(photograph_detail::optics_workspace_bytes(params, shape), auto_exposure_workspace_bytes(shape),
+                        white_balance_workspace_bytes(shape), develop_workspace_bytes(params.isp, shape)),
+             photograph_detail::motion_bytes(params, shape, lights)) +
          kWorkspaceAlignment;
 }
 
@@ -351,7 +365,7 @@ Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, 
     raw->noise = {noise.level.beta1 * r2, noise.level.beta2 * r2};
   }
   NPSIM_RETURN_IF_ERROR(denoise_raw(params.denoise, params.sensor, noise, plane, clean, executor));
-  NPSIM_RETURN_IF_ERROR(develop(isp, params.sensor, clean, picture, executor));
+  NPSIM_RETURN_IF_ERROR(develop(isp, params.sensor, clean, picture, workspace, executor));
   return sharpen(params.sharpening, picture, plane, executor);
 }
 

@@ -27,7 +27,8 @@ inline namespace NPSIM_ABI {
 [[nodiscard]] constexpr std::size_t picture_masks_workspace_bytes(const PhotographParams& camera, Shape shape,
                                                                   std::size_t lights = 0) noexcept {
   return photograph_detail::own_light_bytes(camera, shape) +
-         max_of(glare_workspace_bytes(camera.glare, shape), photograph_detail::motion_bytes(camera, shape, lights),
+         max_of(photograph_detail::optics_workspace_bytes(camera, shape),
+                photograph_detail::motion_bytes(camera, shape, lights),
                 allocation_bytes<float>(mosaic_shape(shape).pixels()) + white_balance_workspace_bytes(shape)) +
          kWorkspaceAlignment;
 }

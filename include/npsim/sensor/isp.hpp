@@ -16,6 +16,7 @@
 //           y = knee + (1 - knee) s (2 - s) with s = (z - knee) / (W - knee): a parabola that leaves the straight part
 //           with its slope and arrives at 1 with slope 0. In between, y = W n (1 + toe / W) - toe + O(toe^2 / n).
 //   log     y = ln(1 + a n) / ln(1 + a), n = 1 at the end of the range: for several exposures
+// By `local` the curve follows the light of each place (sensor/local_tone.hpp).
 // Chroma sampling: video keeps luma for every pixel and chroma for 2x2 of them (4:2:0), by which the coloured fringes
 // that a mosaic leaves at edges go. On the square roots of the linear values: red - Y and blue - Y become the means of
 // their quad, Y = .2126 red + .7152 green + .0722 blue stays.
@@ -35,8 +36,10 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/core/workspace.hpp"
 #include "npsim/sensor/demosaic.hpp"
 #include "npsim/sensor/detail/signal.hpp"
+#include "npsim/sensor/local_tone.hpp"
 #include "npsim/sensor/raw.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/math.hpp"
@@ -65,6 +68,7 @@ struct IspParams {
   ChromaSampling chroma = ChromaSampling::yuv420;
   float colourless = 0.0F;  // share of full scale at which half of the colour is withdrawn: that of the noise in black
   ToneCurve tone;
+  LocalToneParams local;
 };
 
 [[nodiscard]] inline Status validate(const ToneCurve& c) noexcept {
@@ -76,6 +80,7 @@ struct IspParams {
 
 [[nodiscard]] inline Status validate(const IspParams& p) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(p.tone));
+  NPSIM_RETURN_IF_ERROR(validate(p.local));
   const auto within = [](float v, float high) noexcept { return v >= 0.0F && v <= high; };
   if (within(p.gains.x, 64.0F) && within(p.gains.y, 64.0F) && within(p.gains.z, 64.0F) && within(p.pale_from, 0.89F) &&
       within(p.pale, 1.0F) && within(p.saturation, 4.0F) && within(p.colourless, 1.0F)) {
@@ -140,9 +145,11 @@ using Rgb = simd::F32x3<F>;
 
 inline constexpr float kPale = 0.9F;  // of full scale; noise leaves some clipped samples below 1
 
-// Displayed linear sRGB of white-balanced raw channels, 1 = full scale. peak: largest sample thereabouts.
-template <class F>
-[[nodiscard]] Rgb<F> rendered(const IspParams& params, const ColourMatrix& matrix, const Rgb<F>& raw, F peak) noexcept {
+// Displayed linear sRGB of white-balanced raw channels, 1 = full scale. peak: largest sample thereabouts. displayed: the
+// tone curve, of the largest channel.
+template <class F, class Tone>
+[[nodiscard]] NPSIM_ALWAYS_INLINE Rgb<F> rendered(const IspParams& params, const ColourMatrix& matrix,
+                                                  const Rgb<F>& raw, F peak, const Tone& displayed) noexcept {
   const F r = simd::clamp(raw.x, 0.0F, 1.0F);
   const F g = simd::clamp(raw.y, 0.0F, 1.0F);
   const F b = simd::clamp(raw.z, 0.0F, 1.0F);
@@ -162,7 +169,7 @@ template <class F>
   const F kept = in_gamut * (brightest / (brightest + F(params.colourless + 1e-9F)));
   const F largest = max(c.x, max(c.y, c.z));
   const F safe = max(fma(largest - grey, kept, grey), F(1e-9F));
-  const F scale = tone_map(params.tone, safe) / safe;
+  const F scale = displayed(safe) / safe;
   const auto shown = [&](F v) { return max(fma(v - grey, kept, grey), F(0.0F)) * scale; };
   return {shown(c.x), shown(c.y), shown(c.z)};
 }
@@ -191,7 +198,7 @@ struct IspSegment {
   alignas(64) float z[kIspSegment];
   alignas(64) float peak[kIspSegment];
 };
-static_assert(kIspSegment % simd::kMaxLanes == 0);
+static_assert(kIspSegment % simd::kMaxLanes == 0 && kIspSegment <= kMostLines);
 
 // Luma of BT.709.
 inline constexpr float kLumaRed = 0.2126F;
@@ -234,7 +241,7 @@ inline void share_chroma(float* upper, float* lower, int n) noexcept {
 // .. begin + count - 1 of row y.
 template <class F>
 void develop_segment(const IspParams& params, const ColourMatrix& matrix, Mosaic mosaic, ImageView<const float> plane,
-                     int begin, int y, int count, IspSegment& s) noexcept {
+                     const ToneLines& lines, int begin, int y, int count, IspSegment& s) noexcept {
   for (int i = 0; i < count; i += F::lanes) {
     const int n = count - i < F::lanes ? count - i : F::lanes;
     const DemosaicedPixels<F> raw = demosaic<F>(params.demosaic, mosaic, plane, begin + i, y, n);
@@ -243,9 +250,9 @@ void develop_segment(const IspParams& params, const ColourMatrix& matrix, Mosaic
     raw.rgb.z.store(s.z + i);
     raw.peak.store(s.peak + i);
   }
-  for (int i = 0; i < count; i += F::lanes) {
+  const auto shown = [&](int i, const auto& tone) {
     const Rgb<F> c =
-        rendered<F>(params, matrix, {F::load(s.x + i), F::load(s.y + i), F::load(s.z + i)}, F::load(s.peak + i));
+        rendered<F>(params, matrix, {F::load(s.x + i), F::load(s.y + i), F::load(s.z + i)}, F::load(s.peak + i), tone);
     const F red = sqrt(min(c.x, F(1.0F)));
     const F green = sqrt(min(c.y, F(1.0F)));
     const F blue = sqrt(min(c.z, F(1.0F)));
@@ -253,15 +260,32 @@ void develop_segment(const IspParams& params, const ColourMatrix& matrix, Mosaic
     (red - luma).store(s.x + i);
     luma.store(s.y + i);
     (blue - luma).store(s.z + i);
+  };
+  if (lines.slope.empty()) {
+    for (int i = 0; i < count; i += F::lanes) shown(i, [&](F n) { return tone_map(params.tone, n); });
+    return;
+  }
+  alignas(64) float slope[kIspSegment] = {};
+  alignas(64) float offset[kIspSegment] = {};
+  lines_of_pixels(lines, begin, y, count, slope, offset);
+  for (int i = 0; i < count; i += F::lanes) {
+    shown(i, [&](F n) {
+      const F c = max(local_light(params.local, n, F::load(slope + i), F::load(offset + i)), F(1e-9F));
+      return below_white(n * tone_map(params.tone, c) / c);
+    });
   }
 }
 
 }  // namespace isp_detail
 
+[[nodiscard]] constexpr std::size_t develop_workspace_bytes(const IspParams& params, Shape shape) noexcept {
+  return tone_lines_bytes(params.local, shape) + tone_lines_workspace_bytes(params.local, shape);
+}
+
 // Of a raw picture as capture() makes it; the plane is multiplied by the gains and clipped.
 template <class Executor>
 [[nodiscard]] Status develop(const IspParams& params, const SensorParams& sensor, ImageView<float> plane,
-                             ImageView<Rgb8> out, Executor& executor) {
+                             ImageView<Rgb8> out, Workspace& workspace, Executor& executor) {
   NPSIM_RETURN_IF_ERROR(validate(params));
   NPSIM_RETURN_IF_ERROR(validate(sensor));
   if (out.empty()) return {StatusCode::no_valid_input, "ISP: needs a picture of at least one pixel"};
@@ -280,6 +304,13 @@ template <class Executor>
       store_first(min(load_first<F>(row + x, n) * F::load(gain + (x & 1)), F(1.0F)), row + x, n);
     }
   });
+  const WorkspaceScope scope(workspace);
+  ToneLines lines;
+  if (is_local(params.local)) {
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(tone_cells(out.shape()), lines.slope));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(tone_cells(out.shape()), lines.offset));
+    NPSIM_RETURN_IF_ERROR(tone_lines(params.local, sensor.mosaic, out.shape(), plane, lines, workspace, executor));
+  }
   const isp_detail::ColourMatrix matrix = isp_detail::colour_matrix(sensor, params.saturation);
   for_rows(executor, (out.height() + 1) / 2, [&](int pair) {
     isp_detail::IspSegment rows[2] = {};
@@ -287,7 +318,7 @@ template <class Executor>
     for (int begin = 0; begin < out.width(); begin += isp_detail::kIspSegment) {
       const int n = out.width() - begin < isp_detail::kIspSegment ? out.width() - begin : isp_detail::kIspSegment;
       for (int i = 0; i < count; ++i) {
-        isp_detail::develop_segment<F>(params, matrix, sensor.mosaic, plane, begin, 2 * pair + i, n, rows[i]);
+        isp_detail::develop_segment<F>(params, matrix, sensor.mosaic, plane, lines, begin, 2 * pair + i, n, rows[i]);
       }
       if (count == 1) rows[1] = rows[0];
       if (params.chroma == ChromaSampling::yuv420) {

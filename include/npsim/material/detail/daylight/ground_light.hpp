@@ -30,7 +30,7 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/material/detail/daylight/light_mixture.hpp"
 #include "npsim/material/detail/daylight/picture.hpp"
-#include "npsim/material/detail/daylight/plane_filter.hpp"
+#include "npsim/material/detail/daylight/planes.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

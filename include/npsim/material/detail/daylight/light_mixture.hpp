@@ -18,7 +18,7 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
-#include "npsim/material/detail/daylight/plane_filter.hpp"
+#include "npsim/material/detail/daylight/planes.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

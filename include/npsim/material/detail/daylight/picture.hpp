@@ -22,7 +22,7 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/material/albedo_scene.hpp"
-#include "npsim/material/detail/daylight/plane_filter.hpp"
+#include "npsim/material/detail/daylight/planes.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

@@ -24,7 +24,7 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/material/detail/daylight/ground_light.hpp"
 #include "npsim/material/detail/daylight/picture.hpp"
-#include "npsim/material/detail/daylight/plane_filter.hpp"
+#include "npsim/material/detail/daylight/planes.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -111,7 +111,7 @@ Status place_sun(const StandingLightParams& p, const Picture& picture, const Gro
   const float rest = n > 0.0 ? static_cast<float>(sum / n) : 1.0F;
   NPSIM_RETURN_IF_ERROR(
       window_mean(is_ground, sun, picture.radius(p.place_px), 1.0F, rest, workspace, around, executor));
-  executor.for_chunks(static_cast<std::size_t>(shape.width), kFilterColumns, [&](std::size_t begin, std::size_t end) {
+  executor.for_chunks(static_cast<std::size_t>(shape.width), kWindowColumns, [&](std::size_t begin, std::size_t end) {
     for (std::size_t column = begin; column < end; ++column) {
       const int x = static_cast<int>(column);
       float carried = around(x, shape.height - 1);

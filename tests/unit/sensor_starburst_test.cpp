@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "npsim/core/executor.hpp"
+#include "npsim/core/random.hpp"
+#include "npsim/sensor/starburst.hpp"
+#include "unit/sensor_fixture.hpp"
+
+namespace {
+
+using npsim::Shape;
+using npsim::StarburstParams;
+using npsim::StatusCode;
+using npsim::Vec3f;
+using sensor_test::Image;
+using sensor_test::pixels;
+
+constexpr float kFocal = 1000.0F;  // px
+constexpr int kSize = 401;
+constexpr int kMiddle = kSize / 2;
+
+StarburstParams blades(int count, float turn_deg = 0.0F) {
+  StarburstParams params;
+  params.blades = count;
+  params.turn_deg = turn_deg;
+  return params;
+}
+
+template <class Executor = npsim::SerialExecutor>
+Image burst(const StarburstParams& params, Image image, Executor executor = {}) {
+  npsim_test::Scratch scratch(npsim::starburst_workspace_bytes(params, image.shape()));
+  REQUIRE(npsim::add_starburst(params, kFocal, image.cview(), image.view(), scratch.workspace(), executor).ok());
+  return image;
+}
+
+Image lamp() {
+  Image image({kSize, kSize});
+  image(kMiddle, kMiddle) = {1e6F, 1e6F, 1e6F};
+  return image;
+}
+
+double total(const Image& image) {
+  double sum = 0;
+  for (const Vec3f& p : pixels(image)) {
+    sum += static_cast<double>(p.x) + static_cast<double>(p.y) + static_cast<double>(p.z);
+  }
+  return sum;
+}
+
+}  // namespace
+
+TEST_CASE("sensor: along a spike of a starburst light falls by the square of the way, as the edges' diffraction does") {
+  const StarburstParams params = blades(4);  // along the rows and columns, where a spike is one pixel wide
+  const Image out = burst(params, lamp());
+  const double pi = std::acos(-1.0);
+  // lambda focal / (2 pi^2 apothem n) of each blade, two of which share a spike.
+  const double strength = 2 * 540e-6 * static_cast<double>(kFocal) / (2 * pi * pi * 0.65 * 4);
+  for (int s = 2; s < 190; ++s) {
+    const double exact = 1e6 * strength * (1 / (s - 0.5) - 1 / (s + 0.5));
+    CAPTURE(s);
+    for (const Vec3f& p :
+         {out(kMiddle + s, kMiddle), out(kMiddle - s, kMiddle), out(kMiddle, kMiddle + s), out(kMiddle, kMiddle - s)}) {
+      CHECK(static_cast<double>(p.y) == doctest::Approx(exact).epsilon(1e-4));
+      CHECK(static_cast<double>(p.x / p.y) == doctest::Approx(610.0 / 540.0).epsilon(1e-4));
+    }
+    CHECK(out(kMiddle + s, kMiddle + s).y == 0.0F);
+  }
+}
+
+TEST_CASE("sensor: a starburst has as many spikes as an even number of blades, twice as many as an odd one") {
+  for (const int count : {3, 5, 6, 7, 8}) {
+    const Image out = burst(blades(count, 7.0F), lamp());
+    // Along a circle of radius 100, in the order of the angle: where light begins.
+    int spikes = 0;
+    bool lit = true;
+    for (int i = 0; i <= 3600; ++i) {
+      const double angle = (i - 5) * 3.14159265358979 / 1800;
+      const auto x = static_cast<int>(std::lround(100 * std::cos(angle)));
+      const auto y = static_cast<int>(std::lround(100 * std::sin(angle)));
+      const bool here = out(kMiddle + x, kMiddle + y).y > 0.0F;
+      if (here && !lit) ++spikes;
+      lit = here;
+    }
+    CAPTURE(count);
+    CHECK(spikes == (count % 2 == 0 ? count : 2 * count));
+  }
+}
+
+TEST_CASE("sensor: a starburst keeps the light, lamps at the border and beside each other included") {
+  for (const Shape shape : {Shape{160, 90}, Shape{33, 57}, Shape{1, 64}, Shape{64, 1}, Shape{1, 1}}) {
+    Image image(shape);
+    for (std::size_t i = 0; i < pixels(image).size(); ++i) {
+      npsim::RandomStream random(2, npsim::RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(i), 0);
+      pixels(image)[i] = {random.uniform(), random.uniform(), random.uniform()};
+      if (random.uniform() < 0.01F) pixels(image)[i] *= 2e4F;
+    }
+    image(0, 0) = {5e4F, 1, 1};
+    image(shape.width - 1, shape.height - 1) = {1, 1, 5e4F};
+    const Image out = burst(blades(7), image);
+    CAPTURE(shape.width);
+    CHECK(std::fabs(total(out) / total(image) - 1.0) < 1e-5);
+    for (const Vec3f& p : pixels(out)) CHECK((p.x >= 0.0F && p.y >= 0.0F && p.z >= 0.0F));
+    const Image same = burst(blades(7), image, npsim_test::BackwardExecutor{});
+    for (std::size_t i = 0; i < pixels(out).size(); ++i) CHECK(pixels(same)[i] == pixels(out)[i]);
+  }
+}
+
+TEST_CASE(
+    "sensor: without blades, and of what is too dim, a starburst changes nothing; NaN and infinity do not spread") {
+  Image dim({40, 30}, {0.05F, 0.05F, 0.05F});
+  for (const int count : {0, 6}) {
+    const Image out = burst(blades(count), dim);
+    for (std::size_t i = 0; i < pixels(dim).size(); ++i) CHECK(pixels(out)[i] == pixels(dim)[i]);
+  }
+  Image broken({41, 41});
+  broken(20, 20) = {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), -1.0F};
+  const Image out = burst(blades(6), broken);
+  CHECK(out(20, 20).x == 0.0F);
+  CHECK(out(20, 20).y > 0.9F * npsim::kMaxSample);  // keeps its own
+  CHECK(out(24, 20).x == 0.0F);
+  CHECK(out(24, 20).y > 0.0F);
+  CHECK(out(24, 20).y < 1e6F);  // but scatters as the cap does
+}
+
+TEST_CASE("sensor: a starburst refuses parameters out of range and a small workspace") {
+  Image image({8, 8}, {1, 1, 1});
+  npsim::SerialExecutor executor;
+  const auto code = [&](const StarburstParams& params, float focal) {
+    npsim_test::Scratch scratch(npsim::starburst_workspace_bytes(params, image.shape()));
+    return npsim::add_starburst(params, focal, image.cview(), image.view(), scratch.workspace(), executor).code();
+  };
+  CHECK(code(blades(31), kFocal) == StatusCode::ok);
+  for (const int count : {-1, 1, 2, 32}) CHECK(code(blades(count), kFocal) == StatusCode::invalid_argument);
+  CHECK(code(blades(6), 0.0F) == StatusCode::invalid_argument);
+  CHECK(code(blades(6), 1e5F) == StatusCode::invalid_argument);  // would send half of the light
+  StarburstParams params = blades(6);
+  params.apothem_mm = std::numeric_limits<float>::quiet_NaN();
+  CHECK(code(params, kFocal) == StatusCode::invalid_argument);
+  npsim::Workspace none;
+  CHECK(npsim::add_starburst(blades(6), kFocal, image.cview(), image.view(), none, executor).code() ==
+        StatusCode::workspace_exhausted);
+}
