@@ -26,6 +26,7 @@
 #include "../named_scene.hpp"
 #include "../options.hpp"
 #include "../timing.hpp"
+#include "npsim/depth/refine_depth.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/mesh/complete_background.hpp"
@@ -35,7 +36,6 @@
 #include "npsim/mesh/sheet.hpp"
 #include "npsim/mesh/simplify.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
-#include "npsim/pipeline/refine_depth.hpp"
 #if defined(NPSIM_BENCH_MESHOPTIMIZER)
 #include <meshoptimizer.h>
 #endif

@@ -10,6 +10,7 @@
 #include "../host.hpp"
 #include "../named_scene.hpp"
 #include "npsim/core/executor.hpp"
+#include "npsim/depth/refine_depth.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/mesh/complete_background.hpp"
 #include "npsim/mesh/complete_foreground.hpp"
@@ -17,7 +18,6 @@
 #include "npsim/mesh/prune.hpp"
 #include "npsim/mesh/sheet.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
-#include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/trace/ray.hpp"
 
 namespace npsim::bench {

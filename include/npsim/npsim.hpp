@@ -44,32 +44,16 @@
 #include "npsim/labels/light_classes.hpp"
 
 // section 3.4: from measured or predicted depth to one that a mesh can be built on
-#include "npsim/depth/anchor_ground.hpp"
-#include "npsim/depth/beyond_range.hpp"
-#include "npsim/depth/border_spill.hpp"
-#include "npsim/depth/car_bodies.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/fill.hpp"
-#include "npsim/depth/fitted_normals.hpp"
-#include "npsim/depth/ground_contact.hpp"
-#include "npsim/depth/ground_mismatches.hpp"
-#include "npsim/depth/guiding_normals.hpp"
-#include "npsim/depth/kerb_faces.hpp"
 #include "npsim/depth/loss_gradient.hpp"
 #include "npsim/depth/losses.hpp"
 #include "npsim/depth/normal_convention.hpp"
 #include "npsim/depth/normals.hpp"
-#include "npsim/depth/object_borders.hpp"
-#include "npsim/depth/outliers.hpp"
-#include "npsim/depth/planar_segments.hpp"
-#include "npsim/depth/plant_outlines.hpp"
 #include "npsim/depth/refine.hpp"
-#include "npsim/depth/sharpen_edges.hpp"
-#include "npsim/depth/sky.hpp"
-#include "npsim/depth/smooth_surfaces.hpp"
+#include "npsim/depth/refine_depth.hpp"
 #include "npsim/depth/source_noise.hpp"
-#include "npsim/depth/street_furniture.hpp"
 #include "npsim/depth/uncertainty.hpp"
 
 // sections 3.1, 3.3, 3.5: the layered scene mesh
@@ -122,12 +106,10 @@
 #include "npsim/render/visibility.hpp"
 
 // section 3.6.3: the camera
-#include "npsim/sensor/demosaic.hpp"
 #include "npsim/sensor/denoise.hpp"
 #include "npsim/sensor/exposure.hpp"
 #include "npsim/sensor/glare.hpp"
 #include "npsim/sensor/isp.hpp"
-#include "npsim/sensor/local_tone.hpp"
 #include "npsim/sensor/motion.hpp"
 #include "npsim/sensor/noise.hpp"
 #include "npsim/sensor/noise_fit.hpp"
@@ -153,7 +135,6 @@
 #include "npsim/pipeline/photograph.hpp"
 #include "npsim/pipeline/picture_masks.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
-#include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/pipeline/relight.hpp"
 
 #endif  // NPSIM_NPSIM_HPP

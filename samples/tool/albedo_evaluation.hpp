@@ -17,9 +17,9 @@
 
 #include "figures.hpp"
 #include "npsim/core/scene_view.hpp"
+#include "npsim/depth/refine_depth.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/material/albedo.hpp"
-#include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/pipeline/relight.hpp"
 
 namespace npsim::tool {

@@ -21,10 +21,10 @@
 #include "label_groups.hpp"
 #include "npsim/core/observe.hpp"
 #include "npsim/core/scene_view.hpp"
+#include "npsim/depth/refine_depth.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/metrics/normal_errors.hpp"
-#include "npsim/pipeline/refine_depth.hpp"
 #include "scene_truth.hpp"
 
 namespace npsim::tool {

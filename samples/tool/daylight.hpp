@@ -10,11 +10,11 @@
 #include <string>
 
 #include "figures.hpp"
+#include "npsim/depth/refine_depth.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/error.hpp"
 #include "npsim/io/scene.hpp"
 #include "npsim/material/albedo.hpp"
-#include "npsim/pipeline/refine_depth.hpp"
 
 namespace npsim::tool {
 

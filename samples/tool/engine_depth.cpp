@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/pipeline/refine_depth.hpp"
+#include "npsim/depth/refine_depth.hpp"
 
 #include "tool/engine.hpp"
 

@@ -13,9 +13,9 @@
 
 #include "figures.hpp"
 #include "npsim/core/scene_view.hpp"
+#include "npsim/depth/refine_depth.hpp"
 #include "npsim/io/scene.hpp"
 #include "npsim/light/placement.hpp"
-#include "npsim/pipeline/refine_depth.hpp"
 
 namespace npsim::tool {
 

@@ -21,8 +21,8 @@
 #include "figures.hpp"
 #include "npsim/core/scene_view.hpp"
 #include "npsim/depth/losses.hpp"
+#include "npsim/depth/refine_depth.hpp"
 #include "npsim/exec/thread_pool.hpp"
-#include "npsim/pipeline/refine_depth.hpp"
 #include "scene_truth.hpp"
 
 namespace npsim::tool {

@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "npsim/core/camera.hpp"
+#include "npsim/depth/refine_depth.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/io/memory.hpp"
@@ -19,7 +20,6 @@
 #include "npsim/mesh/sheet.hpp"
 #include "npsim/mesh/simplify.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
-#include "npsim/pipeline/refine_depth.hpp"
 
 namespace npsim::tool {
 namespace {

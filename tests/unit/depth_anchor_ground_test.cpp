@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/anchor_ground.hpp"
+#include "npsim/depth/detail/estimated/anchor_ground.hpp"
 
 #include <doctest/doctest.h>
 
@@ -9,11 +9,11 @@
 #include <cstdint>
 #include <vector>
 
+#include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
-#include "fixture.hpp"
 
 using namespace npsim;
 
@@ -126,7 +126,9 @@ TEST_CASE("anchoring flattens noise on the road and keeps the kerb") {
   CHECK(s.worst(label::sidewalk) < 0.02F);  // 9 % nearer than the road it is not drawn to
 }
 
-TEST_CASE("the upright face of a kerb, by the given normals, is not drawn to the pavement's height: its foot stays on the road") {
+TEST_CASE(
+    "the upright face of a kerb, by the given normals, is not drawn to the pavement's height: its foot stays on the "
+    "road") {
   // Right of x = 120 the pavement; between, a face of 12 cm: one point of the road's edge and all points above it.
   Scene s;
   constexpr float kEdge = 1.0F;  // m to the right of the camera

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/beyond_range.hpp"
+#include "npsim/depth/detail/measured/beyond_range.hpp"
 
 #include <doctest/doctest.h>
 

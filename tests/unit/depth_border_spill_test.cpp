@@ -3,7 +3,7 @@
 
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
-#include "npsim/depth/border_spill.hpp"
+#include "npsim/depth/detail/measured/border_spill.hpp"
 
 namespace {
 

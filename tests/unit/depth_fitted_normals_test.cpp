@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/fitted_normals.hpp"
+#include "npsim/depth/detail/normals/fitted_normals.hpp"
 
 #include <doctest/doctest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/ground_contact.hpp"
+#include "npsim/depth/detail/ground_contact.hpp"
 
 #include <doctest/doctest.h>
 

@@ -8,7 +8,7 @@
 #include <cstring>
 
 #include "fixture.hpp"
-#include "npsim/depth/kerb_faces.hpp"
+#include "npsim/depth/detail/normals/kerb_faces.hpp"
 #include "npsim/io/image.hpp"
 
 namespace {

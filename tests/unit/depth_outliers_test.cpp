@@ -3,7 +3,7 @@
 
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
-#include "npsim/depth/outliers.hpp"
+#include "npsim/depth/detail/given/outliers.hpp"
 
 namespace {
 

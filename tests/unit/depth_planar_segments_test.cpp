@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/planar_segments.hpp"
+#include "npsim/depth/detail/planes/planar_segments.hpp"
 
 #include <doctest/doctest.h>
 

@@ -8,7 +8,7 @@
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/depth/plant_outlines.hpp"
+#include "npsim/depth/detail/given/plant_outlines.hpp"
 #include "npsim/exec/thread_pool.hpp"
 
 namespace {

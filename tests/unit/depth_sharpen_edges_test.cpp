@@ -9,9 +9,9 @@
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
+#include "npsim/depth/detail/estimated/sharpen_edges.hpp"
 #include "npsim/depth/detail/extend_field.hpp"
-#include "npsim/depth/object_borders.hpp"
-#include "npsim/depth/sharpen_edges.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/sky.hpp"
+#include "npsim/depth/detail/given/sky.hpp"
 
 #include <doctest/doctest.h>
 

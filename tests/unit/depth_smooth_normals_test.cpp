@@ -6,7 +6,7 @@
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/depth/guiding_normals.hpp"
+#include "npsim/depth/detail/normals/guiding_normals.hpp"
 
 namespace {
 

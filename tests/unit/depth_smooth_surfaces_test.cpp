@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/smooth_surfaces.hpp"
+#include "npsim/depth/detail/measured/smooth_surfaces.hpp"
 
 #include <doctest/doctest.h>
 
@@ -10,7 +10,7 @@
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/depth/ground_mismatches.hpp"
+#include "npsim/depth/detail/measured/ground_mismatches.hpp"
 
 using namespace npsim;
 using npsim_test::Image;

@@ -8,7 +8,7 @@
 
 #include "fixture.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/pipeline/refine_depth.hpp"
+#include "npsim/depth/refine_depth.hpp"
 
 using namespace npsim;
 using npsim_test::Image;

@@ -11,15 +11,15 @@
 
 #include "npsim/core/executor.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/anchor_ground.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
+#include "npsim/depth/detail/estimated/anchor_ground.hpp"
+#include "npsim/depth/detail/estimated/sharpen_edges.hpp"
+#include "npsim/depth/detail/given/outliers.hpp"
+#include "npsim/depth/detail/normals/guiding_normals.hpp"
 #include "npsim/depth/fill.hpp"
-#include "npsim/depth/guiding_normals.hpp"
 #include "npsim/depth/loss_gradient.hpp"
 #include "npsim/depth/normals.hpp"
-#include "npsim/depth/outliers.hpp"
 #include "npsim/depth/refine.hpp"
-#include "npsim/depth/sharpen_edges.hpp"
 #include "npsim/depth/uncertainty.hpp"
 
 using namespace npsim;

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "io_fixture.hpp"
+#include "npsim/io/detail/npy.hpp"
 #include "npsim/io/hdr.hpp"
-#include "npsim/io/npy.hpp"
 #include "npsim/io/pfm.hpp"
 
 namespace {

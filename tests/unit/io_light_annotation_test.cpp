@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "io_fixture.hpp"
-#include "npsim/io/light_annotation.hpp"
+#include "npsim/io/detail/light_annotation.hpp"
 
 namespace {
 

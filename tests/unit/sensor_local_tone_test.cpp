@@ -7,8 +7,8 @@
 
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
+#include "npsim/sensor/detail/local_tone.hpp"
 #include "npsim/sensor/isp.hpp"
-#include "npsim/sensor/local_tone.hpp"
 #include "unit/fixture.hpp"
 
 namespace {

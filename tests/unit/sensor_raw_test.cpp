@@ -8,8 +8,8 @@
 
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/sensor/demosaic.hpp"
 #include "npsim/sensor/denoise.hpp"
+#include "npsim/sensor/detail/demosaic.hpp"
 #include "npsim/sensor/exposure.hpp"
 #include "npsim/sensor/raw.hpp"
 #include "npsim/sensor/white_balance.hpp"

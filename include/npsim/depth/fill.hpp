@@ -38,7 +38,7 @@
 #include "npsim/depth/detail/fill/orphans.hpp"
 #include "npsim/depth/detail/fill/scan_lines.hpp"
 #include "npsim/depth/detail/fill/second_order.hpp"
-#include "npsim/depth/object_borders.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {
@@ -48,7 +48,7 @@ struct FillParams {
   LabelSet no_surface = kNoSurfaceLabels;
   LabelSet planar = kGroundLabels;
   LabelSet behind = kHouseLabels;  // go on behind what stands before them
-  float behind_reach = 0.125F;                                   // of the width
+  float behind_reach = 0.125F;     // of the width
   LabelSet hung = LabelSet::of(label::pole, label::polegroup, label::traffic_light, label::traffic_sign,
                                label::vegetation, label::static_object, label::dynamic_object);  // on one another
   float upright_reach = 0.01F;  // of the width: what hangs, and is farther from all measured of it, is upright

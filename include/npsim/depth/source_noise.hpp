@@ -22,7 +22,7 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/scene_view.hpp"
-#include "npsim/depth/object_borders.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

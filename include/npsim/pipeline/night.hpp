@@ -25,9 +25,9 @@
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/refine_depth.hpp"
 #include "npsim/pipeline/photograph.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
-#include "npsim/pipeline/refine_depth.hpp"
 #include "npsim/pipeline/relight.hpp"
 
 namespace npsim {

@@ -22,6 +22,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/refine_depth.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/mesh/complete_background.hpp"
@@ -32,7 +33,6 @@
 #include "npsim/mesh/sheet.hpp"
 #include "npsim/mesh/solidify.hpp"
 #include "npsim/pipeline/detail/simplify_faces.hpp"
-#include "npsim/pipeline/refine_depth.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

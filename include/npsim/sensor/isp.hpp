@@ -16,7 +16,7 @@
 //           y = knee + (1 - knee) s (2 - s) with s = (z - knee) / (W - knee): a parabola that leaves the straight part
 //           with its slope and arrives at 1 with slope 0. In between, y = W n (1 + toe / W) - toe + O(toe^2 / n).
 //   log     y = ln(1 + a n) / ln(1 + a), n = 1 at the end of the range: for several exposures
-// By `local` the curve follows the light of each place (sensor/local_tone.hpp).
+// By `local` the curve follows the light of each place (sensor/detail/local_tone.hpp).
 // Chroma sampling: video keeps luma for every pixel and chroma for 2x2 of them (4:2:0), by which the coloured fringes
 // that a mosaic leaves at edges go. On the square roots of the linear values: red - Y and blue - Y become the means of
 // their quad, Y = .2126 red + .7152 green + .0722 blue stays.
@@ -37,9 +37,9 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/sensor/demosaic.hpp"
+#include "npsim/sensor/detail/demosaic.hpp"
+#include "npsim/sensor/detail/local_tone.hpp"
 #include "npsim/sensor/detail/signal.hpp"
-#include "npsim/sensor/local_tone.hpp"
 #include "npsim/sensor/raw.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/math.hpp"

@@ -15,9 +15,9 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/io/detail/file_bytes.hpp"
 #include "npsim/io/detail/limits.hpp"
+#include "npsim/io/detail/npy.hpp"
 #include "npsim/io/error.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/io/npy.hpp"
 #include "npsim/io/pfm.hpp"
 #include "npsim/io/png_jpeg.hpp"
 

@@ -12,9 +12,9 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/io/detail/depth.hpp"
 #include "npsim/io/detail/limits.hpp"
+#include "npsim/io/detail/npy.hpp"
 #include "npsim/io/error.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/io/npy.hpp"
 #include "npsim/io/pfm.hpp"
 #include "npsim/io/png_jpeg.hpp"
 

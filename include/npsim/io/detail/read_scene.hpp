@@ -23,10 +23,10 @@
 #include "npsim/io/detail/depth.hpp"
 #include "npsim/io/detail/json_fields.hpp"
 #include "npsim/io/detail/labels.hpp"
+#include "npsim/io/detail/light_annotation.hpp"
 #include "npsim/io/detail/limits.hpp"
 #include "npsim/io/detail/normals.hpp"
 #include "npsim/io/error.hpp"
-#include "npsim/io/light_annotation.hpp"
 #include "npsim/io/png_jpeg.hpp"
 
 namespace npsim {

@@ -14,13 +14,13 @@
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/refine_depth.hpp"
 #include "npsim/material/albedo.hpp"
 #include "npsim/material/retroreflection.hpp"
 #include "npsim/material/roughness.hpp"
 #include "npsim/material/wet_film.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
-#include "npsim/pipeline/refine_depth.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

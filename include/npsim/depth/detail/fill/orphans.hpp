@@ -22,7 +22,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/detail/fill/second_order.hpp"
-#include "npsim/depth/object_borders.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {

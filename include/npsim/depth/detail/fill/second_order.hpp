@@ -28,7 +28,7 @@
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/object_borders.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

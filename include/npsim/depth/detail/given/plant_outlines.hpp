@@ -18,8 +18,8 @@
 // thread count.
 // Cost: 25 samples per pixel of plants and of what lies behind them, and about 100 operations per pixel in doubt and
 // class. Memory: plant_outlines_workspace_bytes().
-#ifndef NPSIM_DEPTH_PLANT_OUTLINES_HPP
-#define NPSIM_DEPTH_PLANT_OUTLINES_HPP
+#ifndef NPSIM_DEPTH_DETAIL_GIVEN_PLANT_OUTLINES_HPP
+#define NPSIM_DEPTH_DETAIL_GIVEN_PLANT_OUTLINES_HPP
 
 #include <algorithm>
 #include <array>
@@ -427,4 +427,4 @@ void drop_depth_of_plants(const PlantOutlinesParams& params, ImageView<const Lab
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_PLANT_OUTLINES_HPP
+#endif  // NPSIM_DEPTH_DETAIL_GIVEN_PLANT_OUTLINES_HPP

@@ -14,8 +14,8 @@
 //
 // Cost: about 360 taps per pixel of the bands at any radius (the lattice of taps widens with it). Memory: two floats
 // per pixel. Rounding: sums in double, so float's 1e-7 of the plane's value.
-#ifndef NPSIM_DEPTH_SHARPEN_EDGES_HPP
-#define NPSIM_DEPTH_SHARPEN_EDGES_HPP
+#ifndef NPSIM_DEPTH_DETAIL_ESTIMATED_SHARPEN_EDGES_HPP
+#define NPSIM_DEPTH_DETAIL_ESTIMATED_SHARPEN_EDGES_HPP
 
 #include <cmath>
 #include <cstddef>
@@ -26,7 +26,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/object_borders.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {
@@ -200,4 +200,4 @@ template <class Executor>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_SHARPEN_EDGES_HPP
+#endif  // NPSIM_DEPTH_DETAIL_ESTIMATED_SHARPEN_EDGES_HPP

@@ -3,8 +3,8 @@
 //
 // Both go by the ground plane of the depth. Virtual measurements are for the fill alone; they lie only where nothing
 // was measured.
-#ifndef NPSIM_PIPELINE_DETAIL_UNLABELLED_GROUND_HPP
-#define NPSIM_PIPELINE_DETAIL_UNLABELLED_GROUND_HPP
+#ifndef NPSIM_DEPTH_DETAIL_GIVEN_UNLABELLED_GROUND_HPP
+#define NPSIM_DEPTH_DETAIL_GIVEN_UNLABELLED_GROUND_HPP
 
 #include <algorithm>
 #include <cmath>
@@ -140,4 +140,4 @@ inline constexpr float kFarGround_m = 100.0F;
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_PIPELINE_DETAIL_UNLABELLED_GROUND_HPP
+#endif  // NPSIM_DEPTH_DETAIL_GIVEN_UNLABELLED_GROUND_HPP

@@ -4,8 +4,8 @@
 // Source: the NPY format description, versions 1 to 3. The header is parsed as the dictionary of three keys that it is,
 // not searched for substrings. f8 and i4 are rounded to float where floats are asked for; numbers that stand for ids
 // are read as integers only. The file has to be exactly as long as its header says.
-#ifndef NPSIM_IO_NPY_HPP
-#define NPSIM_IO_NPY_HPP
+#ifndef NPSIM_IO_DETAIL_NPY_HPP
+#define NPSIM_IO_DETAIL_NPY_HPP
 
 #include <cstddef>
 #include <cstdint>
@@ -127,4 +127,4 @@ inline Outcome write_npy(const std::string& path, ImageView<const Vec3f> image) 
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_IO_NPY_HPP
+#endif  // NPSIM_IO_DETAIL_NPY_HPP

@@ -18,8 +18,8 @@
 // looks so and is connected to the upper edge, and what looks so elsewhere and is as far. Where nothing is told apart
 // all is surface.
 // Cost: a few passes. Memory: none.
-#ifndef NPSIM_DEPTH_SKY_HPP
-#define NPSIM_DEPTH_SKY_HPP
+#ifndef NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
+#define NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
 
 #include <algorithm>
 #include <array>
@@ -294,4 +294,4 @@ inline void find_sky(ImageView<const Rgb8> image, ImageView<const float> depth,
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_SKY_HPP
+#endif  // NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP

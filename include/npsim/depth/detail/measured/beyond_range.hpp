@@ -19,8 +19,8 @@
 // true one from .53 to .37 %.
 // Deterministic. Cost: three passes, and an eighth of its width for each column. Memory: 12 bytes a column, 1 KiB of
 // stack.
-#ifndef NPSIM_DEPTH_BEYOND_RANGE_HPP
-#define NPSIM_DEPTH_BEYOND_RANGE_HPP
+#ifndef NPSIM_DEPTH_DETAIL_MEASURED_BEYOND_RANGE_HPP
+#define NPSIM_DEPTH_DETAIL_MEASURED_BEYOND_RANGE_HPP
 
 #include <algorithm>
 #include <cstddef>
@@ -181,4 +181,4 @@ struct Scene {
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_BEYOND_RANGE_HPP
+#endif  // NPSIM_DEPTH_DETAIL_MEASURED_BEYOND_RANGE_HPP

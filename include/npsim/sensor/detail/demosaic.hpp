@@ -16,8 +16,8 @@
 // the four 2x2 quads that the pixel belongs to.
 // Borders are mirrored about the outermost pixels, which keeps the order of the filters.
 // Cost: about 1.6 ns per pixel (AVX2). Memory: none.
-#ifndef NPSIM_SENSOR_DEMOSAIC_HPP
-#define NPSIM_SENSOR_DEMOSAIC_HPP
+#ifndef NPSIM_SENSOR_DETAIL_DEMOSAIC_HPP
+#define NPSIM_SENSOR_DETAIL_DEMOSAIC_HPP
 
 #include <cstdint>
 
@@ -97,4 +97,4 @@ template <class F>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_SENSOR_DEMOSAIC_HPP
+#endif  // NPSIM_SENSOR_DETAIL_DEMOSAIC_HPP

@@ -24,8 +24,8 @@
 // Invariant: pixels of other things are not touched, nor cars that show their doors and no box explains (max_loss),
 // that have no number of their own, or fewer than min_px. No normal comes to look away from the camera.
 // Deterministic. Cost: some 10 medians of a car's rows, and 19 x 10 of 2048 samples.
-#ifndef NPSIM_DEPTH_CAR_BODIES_HPP
-#define NPSIM_DEPTH_CAR_BODIES_HPP
+#ifndef NPSIM_DEPTH_DETAIL_CARS_CAR_BODIES_HPP
+#define NPSIM_DEPTH_DETAIL_CARS_CAR_BODIES_HPP
 
 #include <algorithm>
 #include <cmath>
@@ -43,7 +43,7 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/detail/cars/corner.hpp"
 #include "npsim/depth/detail/cars/rim.hpp"
-#include "npsim/depth/object_borders.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/depth/source_noise.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
@@ -475,4 +475,4 @@ template <class Executor>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_CAR_BODIES_HPP
+#endif  // NPSIM_DEPTH_DETAIL_CARS_CAR_BODIES_HPP

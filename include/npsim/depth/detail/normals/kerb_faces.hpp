@@ -16,8 +16,8 @@
 // stays as it is, bit by bit.
 // Cost: two passes over the image, and per pixel of a line at most 4/3 of 97 x 97 samples of it and 4 reach^2 of its
 // face. Memory: 21 bytes a pixel.
-#ifndef NPSIM_DEPTH_KERB_FACES_HPP
-#define NPSIM_DEPTH_KERB_FACES_HPP
+#ifndef NPSIM_DEPTH_DETAIL_NORMALS_KERB_FACES_HPP
+#define NPSIM_DEPTH_DETAIL_NORMALS_KERB_FACES_HPP
 
 #include <cmath>
 #include <cstddef>
@@ -256,4 +256,4 @@ struct KerbPlane {
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_KERB_FACES_HPP
+#endif  // NPSIM_DEPTH_DETAIL_NORMALS_KERB_FACES_HPP

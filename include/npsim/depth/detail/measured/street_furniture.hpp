@@ -11,8 +11,8 @@
 // Invariant: pixels of other labels, what lies on a plane of its own and what is round but wider than max_width_m are
 // not touched. No pixel's new depth is outside of those around it on its thing. Deterministic. Cost: for each run of
 // such things the pixels within reach, at most kMaxSamples, and for each pixel its runs, at most kLongest_px long.
-#ifndef NPSIM_DEPTH_STREET_FURNITURE_HPP
-#define NPSIM_DEPTH_STREET_FURNITURE_HPP
+#ifndef NPSIM_DEPTH_DETAIL_MEASURED_STREET_FURNITURE_HPP
+#define NPSIM_DEPTH_DETAIL_MEASURED_STREET_FURNITURE_HPP
 
 #include <algorithm>
 #include <array>
@@ -25,8 +25,8 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/depth/object_borders.hpp"
-#include "npsim/depth/planar_segments.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
+#include "npsim/depth/detail/planes/planar_segments.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {
@@ -158,4 +158,4 @@ template <class Executor>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_STREET_FURNITURE_HPP
+#endif  // NPSIM_DEPTH_DETAIL_MEASURED_STREET_FURNITURE_HPP

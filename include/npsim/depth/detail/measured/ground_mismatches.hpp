@@ -8,8 +8,8 @@
 // Ground: by label; without labels what lies within height_m of the ground plane.
 // Invariant: all other depth is not touched.
 // Cost: 2 x 81 samples per pixel of ground. Memory: a number a pixel.
-#ifndef NPSIM_DEPTH_GROUND_MISMATCHES_HPP
-#define NPSIM_DEPTH_GROUND_MISMATCHES_HPP
+#ifndef NPSIM_DEPTH_DETAIL_MEASURED_GROUND_MISMATCHES_HPP
+#define NPSIM_DEPTH_DETAIL_MEASURED_GROUND_MISMATCHES_HPP
 
 #include <cmath>
 #include <cstddef>
@@ -20,8 +20,8 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/fitted_normals.hpp"
-#include "npsim/depth/object_borders.hpp"
+#include "npsim/depth/detail/normals/fitted_normals.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -112,4 +112,4 @@ template <class Executor>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_GROUND_MISMATCHES_HPP
+#endif  // NPSIM_DEPTH_DETAIL_MEASURED_GROUND_MISMATCHES_HPP

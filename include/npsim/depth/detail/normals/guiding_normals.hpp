@@ -11,8 +11,8 @@
 // Invariant: unit length, or zero where there is no surface. Of the smoothing: equal normals stay equal; nothing
 // crosses a label border; a pixel without a normal gets none and gives none.
 // Cost: 25 taps per pixel and iteration of smoothing. Memory: an image for the smoothing, another for the ground.
-#ifndef NPSIM_DEPTH_GUIDING_NORMALS_HPP
-#define NPSIM_DEPTH_GUIDING_NORMALS_HPP
+#ifndef NPSIM_DEPTH_DETAIL_NORMALS_GUIDING_NORMALS_HPP
+#define NPSIM_DEPTH_DETAIL_NORMALS_GUIDING_NORMALS_HPP
 
 #include <algorithm>
 #include <cmath>
@@ -25,10 +25,10 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/fitted_normals.hpp"
+#include "npsim/depth/detail/normals/fitted_normals.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
+#include "npsim/depth/detail/planes/planar_segments.hpp"
 #include "npsim/depth/normals.hpp"
-#include "npsim/depth/object_borders.hpp"
-#include "npsim/depth/planar_segments.hpp"
 #include "npsim/depth/source_noise.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
@@ -214,4 +214,4 @@ template <class Executor>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_GUIDING_NORMALS_HPP
+#endif  // NPSIM_DEPTH_DETAIL_NORMALS_GUIDING_NORMALS_HPP

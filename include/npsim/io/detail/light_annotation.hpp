@@ -8,8 +8,8 @@
 // What is marked along the rim of a traffic light is no lens (detail/signal_rims.hpp).
 // A source whose entry names no group joins the group that may hold its class (can_hold) and whose bounding box in the
 // bitmap overlaps its own most, where one overlaps at all; the first in the file wins a tie.
-#ifndef NPSIM_IO_LIGHT_ANNOTATION_HPP
-#define NPSIM_IO_LIGHT_ANNOTATION_HPP
+#ifndef NPSIM_IO_DETAIL_LIGHT_ANNOTATION_HPP
+#define NPSIM_IO_DETAIL_LIGHT_ANNOTATION_HPP
 
 #include <algorithm>
 #include <array>
@@ -280,4 +280,4 @@ inline Expected<LightAnnotation> read_light_shapes(const std::string& json_path,
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_IO_LIGHT_ANNOTATION_HPP
+#endif  // NPSIM_IO_DETAIL_LIGHT_ANNOTATION_HPP

@@ -20,8 +20,8 @@
 // strip_margin_px and is smaller than dr by more than strip_step_px and strip_step. With or without labels.
 // Dropped samples become 0 (missing), to be filled like any other hole. Nothing is moved, nothing is added.
 // Cost: (2 r + 1)^2 comparisons per sample. Memory: none.
-#ifndef NPSIM_DEPTH_OUTLIERS_HPP
-#define NPSIM_DEPTH_OUTLIERS_HPP
+#ifndef NPSIM_DEPTH_DETAIL_GIVEN_OUTLIERS_HPP
+#define NPSIM_DEPTH_DETAIL_GIVEN_OUTLIERS_HPP
 
 #include <cmath>
 #include <cstddef>
@@ -32,8 +32,8 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/depth/detail/road_profile.hpp"
-#include "npsim/depth/object_borders.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {
@@ -200,4 +200,4 @@ template <class Executor>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_OUTLIERS_HPP
+#endif  // NPSIM_DEPTH_DETAIL_GIVEN_OUTLIERS_HPP

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // How far filled depth can be trusted, by how far away the next measurement is.
-#ifndef NPSIM_PIPELINE_DETAIL_FILL_CONFIDENCE_HPP
-#define NPSIM_PIPELINE_DETAIL_FILL_CONFIDENCE_HPP
+#ifndef NPSIM_DEPTH_DETAIL_FILL_FILL_CONFIDENCE_HPP
+#define NPSIM_DEPTH_DETAIL_FILL_FILL_CONFIDENCE_HPP
 
 #include <cmath>
 
@@ -31,4 +31,4 @@ inline void rate_confidence(ImageView<const float> measured, float reach_px, Ima
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_PIPELINE_DETAIL_FILL_CONFIDENCE_HPP
+#endif  // NPSIM_DEPTH_DETAIL_FILL_FILL_CONFIDENCE_HPP

@@ -11,8 +11,8 @@
 // them, so a step to another surface is not bridged.
 // Invariant: unit length, facing the camera, or zero where there is no depth.
 // Cost: 2 x 81 samples a pixel that is asked for. Memory: none.
-#ifndef NPSIM_DEPTH_FITTED_NORMALS_HPP
-#define NPSIM_DEPTH_FITTED_NORMALS_HPP
+#ifndef NPSIM_DEPTH_DETAIL_NORMALS_FITTED_NORMALS_HPP
+#define NPSIM_DEPTH_DETAIL_NORMALS_FITTED_NORMALS_HPP
 
 #include <algorithm>
 #include <array>
@@ -25,7 +25,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/depth/object_borders.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/depth/source_noise.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -223,4 +223,4 @@ template <class Wanted, class Executor>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_FITTED_NORMALS_HPP
+#endif  // NPSIM_DEPTH_DETAIL_NORMALS_FITTED_NORMALS_HPP

@@ -17,8 +17,8 @@
 // half of these samples are left.
 // Cost: about 15 ns per pixel; where near things stand side by side before a house, the widest band for each. Memory:
 // 1 KiB of stack.
-#ifndef NPSIM_DEPTH_BORDER_SPILL_HPP
-#define NPSIM_DEPTH_BORDER_SPILL_HPP
+#ifndef NPSIM_DEPTH_DETAIL_MEASURED_BORDER_SPILL_HPP
+#define NPSIM_DEPTH_DETAIL_MEASURED_BORDER_SPILL_HPP
 
 #include <cstddef>
 
@@ -28,7 +28,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/depth/object_borders.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -218,4 +218,4 @@ template <class Executor>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_BORDER_SPILL_HPP
+#endif  // NPSIM_DEPTH_DETAIL_MEASURED_BORDER_SPILL_HPP

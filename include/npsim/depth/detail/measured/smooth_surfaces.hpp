@@ -12,8 +12,8 @@
 // Plants stay as they were measured.
 // Error: |1/smooth - 1/depth| is at most that many deviations, but for bulges.
 // Cost: 2 x 81 samples per pixel that lies on no plane. Memory: that of the result.
-#ifndef NPSIM_DEPTH_SMOOTH_SURFACES_HPP
-#define NPSIM_DEPTH_SMOOTH_SURFACES_HPP
+#ifndef NPSIM_DEPTH_DETAIL_MEASURED_SMOOTH_SURFACES_HPP
+#define NPSIM_DEPTH_DETAIL_MEASURED_SMOOTH_SURFACES_HPP
 
 #include <cstddef>
 
@@ -22,10 +22,10 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
-#include "npsim/depth/fitted_normals.hpp"
-#include "npsim/depth/ground_mismatches.hpp"
-#include "npsim/depth/object_borders.hpp"
-#include "npsim/depth/planar_segments.hpp"
+#include "npsim/depth/detail/measured/ground_mismatches.hpp"
+#include "npsim/depth/detail/normals/fitted_normals.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
+#include "npsim/depth/detail/planes/planar_segments.hpp"
 #include "npsim/depth/source_noise.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
@@ -101,4 +101,4 @@ template <class Executor>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_SMOOTH_SURFACES_HPP
+#endif  // NPSIM_DEPTH_DETAIL_MEASURED_SMOOTH_SURFACES_HPP

@@ -13,8 +13,8 @@
 // A thing whose lowest pixels are deeper than deepest_m below is seen over an edge and stays.
 // Invariant: ground pixels, pixels without ground below them in their column, and what lies farther behind are not
 // touched; no depth grows, none falls to 0 or below. The same bits for any thread count. Cost: one pass over the image.
-#ifndef NPSIM_DEPTH_GROUND_CONTACT_HPP
-#define NPSIM_DEPTH_GROUND_CONTACT_HPP
+#ifndef NPSIM_DEPTH_DETAIL_GROUND_CONTACT_HPP
+#define NPSIM_DEPTH_DETAIL_GROUND_CONTACT_HPP
 
 #include <algorithm>
 #include <cmath>
@@ -99,4 +99,4 @@ template <class Executor>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_GROUND_CONTACT_HPP
+#endif  // NPSIM_DEPTH_DETAIL_GROUND_CONTACT_HPP

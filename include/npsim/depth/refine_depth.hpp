@@ -13,8 +13,8 @@
 // worth on generated streets stands in docs/evaluation.md.
 // Cost: that of the steps. Memory: see refine_depth_workspace_bytes(); the planes of RefinedDepth stay in the
 // workspace.
-#ifndef NPSIM_PIPELINE_REFINE_DEPTH_HPP
-#define NPSIM_PIPELINE_REFINE_DEPTH_HPP
+#ifndef NPSIM_DEPTH_REFINE_DEPTH_HPP
+#define NPSIM_DEPTH_REFINE_DEPTH_HPP
 
 #include <algorithm>
 #include <cmath>
@@ -29,33 +29,33 @@
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/anchor_ground.hpp"
-#include "npsim/depth/beyond_range.hpp"
-#include "npsim/depth/border_spill.hpp"
-#include "npsim/depth/car_bodies.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/depth_source.hpp"
+#include "npsim/depth/detail/cars/car_bodies.hpp"
+#include "npsim/depth/detail/estimated/anchor_ground.hpp"
+#include "npsim/depth/detail/estimated/sharpen_edges.hpp"
+#include "npsim/depth/detail/fill/fill_confidence.hpp"
+#include "npsim/depth/detail/given/outliers.hpp"
+#include "npsim/depth/detail/given/plant_outlines.hpp"
+#include "npsim/depth/detail/given/sky.hpp"
+#include "npsim/depth/detail/given/unlabelled_ground.hpp"
+#include "npsim/depth/detail/ground_contact.hpp"
+#include "npsim/depth/detail/measured/beyond_range.hpp"
+#include "npsim/depth/detail/measured/border_spill.hpp"
+#include "npsim/depth/detail/measured/ground_mismatches.hpp"
+#include "npsim/depth/detail/measured/smooth_surfaces.hpp"
+#include "npsim/depth/detail/measured/street_furniture.hpp"
+#include "npsim/depth/detail/normals/guiding_normals.hpp"
+#include "npsim/depth/detail/normals/kerb_faces.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
+#include "npsim/depth/detail/planes/planar_segments.hpp"
 #include "npsim/depth/fill.hpp"
-#include "npsim/depth/ground_contact.hpp"
-#include "npsim/depth/ground_mismatches.hpp"
-#include "npsim/depth/guiding_normals.hpp"
-#include "npsim/depth/kerb_faces.hpp"
 #include "npsim/depth/losses.hpp"
-#include "npsim/depth/object_borders.hpp"
-#include "npsim/depth/outliers.hpp"
-#include "npsim/depth/planar_segments.hpp"
-#include "npsim/depth/plant_outlines.hpp"
 #include "npsim/depth/refine.hpp"
-#include "npsim/depth/sharpen_edges.hpp"
-#include "npsim/depth/sky.hpp"
-#include "npsim/depth/smooth_surfaces.hpp"
 #include "npsim/depth/source_noise.hpp"
-#include "npsim/depth/street_furniture.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/pipeline/detail/fill_confidence.hpp"
-#include "npsim/pipeline/detail/unlabelled_ground.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -336,7 +336,7 @@ template <class Executor>
   return finds_planes(params, scene) ? allocate_planar_map(params.planes, shape, workspace, out.planes) : Status();
 }
 
-// The sky is what is labelled so, without labels what depth/sky.hpp finds.
+// The sky is what is labelled so, without labels what depth/detail/given/sky.hpp finds.
 inline void mark_surface(const SceneView& scene, ImageView<const float> depth,
                          ImageView<std::uint8_t> surface) noexcept {
   const Shape shape = surface.shape();
@@ -688,4 +688,4 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& given, Wor
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_PIPELINE_REFINE_DEPTH_HPP
+#endif  // NPSIM_DEPTH_REFINE_DEPTH_HPP

@@ -5,8 +5,8 @@
 // one object and there is no border.
 // Distance: from the pixel's centre to the nearest border between pixels, by two chamfer passes with steps of 1 and
 // sqrt(2): at most 8 % too long, capped. Cost: O(pixels). Memory: none.
-#ifndef NPSIM_DEPTH_OBJECT_BORDERS_HPP
-#define NPSIM_DEPTH_OBJECT_BORDERS_HPP
+#ifndef NPSIM_DEPTH_DETAIL_OBJECT_BORDERS_HPP
+#define NPSIM_DEPTH_DETAIL_OBJECT_BORDERS_HPP
 
 #include <cmath>
 #include <cstddef>
@@ -96,4 +96,4 @@ template <class Executor>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_OBJECT_BORDERS_HPP
+#endif  // NPSIM_DEPTH_DETAIL_OBJECT_BORDERS_HPP

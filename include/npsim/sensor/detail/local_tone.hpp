@@ -14,8 +14,8 @@
 // Error: lines within 1e-3 of the filter in double precision. By default a step of 8 stops keeps .65 of its height in the
 // base right at the step, all of it half a window away.
 // Cost: see docs/camera.md. Memory: half a float per pixel, of which an eighth is kept.
-#ifndef NPSIM_SENSOR_LOCAL_TONE_HPP
-#define NPSIM_SENSOR_LOCAL_TONE_HPP
+#ifndef NPSIM_SENSOR_DETAIL_LOCAL_TONE_HPP
+#define NPSIM_SENSOR_DETAIL_LOCAL_TONE_HPP
 
 #include <algorithm>
 #include <cstddef>
@@ -164,4 +164,4 @@ template <class F>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_SENSOR_LOCAL_TONE_HPP
+#endif  // NPSIM_SENSOR_DETAIL_LOCAL_TONE_HPP

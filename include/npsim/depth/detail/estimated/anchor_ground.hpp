@@ -18,8 +18,8 @@
 //     pavement.
 // Invariant: without ground (fit failed, no ground labels) nothing changes. Pixels without depth stay without.
 // Cost: O(pixels). Memory: 20 bytes per pixel.
-#ifndef NPSIM_DEPTH_ANCHOR_GROUND_HPP
-#define NPSIM_DEPTH_ANCHOR_GROUND_HPP
+#ifndef NPSIM_DEPTH_DETAIL_ESTIMATED_ANCHOR_GROUND_HPP
+#define NPSIM_DEPTH_DETAIL_ESTIMATED_ANCHOR_GROUND_HPP
 
 #include <array>
 #include <cmath>
@@ -251,4 +251,4 @@ template <class Executor>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_ANCHOR_GROUND_HPP
+#endif  // NPSIM_DEPTH_DETAIL_ESTIMATED_ANCHOR_GROUND_HPP

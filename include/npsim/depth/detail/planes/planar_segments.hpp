@@ -14,8 +14,8 @@
 // Invariant: all other depth is not touched.
 // Deterministic: seeded, and the same for any number of threads.
 // Cost: some 500 operations a pixel in planar classes. Memory: 1 byte per pixel and some 800 per square.
-#ifndef NPSIM_DEPTH_PLANAR_SEGMENTS_HPP
-#define NPSIM_DEPTH_PLANAR_SEGMENTS_HPP
+#ifndef NPSIM_DEPTH_DETAIL_PLANES_PLANAR_SEGMENTS_HPP
+#define NPSIM_DEPTH_DETAIL_PLANES_PLANAR_SEGMENTS_HPP
 
 #include <algorithm>
 #include <array>
@@ -31,10 +31,10 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/depth/detail/planes/assign.hpp"
 #include "npsim/depth/detail/planes/cells.hpp"
 #include "npsim/depth/detail/planes/merge.hpp"
-#include "npsim/depth/object_borders.hpp"
 #include "npsim/depth/source_noise.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -472,4 +472,4 @@ template <class Executor>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_PLANAR_SEGMENTS_HPP
+#endif  // NPSIM_DEPTH_DETAIL_PLANES_PLANAR_SEGMENTS_HPP
