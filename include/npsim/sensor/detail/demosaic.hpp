@@ -3,10 +3,10 @@
 //
 //   bilinear   the mean of the neighbours that have the channel
 //   gradient   the mean weighted by 1 / ((own - far)^2 + own^2 + 1.6e-5), far: the sample two pixels away in the
-//              neighbour's direction, behind the pixel's own filter; of diagonal neighbours by the product of the
-//              weights of their row's and their column's side. To it comes 1/2 (diagonally 3/4) of what the pixel's own
-//              sample differs from the mean of the far ones, weighted likewise: at most half of the mean, for either
-//              axis apart. Where all weights are alike this is, at red and blue, the filter of Malvar, He and Cutler,
+//              neighbour's direction, behind the pixel's own filter; of a diagonal neighbour by the inverse of the sum
+//              of its own, its row's and its column's, since each alone misses an edge or a corner. To it comes 1/2
+//              (diagonally 3/4) of what the pixel's own sample differs from the mean of the row's and the column's far
+//              ones, weighted likewise: at most half of the mean, for either axis apart. Where all weights are alike this is, at red and blue, the filter of Malvar, He and Cutler,
 //              "High-quality linear interpolation for demosaicing of Bayer-patterned color images", ICASSP 2004. The
 //              weights follow Kimmel, "Demosaicing: image reconstruction from color CCD samples", IEEE Trans. Image
 //              Processing 8(9), 1999: colours do not mix over the outline of a lamp, where the linear filters leave a
@@ -61,9 +61,10 @@ template <class F>
     const F most = abs(mean) * F(0.5F);
     return mean + simd::clamp(gradient, -most, most);
   };
-  F share_west(0.5F), share_north(0.5F);  // of a pair of neighbours
-  F share_x(0.5F);                        // of the row's pair
-  F far_x = own;                          // what lies beyond either pair, behind the pixel's own filter
+  F share_west(0.5F), share_north(0.5F);                      // of a pair of neighbours
+  F share_x(0.5F);                                            // of the row's pair
+  F share_upper(0.5F), share_lower(0.5F), share_above(0.5F);  // of the left corners, and of the upper ones
+  F far_x = own;  // what lies beyond either pair, behind the pixel's own filter
   F far_y = own;
   if (method == Demosaic::gradient) {
     const F far[4] = {at(-2, 0), at(2, 0), at(0, -2), at(0, 2)};
@@ -76,6 +77,16 @@ template <class F>
     const F unlike_x = unlike[0] * share_west;
     const F unlike_y = unlike[2] * share_north;
     share_x = unlike_y / (unlike_x + unlike_y);
+    const F beyond[4] = {at(-2, -2), at(2, -2), at(-2, 2), at(2, 2)};
+    F unlike_corner[4];
+    for (int i = 0; i < 4; ++i) {
+      unlike_corner[i] = (own - beyond[i]) * (own - beyond[i]) + unlike[i % 2] + unlike[2 + i / 2];
+    }
+    share_upper = unlike_corner[1] / (unlike_corner[0] + unlike_corner[1]);
+    share_lower = unlike_corner[3] / (unlike_corner[2] + unlike_corner[3]);
+    const F unlike_upper = unlike_corner[0] * share_upper;
+    const F unlike_lower = unlike_corner[2] * share_lower;
+    share_above = unlike_lower / (unlike_upper + unlike_lower);
     far_x = mix(far[0], far[1], share_west);
     far_y = mix(far[2], far[3], share_north);
   }
@@ -83,7 +94,7 @@ template <class F>
   const F across = corrected(mix(north, south, share_north), (own - far_y) * F(0.5F));  // and the other
   const F cross = mix(along, across, share_x);                                          // green at red and blue
   const F diagonal =                                                                    // blue at red, red at blue
-      corrected(mix(mix(corner[0], corner[1], share_west), mix(corner[2], corner[3], share_west), share_north),
+      corrected(mix(mix(corner[0], corner[1], share_upper), mix(corner[2], corner[3], share_lower), share_above),
                 (own - mix(far_x, far_y, share_x)) * F(0.75F));
   const bool red_row = filter_at(mosaic, 0, y) == 0 || filter_at(mosaic, 1, y) == 0;
   const bool green_first = filter_at(mosaic, x, y) == 1;
