@@ -47,7 +47,8 @@ TEST_CASE("camera file: every part is read, and what is not named is the preset'
     "response": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
     "noise": {"residual": 0.5, "table": [[100, 1e-4, 1e-7], [200, 2e-4, 4e-7]]},
     "white_balance": {"fixed_k": 4000}, "denoise": {"strength": 0},
-    "isp": {"demosaic": "bilinear", "chroma": "4:4:4", "tone": "log", "lift": 50, "local": 0.5, "local_edge": 3, "sharpening": 0.7}})");
+    "isp": {"demosaic": "bilinear", "chroma": "4:4:4", "tone": "log", "lift": 50, "local": 0.5, "local_edge": 3,
+    "local_reach": 0.2, "local_dark": 0.001, "sharpening": 0.7}})");
   REQUIRE(camera.ok());
   const PhotographParams p = camera.value().params();
   CHECK(p.exposure.metering == Metering::fixed);
@@ -72,6 +73,8 @@ TEST_CASE("camera file: every part is read, and what is not named is the preset'
   CHECK(p.starburst.cap == 1e5F);
   CHECK(p.isp.local.share == 0.5F);
   CHECK(p.isp.local.edge_stops == 3.0F);
+  CHECK(p.isp.local.reach == 0.2F);
+  CHECK(p.isp.local.dark == 0.001F);
   CHECK(camera.value().from_file());
 }
 
@@ -123,6 +126,7 @@ TEST_CASE("camera file: each fault is named by file and field") {
   CHECK(has(fault(R"({"isp": {"sharpening": 9}})"), "sharpening in [0, 4]"));
   CHECK(has(fault(R"({"isp": {"local": 2}})"), "share in [0, 1]"));
   CHECK(has(fault(R"({"glare": {"blades": 2}})"), "blades 0 or 3 to 31"));
+  CHECK(has(fault(R"({"glare": {"blades": 6.5}})"), "glare.blades"));
   CHECK(has(fault(R"({"sensor": {"bits": 99}})"), "bits in 8..16"));
   CHECK(has(fault(R"({"sensor": {"response": [[1, 0], [0, 1], [0, 0]]}})"), "sensor.response"));
   CHECK(has(fault(R"({"noise": {"table": []}})"), "noise.table"));

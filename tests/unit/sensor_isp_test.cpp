@@ -57,12 +57,18 @@ struct Named {
   const char* name;
   PhotographParams params;
 };
+PhotographParams with_iris() {
+  PhotographParams params;
+  params.starburst.blades = 7;
+  return params;
+}
 std::vector<Named> cameras() {
   return {{"action-camera", PhotographParams::action_camera()},
           {"dashcam", PhotographParams::dashcam()},
           {"automotive-hdr", PhotographParams::automotive_hdr()},
           {"automotive-raw", PhotographParams::automotive_raw()},
-          {"thesis", PhotographParams::thesis()}};
+          {"thesis", PhotographParams::thesis()},
+          {"with an iris", with_iris()}};
 }
 
 // A colour without noise, glare and metering at `times` full scale of green under daylight.
@@ -364,7 +370,7 @@ TEST_CASE("sensor: sharpening leaves flat areas, raises sinusoids by its strengt
   for (const Named& camera : cameras()) {
     CAPTURE(camera.name);
     const std::string name = camera.name;
-    CHECK((camera.params.sharpening > 0) == (name == "action-camera" || name == "dashcam"));
+    CHECK((camera.params.sharpening > 0) == (name == "action-camera" || name == "dashcam" || name == "with an iris"));
   }
   PhotographParams params;
   params.sharpening = 1;

@@ -89,6 +89,19 @@ TEST_CASE("sensor: a starburst has as many spikes as an even number of blades, t
   }
 }
 
+TEST_CASE("sensor: spikes go to the border, and along it") {
+  for (const int at : {0, 1, 50, 99, 100}) {
+    Image image({101, 101});
+    image(at, 50) = image(50, at) = {1e6F, 1e6F, 1e6F};
+    const Image out = burst(blades(4), image);
+    CAPTURE(at);
+    for (const int end : {0, 100}) {
+      CHECK(out(at, end).y > 0.0F);
+      CHECK(out(end, at).y > 0.0F);
+    }
+  }
+}
+
 TEST_CASE("sensor: a starburst keeps the light, lamps at the border and beside each other included") {
   for (const Shape shape : {Shape{160, 90}, Shape{33, 57}, Shape{1, 64}, Shape{64, 1}, Shape{1, 1}}) {
     Image image(shape);
@@ -111,8 +124,9 @@ TEST_CASE("sensor: a starburst keeps the light, lamps at the border and beside e
 TEST_CASE(
     "sensor: without blades, and of what is too dim, a starburst changes nothing; NaN and infinity do not spread") {
   Image dim({40, 30}, {0.05F, 0.05F, 0.05F});
-  for (const int count : {0, 6}) {
-    const Image out = burst(blades(count), dim);
+  for (const float light : {0.05F, 10.0F}) {
+    dim(20, 15) = {light, light, light};
+    const Image out = burst(blades(light > 1 ? 6 : 0), dim);
     for (std::size_t i = 0; i < pixels(dim).size(); ++i) CHECK(pixels(out)[i] == pixels(dim)[i]);
   }
   Image broken({41, 41});
@@ -135,7 +149,7 @@ TEST_CASE("sensor: a starburst refuses parameters out of range and a small works
   CHECK(code(blades(31), kFocal) == StatusCode::ok);
   for (const int count : {-1, 1, 2, 32}) CHECK(code(blades(count), kFocal) == StatusCode::invalid_argument);
   CHECK(code(blades(6), 0.0F) == StatusCode::invalid_argument);
-  CHECK(code(blades(6), 1e5F) == StatusCode::invalid_argument);  // would send half of the light
+  CHECK(code(blades(6), 1e5F) == StatusCode::invalid_argument);  // would send six times the light
   StarburstParams params = blades(6);
   params.apothem_mm = std::numeric_limits<float>::quiet_NaN();
   CHECK(code(params, kFocal) == StatusCode::invalid_argument);

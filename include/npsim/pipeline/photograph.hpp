@@ -282,7 +282,7 @@ template <class Executor>
                     workspace, executor);
 }
 
-// `light` becomes what reaches the sensor, moved and with glare. own: the image that is taken where light is changed.
+// `light` becomes what reaches the sensor: moved, with starbursts and glare. own: the image that is taken where light is changed.
 template <class Executor>
 [[nodiscard]] Status light_at_sensor(const PhotographParams& params, const Intrinsics& intrinsics, std::uint64_t seed,
                                      std::uint32_t image, const PhotographedStreet& street,

@@ -6,7 +6,7 @@
 // fell out.
 // White balance is that of the picture without noise.
 // Invariant: the same bits for any executor. Cost: a picture without denoising, demosaic and tone.
-// Memory: an image where there is motion or glare, and a float per pixel, besides what the steps take.
+// Memory: an image where there is motion, starburst or glare, and a float per pixel, besides what the steps take.
 #ifndef NPSIM_PIPELINE_PICTURE_MASKS_HPP
 #define NPSIM_PIPELINE_PICTURE_MASKS_HPP
 

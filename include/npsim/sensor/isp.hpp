@@ -21,7 +21,7 @@
 // that a mosaic leaves at edges go. On the square roots of the linear values: red - Y and blue - Y become the means of
 // their quad, Y = .2126 red + .7152 green + .0722 blue stays.
 // Then sRGB and rounding to one of 256 levels, within .6 of a level.
-// Cost: about 7 ns per pixel, demosaic included (AVX2). Memory: 6 KiB of stack.
+// Cost: about 7 ns per pixel, demosaic included (AVX2). Memory: 6 KiB of stack, and what `local` takes.
 #ifndef NPSIM_SENSOR_ISP_HPP
 #define NPSIM_SENSOR_ISP_HPP
 
@@ -271,7 +271,7 @@ void develop_segment(const IspParams& params, const ColourMatrix& matrix, Mosaic
   for (int i = 0; i < count; i += F::lanes) {
     shown(i, [&](F n) {
       const F c = max(local_light(params.local, n, F::load(slope + i), F::load(offset + i)), F(1e-9F));
-      return below_white(n * tone_map(params.tone, c) / c);
+      return below_white(n * tone_map(params.tone, c) / c, tone_map(params.tone, n));
     });
   }
 }

@@ -6,11 +6,11 @@
 //              neighbour's direction, behind the pixel's own filter; of a diagonal neighbour by the inverse of the sum
 //              of its own, its row's and its column's, since each alone misses an edge or a corner. To it comes 1/2
 //              (diagonally 3/4) of what the pixel's own sample differs from the mean of the row's and the column's far
-//              ones, weighted likewise: at most half of the mean, for either axis apart. Where all weights are alike this is, at red and blue, the filter of Malvar, He and Cutler,
-//              "High-quality linear interpolation for demosaicing of Bayer-patterned color images", ICASSP 2004. The
-//              weights follow Kimmel, "Demosaicing: image reconstruction from color CCD samples", IEEE Trans. Image
-//              Processing 8(9), 1999: colours do not mix over the outline of a lamp, where the linear filters leave a
-//              row of dots.
+//              ones, weighted likewise: at most half of the mean, for either axis apart. Where all weights are alike
+//              this is, at red and blue, the filter of Malvar, He and Cutler, "High-quality linear interpolation for
+//              demosaicing of Bayer-patterned color images", ICASSP 2004. The weights follow Kimmel, "Demosaicing: image
+//              reconstruction from color CCD samples", IEEE Trans. Image Processing 8(9), 1999: colours do not mix over
+//              the outline of a lamp, where the linear filters leave a row of dots.
 // Both keep the pixel's own sample, constants and slopes.
 // `peak` tells of clipped neighbours, which the pixel's colour may be taken from: the mean of the largest samples of
 // the four 2x2 quads that the pixel belongs to.

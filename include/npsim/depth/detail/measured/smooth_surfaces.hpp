@@ -5,9 +5,9 @@
 // makes it worse. As a surface it is not. Light of headlamps and street lamps comes in within a few degrees of roads
 // and walls, where noise between neighbours throws shadows that are not there. So each depth is drawn, by at most some
 // deviations of its noise, to
-//   the plane of its facade (planar_segments.hpp), by at most plane_deviations: relief beyond that stays, less high,
+//   the plane of its facade (detail/planes/planar_segments.hpp), by at most plane_deviations: relief beyond that stays, less high,
 //   but for bulges of bulge_m, which no facade has: they are the plane's;
-//   else the middle of the plane in 1/z that fits its surroundings (fitted_normals.hpp), by at most `deviations`, on the
+//   else the middle of the plane in 1/z that fits its surroundings (detail/normals/fitted_normals.hpp), by at most `deviations`, on the
 //   ground ground_deviations. A kerb is another plane to such a fit, and stays.
 // Plants stay as they were measured.
 // Error: |1/smooth - 1/depth| is at most that many deviations, but for bulges.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The normals that guide the refinement and shade the surface: given ones, else those of planes where the depth has
-// them (planar_segments.hpp), else those fitted to the depth (fitted_normals.hpp); smoothed within surfaces, and set
+// them (detail/planes/planar_segments.hpp), else those fitted to the depth (fitted_normals.hpp); smoothed within surfaces, and set
 // upright on the ground.
 //
 // Where a given normal is missing the depth's stands in.
