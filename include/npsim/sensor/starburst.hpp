@@ -15,7 +15,7 @@
 // Invariants: out >= 0; sum(out) == sum(in) within 1e-5 relative; no blades: a copy.
 // Error: the equation within 5 % of the light that hexagons, pentagons and octagons diffract (Fourier transforms of
 // them, from 6 lambda / D on); a spike within 1e-4 of the equation, as long as a pixel of it gets `least`.
-// Cost: by the lamps, 25 us a pixel of 1e4 cd/m2 with six blades; one thread. Memory: an image.
+// Cost: by the lamps, 50 us a pixel of 1e4 cd/m2 with six blades; one thread. Memory: an image.
 #ifndef NPSIM_SENSOR_STARBURST_HPP
 #define NPSIM_SENSOR_STARBURST_HPP
 
