@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "npsim/core/executor.hpp"
-#include "npsim/core/random.hpp"
 #include "npsim/sensor/glare.hpp"
 #include "unit/sensor_fixture.hpp"
 
@@ -14,12 +13,12 @@ namespace {
 
 using npsim::GlareParams;
 using npsim::ImageView;
-using npsim::RandomPurpose;
-using npsim::RandomStream;
 using npsim::Shape;
 using npsim::Vec3f;
 using sensor_test::Image;
+using sensor_test::lamps_in_the_dark;
 using sensor_test::pixels;
+using sensor_test::total;
 
 constexpr float kFocal = 500.0F;  // px
 
@@ -30,30 +29,12 @@ Image glared(const GlareParams& params, Image image, Executor executor) {
   return image;
 }
 
-double total(const Image& image) {
-  double sum = 0;
-  for (const Vec3f& p : pixels(image)) {
-    sum += static_cast<double>(p.x) + static_cast<double>(p.y) + static_cast<double>(p.z);
-  }
-  return sum;
-}
-
-Image street(int width, int height) {
-  Image image({width, height});
-  for (std::size_t i = 0; i < pixels(image).size(); ++i) {
-    RandomStream random(2, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(i), 0);
-    pixels(image)[i] = {random.uniform(), random.uniform(), random.uniform()};
-    if (random.uniform() < 0.01F) pixels(image)[i] *= 2e4F;
-  }
-  return image;
-}
-
 }  // namespace
 
 TEST_CASE("sensor: glare keeps the energy, lamps at the very border included") {
   const Shape shapes[] = {{160, 90}, {33, 57}, {127, 65}, {65, 129}, {1, 64}, {64, 1}, {2, 3}, {1, 1}};
   for (const Shape shape : shapes) {
-    Image image = street(shape.width, shape.height);
+    Image image = lamps_in_the_dark(shape);
     image(0, 0) = {5e4F, 1, 1};
     image(shape.width - 1, shape.height - 1) = {1, 1, 5e4F};
     const Image out = glared(GlareParams{}, image, npsim::SerialExecutor{});
@@ -72,7 +53,7 @@ TEST_CASE("sensor: glare leaves a constant image of any size and, with no share 
   }
   GlareParams off;
   off.halo = off.veil = 0;
-  const Image image = street(40, 30);
+  const Image image = lamps_in_the_dark({40, 30});
   const Image same = glared(off, image, npsim::SerialExecutor{});
   for (std::size_t i = 0; i < pixels(image).size(); ++i) CHECK(pixels(same)[i] == pixels(image)[i]);
 }
@@ -125,7 +106,7 @@ TEST_CASE("sensor: 2 % of a lamp's light goes further than .8 degrees") {
 }
 
 TEST_CASE("sensor: glare gives the same bits for any order of the chunks, in place or not, strided or not") {
-  const Image image = street(150, 77);
+  const Image image = lamps_in_the_dark({150, 77});
   const Image a = glared(GlareParams{}, image, npsim::SerialExecutor{});
   const Image b = glared(GlareParams{}, image, npsim_test::BackwardExecutor{});
   Image wide({170, 80}, {9, 9, 9});

@@ -21,6 +21,7 @@ using npsim::Span;
 using npsim::Vec3f;
 using sensor_test::Image;
 using sensor_test::pixels;
+using sensor_test::total;
 using Depth = npsim_test::Image<float>;
 using Ids = npsim_test::Image<std::uint16_t>;
 using Field = npsim_test::Image<PixelMotion>;
@@ -48,14 +49,6 @@ Image moved(const MotionParams& params, float time_s, const Field& field, const 
               .ok());
   CHECK(scratch.workspace().used() == 0);
   return out;
-}
-
-double total(const Image& image) {
-  double sum = 0;
-  for (const Vec3f& p : pixels(image)) {
-    sum += static_cast<double>(p.x) + static_cast<double>(p.y) + static_cast<double>(p.z);
-  }
-  return sum;
 }
 
 // A road below the horizon, a facade on the right, sky above; two lamps in a hundred pixels.

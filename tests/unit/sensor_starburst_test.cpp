@@ -5,7 +5,6 @@
 #include <limits>
 
 #include "npsim/core/executor.hpp"
-#include "npsim/core/random.hpp"
 #include "npsim/sensor/starburst.hpp"
 #include "unit/sensor_fixture.hpp"
 
@@ -17,6 +16,7 @@ using npsim::StatusCode;
 using npsim::Vec3f;
 using sensor_test::Image;
 using sensor_test::pixels;
+using sensor_test::total;
 
 constexpr float kFocal = 1000.0F;  // px
 constexpr int kSize = 401;
@@ -40,14 +40,6 @@ Image lamp() {
   Image image({kSize, kSize});
   image(kMiddle, kMiddle) = {1e6F, 1e6F, 1e6F};
   return image;
-}
-
-double total(const Image& image) {
-  double sum = 0;
-  for (const Vec3f& p : pixels(image)) {
-    sum += static_cast<double>(p.x) + static_cast<double>(p.y) + static_cast<double>(p.z);
-  }
-  return sum;
 }
 
 }  // namespace
@@ -104,12 +96,7 @@ TEST_CASE("sensor: spikes go to the border, and along it") {
 
 TEST_CASE("sensor: a starburst keeps the light, lamps at the border and beside each other included") {
   for (const Shape shape : {Shape{160, 90}, Shape{33, 57}, Shape{1, 64}, Shape{64, 1}, Shape{1, 1}}) {
-    Image image(shape);
-    for (std::size_t i = 0; i < pixels(image).size(); ++i) {
-      npsim::RandomStream random(2, npsim::RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(i), 0);
-      pixels(image)[i] = {random.uniform(), random.uniform(), random.uniform()};
-      if (random.uniform() < 0.01F) pixels(image)[i] *= 2e4F;
-    }
+    Image image = sensor_test::lamps_in_the_dark(shape);
     image(0, 0) = {5e4F, 1, 1};
     image(shape.width - 1, shape.height - 1) = {1, 1, 5e4F};
     const Image out = burst(blades(7), image);

@@ -119,7 +119,7 @@ inline void scatter(const StarburstParams& params, const Vec3f& strength, ImageV
       const Vec3f light = sane_sample(in(x, y));
       const float brightest = max_of(light.x, light.y, light.z);
       const float capped = brightest > params.cap ? params.cap / brightest : 1.0F;
-      const Vec3f source{light.x * strength.x * capped, light.y * strength.y * capped, light.z * strength.z * capped};
+      const Vec3f source = light * strength * capped;
       const float end = std::sqrt(max_of(source.x, source.y, source.z) / params.least);
       if (brightest < params.lamp || end < kFirst) continue;
       for (int i = 0; i < spikes; ++i) add_spike(source, end, along[i], x, y, change);
@@ -138,18 +138,19 @@ template <class Executor>
   if (!(focal_px > 0.0F && focal_px <= 1e6F)) {
     return {StatusCode::invalid_argument, "starburst: focal length in (0, 1e6] px"};
   }
-  if (has_starburst(params) && spike_strength(params, focal_px).x * static_cast<float>(spike_count(params)) > 0.5F) {
-    return {StatusCode::invalid_argument, "starburst: so small an iris would diffract a third of the light"};
-  }
   const WorkspaceScope scope(workspace);
   const Shape shape = in.shape();
   ImageView<Vec3f> change;  // what spikes bring and lamps lose
   if (has_starburst(params)) {
+    const Vec3f strength = spike_strength(params, focal_px);
+    if (strength.x * static_cast<float>(spike_count(params)) > 0.5F) {
+      return {StatusCode::invalid_argument, "starburst: so small an iris would diffract a third of the light"};
+    }
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, change));
     for_rows(executor, shape.height, [&](int y) {
       for (int x = 0; x < shape.width; ++x) change(x, y) = {};
     });
-    starburst_detail::scatter(params, spike_strength(params, focal_px), in, change);
+    starburst_detail::scatter(params, strength, in, change);
   }
   for_rows(executor, shape.height, [&](int y) {
     for (int x = 0; x < shape.width; ++x) {

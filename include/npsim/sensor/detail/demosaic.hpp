@@ -73,20 +73,20 @@ template <class F>
     for (int i = 0; i < 4; ++i) unlike[i] = (own - far[i]) * (own - far[i]) + least;
     share_west = unlike[1] / (unlike[0] + unlike[1]);
     share_north = unlike[3] / (unlike[2] + unlike[3]);
-    // Both pairs as one: the inverses of their sums of weights, which no range of exposures makes overflow.
-    const F unlike_x = unlike[0] * share_west;
-    const F unlike_y = unlike[2] * share_north;
-    share_x = unlike_y / (unlike_x + unlike_y);
+    // Two pairs of neighbours, each as one: the inverses of their sums of weights, which no range of exposures makes
+    // overflow.
+    const auto share_of_pairs = [](F a, F share_of_a, F b, F share_of_b) {
+      return b * share_of_b / (a * share_of_a + b * share_of_b);
+    };
+    share_x = share_of_pairs(unlike[0], share_west, unlike[2], share_north);
     const F beyond[4] = {at(-2, -2), at(2, -2), at(-2, 2), at(2, 2)};
-    F unlike_corner[4];
+    F corners[4];
     for (int i = 0; i < 4; ++i) {
-      unlike_corner[i] = (own - beyond[i]) * (own - beyond[i]) + unlike[i % 2] + unlike[2 + i / 2];
+      corners[i] = (own - beyond[i]) * (own - beyond[i]) + unlike[i % 2] + unlike[2 + i / 2];
     }
-    share_upper = unlike_corner[1] / (unlike_corner[0] + unlike_corner[1]);
-    share_lower = unlike_corner[3] / (unlike_corner[2] + unlike_corner[3]);
-    const F unlike_upper = unlike_corner[0] * share_upper;
-    const F unlike_lower = unlike_corner[2] * share_lower;
-    share_above = unlike_lower / (unlike_upper + unlike_lower);
+    share_upper = corners[1] / (corners[0] + corners[1]);
+    share_lower = corners[3] / (corners[2] + corners[3]);
+    share_above = share_of_pairs(corners[0], share_upper, corners[2], share_lower);
     far_x = mix(far[0], far[1], share_west);
     far_y = mix(far[2], far[3], share_north);
   }

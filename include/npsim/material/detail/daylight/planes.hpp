@@ -3,9 +3,8 @@
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_PLANES_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_PLANES_HPP
 
-#include <cstddef>
-
 #include "npsim/core/config.hpp"
+#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/window_filter.hpp"
 #include "npsim/simd/math.hpp"
@@ -16,8 +15,6 @@ namespace daylight_detail {
 
 using Plane = ImageView<float>;
 
-inline constexpr std::size_t kFilterRows = 16;  // of a chunk
-
 // The same bits everywhere.
 [[nodiscard]] inline float log2_of(float x) noexcept { return simd::log2(simd::scalar::F32(x)).value; }
 [[nodiscard]] inline float exp2_of(float x) noexcept { return simd::exp2(simd::scalar::F32(x)).value; }
@@ -25,10 +22,8 @@ inline constexpr std::size_t kFilterRows = 16;  // of a chunk
 // f(x, y) of every pixel.
 template <class F, class Executor>
 void for_pixels(Shape shape, Executor& executor, F&& f) {
-  executor.for_chunks(static_cast<std::size_t>(shape.height), kFilterRows, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t row = begin; row < end; ++row) {
-      for (int x = 0; x < shape.width; ++x) f(x, static_cast<int>(row));
-    }
+  for_rows(executor, shape.height, [&](int y) {
+    for (int x = 0; x < shape.width; ++x) f(x, y);
   });
 }
 
