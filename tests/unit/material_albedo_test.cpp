@@ -227,6 +227,36 @@ TEST_CASE("two cars of one paint, one in the shadow, come out alike; sky in a pa
   CHECK(mean(p, 290, 330, 168, 173) < in_sun);
 }
 
+TEST_CASE("a white roof that faces the sky stays white beside dark panes; on a dark car it would be sky in a pane") {
+  // Sides of 80 x 60 px: roof and tailgate brighter than the sides, and among them a dark pane.
+  for (const bool white : {true, false}) {
+    Picture p = street({1, 1, 1});
+    p.instances.assign(p.shape.pixels(), 0);
+    const float paint = white ? 0.6F : 0.03F;
+    for (int y = 160; y < 220; ++y) {
+      for (int x = 280; x < 360; ++x) {
+        const std::size_t i = p.i(x, y);
+        p.labels[i] = label::car;
+        p.instances[i] = 26001;
+        const bool upper = y < 185;
+        const bool pane = y >= 170 && y < 178 && x > 290 && x < 350;
+        const std::uint8_t code = encode(pane ? 0.01F : (upper ? 1.6F * paint : paint));
+        p.day[i] = {code, code, code};
+      }
+    }
+    REQUIRE(p.run().ok());
+    const double side = mean(p, 290, 350, 190, 203);
+    CAPTURE(side);
+    if (white) {
+      CHECK(mean(p, 290, 350, 180, 184) > side);
+      CHECK(mean(p, 290, 350, 167, 169) > side);
+    } else {
+      CHECK(mean(p, 290, 350, 180, 184) < 1.1 * side);
+    }
+    CHECK(mean(p, 295, 345, 172, 176) < 0.06);
+  }
+}
+
 TEST_CASE("without labels paint is brighter than the road that it is on, with and without a known ground") {
   Picture p = street({1, 1, 1});
   REQUIRE(p.run({}, false).ok());

@@ -234,16 +234,20 @@ struct Light {
   return {sum.level / weight, sum.sun / weight};
 }
 
-// log2 albedo of a vehicle's pixel, told apart into paint, glass and tyres: in the panes' band what differs from the
-// paint in luminance is glass, dark or with the sky in it; at the bottom what is darker is rubber.
+// log2 albedo of a vehicle's pixel, told apart into paint, glass and tyres. What is darker than the paint is glass in the
+// panes' band and rubber at the bottom. What is brighter in that band is what a pane mirrors, but on paint brighter than
+// kMirrored: a white roof or tailgate that faces the sky.
 [[nodiscard]] inline float paint_or_glass(float log_albedo, float paint, float down) noexcept {
   constexpr float kDarkParts = -4.6F;  // log2 of .04
+  constexpr float kMirrored = -1.4F;   // log2 of .38: glass sends at most a third of the sky back
   constexpr float kAlike = 0.3F, kUnlike = 0.7F;
   const float off = log_albedo - paint;
-  float unlike = 0.0F;
-  if (down > kPanesFrom && down < kPanesTo) unlike = std::fabs(off);
-  if (down > kTyresFrom) unlike = -off;
-  const float w = clamp_to((unlike - kAlike) / (kUnlike - kAlike), 0.0F, 1.0F);
+  const bool in_panes = down > kPanesFrom && down < kPanesTo;
+  float w = 0.0F;
+  if (in_panes || down > kTyresFrom) w = clamp_to((-off - kAlike) / (kUnlike - kAlike), 0.0F, 1.0F);
+  if (in_panes && off > 0.0F) {
+    w = clamp_to((off - kAlike) / (kUnlike - kAlike), 0.0F, 1.0F) * clamp_to(kMirrored - paint, 0.0F, 1.0F);
+  }
   return log_albedo + w * (std::min(kDarkParts, paint) - log_albedo);
 }
 
