@@ -50,7 +50,7 @@ struct Sheet {
     mesh.background = {vertices.view(), quads.view()};
     mesh.visible_vertex = visible.cview();
     SerialExecutor serial;
-    ray_lifts(mesh, DepthNoise{}, {normals.data(), normals.size()}, {lifts.data(), lifts.size()}, serial);
+    ray_lifts(mesh, DepthNoise{}, camera, {normals.data(), normals.size()}, {lifts.data(), lifts.size()}, serial);
   }
   [[nodiscard]] float lift(int x, int y) const { return lifts[static_cast<std::size_t>(y * kShape.width + x)]; }
 };
@@ -115,4 +115,50 @@ TEST_CASE("missing neighbours and the image's corners do not lift") {
   const Sheet holes([](int x, int y, const Intrinsics& k) { return x % 3 == 0 ? floor_depth(y, k, 1.5F) : 0.0F; }, up);
   CHECK(holes.lift(0, kShape.height - 1) < 1e-4F);
   CHECK(holes.lift(159, kShape.height - 1) < 1e-4F);
+}
+
+TEST_CASE("what stands on the ground starts no ray under it, though its normal points down and its depth is noisy") {
+  // A floor 1.5 m below the camera, and a bumper 5 m away that reaches down to it; every eighth column is measured nearer.
+  const Intrinsics camera{725.0F, 725.0F, 80.0F, -180.0F};
+  const Vec3f down_and_near = normalized(Vec3f{0, 1, -1});
+  Image<Vec3f> floor(kShape);
+  Image<Vec3f> bumper(kShape);
+  Image<std::uint32_t> visible(kShape);
+  Image<std::uint8_t> quads(quad_shape(kShape));
+  std::vector<Vec3f> vertices, normals;
+  std::vector<std::uint32_t> pixels;
+  const auto add = [&](Image<Vec3f>& layer, int x, int y, float z, const Vec3f& n) {
+    layer(x, y) = unproject_pixel(camera, x, y, z);
+    vertices.push_back(layer(x, y));
+    normals.push_back(n);
+    pixels.push_back(static_cast<std::uint32_t>(y * kShape.width + x));
+  };
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) add(floor, x, y, floor_depth(y, camera, 1.5F), kUp);
+  }
+  const std::size_t of_floor = vertices.size();
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 40; x < 120; ++x) {
+      if (floor(x, y).z > 5.0F) add(bumper, x, y, x % 8 == 0 ? 4.8F : 5.0F, down_and_near);
+    }
+  }
+  SceneMesh mesh;
+  mesh.mesh.vertices = {vertices.data(), vertices.size()};
+  mesh.vertex_pixel = {pixels.data(), pixels.size()};
+  mesh.background_vertices = of_floor;
+  mesh.sheet_vertices = vertices.size();
+  mesh.background = {floor.view(), quads.view()};
+  mesh.foreground = {bumper.view(), quads.view()};
+  mesh.visible_vertex = visible.cview();
+  std::vector<float> lifts(vertices.size());
+  const DepthNoise noise{0.002F, 0};  // .05 m at 5 m
+  SerialExecutor serial;
+  ray_lifts(mesh, noise, camera, {normals.data(), normals.size()}, {lifts.data(), lifts.size()}, serial);
+  float highest = 0.0F;
+  for (std::size_t v = of_floor; v < vertices.size(); ++v) {
+    CHECK(lifts[v] > 0.0F);
+    CHECK(vertices[v].y + normals[v].y * lifts[v] < 1.5F);
+    highest = std::max(highest, lifts[v]);
+  }
+  CHECK(highest > 0.1F);  // what stands higher keeps its lift
 }

@@ -43,6 +43,7 @@
 #include "npsim/depth/detail/measured/beyond_range.hpp"
 #include "npsim/depth/detail/measured/border_spill.hpp"
 #include "npsim/depth/detail/measured/ground_mismatches.hpp"
+#include "npsim/depth/detail/measured/ground_under_vehicles.hpp"
 #include "npsim/depth/detail/measured/smooth_surfaces.hpp"
 #include "npsim/depth/detail/measured/street_furniture.hpp"
 #include "npsim/depth/detail/normals/guiding_normals.hpp"
@@ -108,7 +109,8 @@ struct RefineDepthParams {
   LabelSet plants = LabelSet::of(label::vegetation);
   float plant_change = 0.1F;
   KerbFaceParams kerbs;
-  GroundMismatchParams ground_mismatches;  // of stereo
+  GroundMismatchParams ground_mismatches;    // of stereo
+  GroundUnderVehiclesParams under_vehicles;  // of stereo
   SmoothSurfacesParams smooth;
   BeyondRangeParams beyond_range;   // of laser
   BorderSpillParams spill;          // of stereo
@@ -258,6 +260,7 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.normals));
   NPSIM_RETURN_IF_ERROR(validate(params.kerbs));
   NPSIM_RETURN_IF_ERROR(validate(params.ground_mismatches));
+  NPSIM_RETURN_IF_ERROR(validate(params.under_vehicles));
   NPSIM_RETURN_IF_ERROR(validate(params.smooth));
   NPSIM_RETURN_IF_ERROR(validate(params.spill));
   NPSIM_RETURN_IF_ERROR(validate(params.cars));
@@ -598,6 +601,16 @@ template <class Executor>
   return keep_above_ground(contact, scene.labels, scene.camera, out.ground, out.normals, out.mesh_depth, executor);
 }
 
+// What stereo measured wrong of the ground.
+template <class Executor>
+Status correct_ground(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
+                      Workspace& workspace, Executor& executor, RefinedDepth& out) {
+  NPSIM_RETURN_IF_ERROR(replace_ground_mismatches(params.ground_mismatches, objects, out.noise, scene.camera,
+                                                  out.ground, out.filled, out.depth, workspace, executor));
+  return lower_ground_under_vehicles(params.under_vehicles, scene.labels, out.noise, scene.camera, out.ground,
+                                     out.filled, out.depth, executor);
+}
+
 }  // namespace refine_detail
 
 // A scene without a usable depth on any surface is no_valid_input.
@@ -659,11 +672,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& given, Wor
   }
   if (out.trust.bounded && out.source == DepthSource::stereo) {
     NPSIM_RETURN_IF_ERROR(step(
-        Stage::ground,
-        [&] {
-          return replace_ground_mismatches(params.ground_mismatches, objects, out.noise, scene.camera, out.ground,
-                                           out.filled, out.depth, workspace, executor);
-        },
+        Stage::ground, [&] { return refine_detail::correct_ground(params, scene, objects, workspace, executor, out); },
         true));
   }
   NPSIM_RETURN_IF_ERROR(step(

@@ -8,7 +8,10 @@
 // noise of the sensor: what rises by less than kNoise deviations of the depth counts however steep. At
 // least what rounding needs: 2^-20 of the largest coordinate covers the error of the sum and of a ray's own translation
 // (trace/ray.hpp).
-// Cost: (2 kReach + 1)^2 dot products a vertex of the sheets, with noise (2 kNoisyReach + 1)^2. Memory: none. Error: none; a rule.
+// What stands on the ground may not start its rays under it: where the camera would see the start behind the background,
+// as below a bumper whose normal points down, the lift is halved until it does not.
+// Cost: (2 kReach + 1)^2 dot products a vertex of the sheets, with noise (2 kNoisyReach + 1)^2; of the foreground a look
+// into the background. Memory: none. Error: none; a rule.
 #ifndef NPSIM_PIPELINE_DETAIL_RAY_STARTS_HPP
 #define NPSIM_PIPELINE_DETAIL_RAY_STARTS_HPP
 
@@ -17,6 +20,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/camera.hpp"
+#include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/depth/source_noise.hpp"
@@ -54,12 +59,42 @@ inline constexpr float kNoise = 10.0F;    // deviations; half of a wrong match's
   return lift;
 }
 
+// Whether the camera sees `start` before `layer`, or not at all. Where a row is as deep as a metre of road, the nearer of
+// two rows counts.
+[[nodiscard]] inline bool is_before(const Intrinsics& camera, ImageView<const Vec3f> layer,
+                                    const Vec3f& start) noexcept {
+  if (!(start.z > 0.0F)) return true;
+  const Vec2f at = project(camera, start);
+  const float u = std::floor(at.x);
+  const float v = std::floor(at.y);
+  const auto width = static_cast<float>(layer.width());
+  const auto height = static_cast<float>(layer.height());
+  if (!(u >= 0.0F && u < width && v >= 0.0F && v < height)) return true;
+  const auto x = static_cast<int>(u);
+  const auto y = static_cast<int>(v);
+  for (const int row : {y, std::min(y + 1, layer.height() - 1)}) {
+    const Vec3f& q = layer(x, row);
+    if (has_vertex(q) && !(start.z < q.z)) return false;
+  }
+  return true;
+}
+
+[[nodiscard]] inline float lift_before(const Intrinsics& camera, ImageView<const Vec3f> layer, const Vec3f& p,
+                                       const Vec3f& n, float lift) noexcept {
+  constexpr int kHalvings = 6;
+  const float least = rounding_lift(p);
+  for (int i = 0; i < kHalvings && lift > least; ++i, lift *= 0.5F) {
+    if (is_before(camera, layer, p + n * lift)) return lift;
+  }
+  return least;
+}
+
 }  // namespace ray_start_detail
 
-// noise: of the depth that the mesh was made of. lift_m: of every vertex of the mesh, in metres.
+// noise: of the depth that the mesh was made of. camera: of the mesh. lift_m: of every vertex of the mesh, in metres.
 template <class Executor>
-void ray_lifts(const SceneMesh& mesh, const DepthNoise& noise, Span<const Vec3f> normal, Span<float> lift_m,
-               Executor& executor) noexcept {
+void ray_lifts(const SceneMesh& mesh, const DepthNoise& noise, const Intrinsics& camera, Span<const Vec3f> normal,
+               Span<float> lift_m, Executor& executor) noexcept {
   using namespace ray_start_detail;
   const auto width = static_cast<std::uint32_t>(mesh.visible_vertex.width());
   executor.for_chunks(lift_m.size(), 4096, [&](std::size_t begin, std::size_t end) {
@@ -73,6 +108,9 @@ void ray_lifts(const SceneMesh& mesh, const DepthNoise& noise, Span<const Vec3f>
       const float noise_m = p.z > 0.0F ? noise.deviation(1.0F / p.z) * p.z * p.z : 0.0F;
       lift_m[v] = lift_over_neighbours(layer.vertices, static_cast<int>(mesh.vertex_pixel[v] % width),
                                        static_cast<int>(mesh.vertex_pixel[v] / width), p, normal[v], noise_m);
+      if (v >= mesh.background_vertices) {
+        lift_m[v] = lift_before(camera, mesh.background.vertices, p, normal[v], lift_m[v]);
+      }
     }
   });
 }
