@@ -6,9 +6,10 @@
 // shadows onto it and hides the gap that one sees under parked cars.
 // In each column, below the lowest pixel of a vehicle, the ground of the same label is level with the highest of its
 // depths' medians over the rows that follow `reach_px` further down, over twice and over four times as many: a surface
-// parallel to the ground plane that lies `level` below the camera. What was measured nearer than `off` deviations and
-// higher than rise_m above that takes its depth.
-// Invariant: no depth becomes less; only ground below a vehicle is touched, seven reaches of rows at most. The same bits
+// parallel to the ground plane that lies `level` below the camera. From the vehicle down, what was measured nearer than
+// `off` deviations and higher than rise_m above that takes its depth, until the first row that was not. Lawns, which are
+// no planes, stay.
+// Invariant: no depth becomes less; only ground below a vehicle is touched, eight reaches of rows at most. The same bits
 // for any thread count. Cost: one pass over the image. Memory: 2 KiB of stack.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_GROUND_UNDER_VEHICLES_HPP
 #define NPSIM_DEPTH_DETAIL_MEASURED_GROUND_UNDER_VEHICLES_HPP
@@ -31,9 +32,9 @@ inline namespace NPSIM_ABI {
 
 struct GroundUnderVehiclesParams {
   int reach_px = 24;  // of rows that may be wrong, at least; 0 switches the step off; at most 128
-  float rise_m = 0.04F;
-  float off = 3.0F;  // deviations of 1/z
-  LabelSet ground = kGroundLabels;
+  float rise_m = 0.05F;
+  float off = 5.0F;  // deviations of 1/z
+  LabelSet paved = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground);
 };
 
 [[nodiscard]] inline Status validate(const GroundUnderVehiclesParams& p) noexcept {
@@ -94,7 +95,7 @@ template <class Executor>
       const depth_detail::GroundColumn column{camera, ground, labels, depth, x};
       for (int y = 1; y < shape.height; ++y) {
         const Label label = labels(x, y);
-        if (!params.ground.contains(label) || !kVehicleLabels.contains(labels(x, y - 1))) continue;
+        if (!params.paved.contains(label) || !kVehicleLabels.contains(labels(x, y - 1))) continue;
         float level = 0.0F;
         int from = y + reach;
         for (const int rows : {reach, 2 * reach, 4 * reach}) {
@@ -105,9 +106,12 @@ template <class Executor>
         }
         for (int v = y; v < from && level > 0.0F; ++v) {
           const float under = column.under_m(v);
-          if (!(under > 0.0F) || under > level - params.rise_m) continue;
+          if (!(under > 0.0F)) continue;
           const float z = level / column.fall(v);
-          if (1.0F / depth(x, v) - 1.0F / z <= params.off * noise.deviation(1.0F / z)) continue;
+          if (under > level - params.rise_m ||
+              1.0F / depth(x, v) - 1.0F / z <= params.off * noise.deviation(1.0F / z)) {
+            break;
+          }
           depth(x, v) = z;
           filled(x, v) = z;
         }
