@@ -43,7 +43,13 @@ struct Street {
     }
   }
   template <class Executor>
-  Status run(Executor& executor, const GroundUnderVehiclesParams& params = {}) {
+  Status run(Executor& executor) {
+    GroundUnderVehiclesParams params;
+    params.reach_px = 24;
+    return run(executor, params);
+  }
+  template <class Executor>
+  Status run(Executor& executor, const GroundUnderVehiclesParams& params) {
     Image<float> filled = depth;
     const Status done = lower_ground_under_vehicles(params, labels.cview(), noise, camera, ground, filled.view(),
                                                     depth.view(), executor);

@@ -217,11 +217,23 @@ namespace refine_detail {
   return outliers;
 }
 
+// At most the 128 px that the steps along rows and columns have room for.
+[[nodiscard]] constexpr int scaled_reach(const RefineDepthParams& params, int reach_px, Shape shape) noexcept {
+  const float reach = static_cast<float>(reach_px) * reference_scale(params, shape) + 0.5F;
+  return static_cast<int>(reach < 128.0F ? reach : 128.0F);
+}
+
 [[nodiscard]] constexpr BorderSpillParams scaled_spill(const RefineDepthParams& params, Shape shape) noexcept {
   BorderSpillParams spill = params.spill;
-  const float reach = static_cast<float>(spill.reach_px) * reference_scale(params, shape) + 0.5F;
-  spill.reach_px = static_cast<int>(reach < 128.0F ? reach : 128.0F);
+  spill.reach_px = scaled_reach(params, spill.reach_px, shape);
   return spill;
+}
+
+[[nodiscard]] constexpr GroundUnderVehiclesParams scaled_under_vehicles(const RefineDepthParams& params,
+                                                                        Shape shape) noexcept {
+  GroundUnderVehiclesParams under = params.under_vehicles;
+  under.reach_px = scaled_reach(params, under.reach_px, shape);
+  return under;
 }
 
 [[nodiscard]] constexpr AnchorGroundParams scaled_anchor(const RefineDepthParams& params, Shape shape) noexcept {
@@ -607,8 +619,8 @@ Status correct_ground(const RefineDepthParams& params, const SceneView& scene, c
                       Workspace& workspace, Executor& executor, RefinedDepth& out) {
   NPSIM_RETURN_IF_ERROR(replace_ground_mismatches(params.ground_mismatches, objects, out.noise, scene.camera,
                                                   out.ground, out.filled, out.depth, workspace, executor));
-  return lower_ground_under_vehicles(params.under_vehicles, scene.labels, out.noise, scene.camera, out.ground,
-                                     out.filled, out.depth, executor);
+  return lower_ground_under_vehicles(scaled_under_vehicles(params, scene.shape()), scene.labels, out.noise,
+                                     scene.camera, out.ground, out.filled, out.depth, executor);
 }
 
 }  // namespace refine_detail

@@ -31,7 +31,7 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 struct GroundUnderVehiclesParams {
-  int reach_px = 24;  // of rows that may be wrong, at least; 0 switches the step off; at most 128
+  int reach_px = 11;  // of rows that may be wrong, at least; 0 switches the step off; at most 128
   float rise_m = 0.05F;
   float off = 5.0F;  // deviations of 1/z
   LabelSet paved = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground);
