@@ -118,7 +118,7 @@ TEST_CASE("missing neighbours and the image's corners do not lift") {
 }
 
 TEST_CASE("what stands on the ground starts no ray under it, though its normal points down and its depth is noisy") {
-  // A floor 1.5 m below the camera, and a bumper 5 m away that reaches down to it; every eighth column is measured nearer.
+  // A floor 1.5 m below the camera, and a bumper 5 m away that reaches down to it; every eighth column is nearer.
   const Intrinsics camera{725.0F, 725.0F, 80.0F, -180.0F};
   const Vec3f down_and_near = normalized(Vec3f{0, 1, -1});
   Image<Vec3f> floor(kShape);

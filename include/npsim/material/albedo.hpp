@@ -234,9 +234,9 @@ struct Light {
   return {sum.level / weight, sum.sun / weight};
 }
 
-// log2 albedo of a vehicle's pixel, told apart into paint, glass and tyres. What is darker than the paint is glass in the
-// panes' band and rubber at the bottom. What is brighter in that band is what a pane mirrors, but on paint brighter than
-// kMirrored: a white roof or tailgate that faces the sky.
+// log2 albedo of a vehicle's pixel, told apart into paint, glass and tyres. What is darker than the paint is glass in
+// the panes' band and rubber at the bottom. What is brighter in that band is what a pane mirrors, but on paint brighter
+// than kMirrored: a white roof or tailgate that faces the sky.
 [[nodiscard]] inline float paint_or_glass(float log_albedo, float paint, float down) noexcept {
   constexpr float kDarkParts = -4.6F;  // log2 of .04
   constexpr float kMirrored = -1.4F;   // log2 of .38: glass sends at most a third of the sky back

@@ -8,10 +8,10 @@
 // noise of the sensor: what rises by less than kNoise deviations of the depth counts however steep. At
 // least what rounding needs: 2^-20 of the largest coordinate covers the error of the sum and of a ray's own translation
 // (trace/ray.hpp).
-// What stands on the ground may not start its rays under it: where the camera would see the start behind the background,
-// as below a bumper whose normal points down, the lift is halved until it does not.
-// Cost: (2 kReach + 1)^2 dot products a vertex of the sheets, with noise (2 kNoisyReach + 1)^2; of the foreground a look
-// into the background. Memory: none. Error: none; a rule.
+// What stands on the ground may not start its rays under it: where the camera would see the start behind the
+// background, as below a bumper whose normal points down, the lift is halved until it does not.
+// Cost: (2 kReach + 1)^2 dot products a vertex of the sheets, with noise (2 kNoisyReach + 1)^2; of the foreground a
+// look into the background. Memory: none. Error: none; a rule.
 #ifndef NPSIM_PIPELINE_DETAIL_RAY_STARTS_HPP
 #define NPSIM_PIPELINE_DETAIL_RAY_STARTS_HPP
 
@@ -59,8 +59,8 @@ inline constexpr float kNoise = 10.0F;    // deviations; half of a wrong match's
   return lift;
 }
 
-// Whether the camera sees `start` before `layer`, or not at all. Where a row is as deep as a metre of road, the nearer of
-// two rows counts.
+// Whether the camera sees `start` before `layer`, or not at all. Where a row is as deep as a metre of road, the nearer
+// of two rows counts.
 [[nodiscard]] inline bool is_before(const Intrinsics& camera, ImageView<const Vec3f> layer,
                                     const Vec3f& start) noexcept {
   if (!(start.z > 0.0F)) return true;

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // The ground that is seen beneath vehicles, where stereo measured the vehicle.
 //
-// The strip between wheels and sill is dark and as low as a few windows of the matching, all of which hold the sill as
-// well: it comes out as a ramp that rises from the road to the bumper. As a surface that ramp is lit like the car, throws
-// shadows onto it and hides the gap that one sees under parked cars.
-// In each column, below the lowest pixel of a vehicle, the ground of the same label is level with the highest of its
-// depths' medians over the rows that follow `reach_px` further down, over twice and over four times as many: a surface
-// parallel to the ground plane that lies `level` below the camera. From the vehicle down, what was measured nearer than
-// `off` deviations and higher than rise_m above that takes its depth, until the first row that was not. Lawns, which are
-// no planes, stay.
-// Invariant: no depth becomes less; only ground below a vehicle is touched, eight reaches of rows at most. The same bits
-// for any thread count. Cost: one pass over the image. Memory: 2 KiB of stack.
+// The strip between wheels and sill is dark and as low as a few windows of the matching, all of which hold the sill
+// as well: it comes out as a ramp that rises from the road to the bumper. As a surface that ramp is lit like the car,
+// throws shadows onto it and hides the gap that one sees under parked cars.
+// In each column, below the lowest pixel of a vehicle, ground of the same label is taken for level: parallel to the
+// ground plane, as far below the camera as the largest of three medians says, over the reach_px rows that begin
+// reach_px below the vehicle, over twice as many that follow and over four times as many after these. From the vehicle
+// down, what was measured nearer than that by more than `off` deviations, and more than rise_m above it, takes its
+// depth, until the first row that was not. Lawns, which are no planes, stay.
+// Invariant: no depth becomes less; only ground below a vehicle is touched, eight reaches of rows at most. The same
+// bits for any thread count. Cost: one pass over the image. Memory: 2 KiB of stack.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_GROUND_UNDER_VEHICLES_HPP
 #define NPSIM_DEPTH_DETAIL_MEASURED_GROUND_UNDER_VEHICLES_HPP
 
