@@ -50,7 +50,7 @@ struct Sheet {
     mesh.background = {vertices.view(), quads.view()};
     mesh.visible_vertex = visible.cview();
     SerialExecutor serial;
-    ray_lifts(mesh, DepthNoise{}, camera, {normals.data(), normals.size()}, {lifts.data(), lifts.size()}, serial);
+    ray_lifts(mesh, DepthNoise{}, camera, kUp, {normals.data(), normals.size()}, {lifts.data(), lifts.size()}, serial);
   }
   [[nodiscard]] float lift(int x, int y) const { return lifts[static_cast<std::size_t>(y * kShape.width + x)]; }
 };
@@ -117,48 +117,83 @@ TEST_CASE("missing neighbours and the image's corners do not lift") {
   CHECK(holes.lift(159, kShape.height - 1) < 1e-4F);
 }
 
-TEST_CASE("what stands on the ground starts no ray under it, though its normal points down and its depth is noisy") {
-  // A floor 1.5 m below the camera, and a bumper 5 m away that reaches down to it; every eighth column is nearer.
-  const Intrinsics camera{725.0F, 725.0F, 80.0F, -180.0F};
-  const Vec3f down_and_near = normalized(Vec3f{0, 1, -1});
-  Image<Vec3f> floor(kShape);
-  Image<Vec3f> bumper(kShape);
-  Image<std::uint32_t> visible(kShape);
-  Image<std::uint8_t> quads(quad_shape(kShape));
+namespace {
+
+// Rows of a face that stands on a level floor 1.5 m below the camera, the floor behind it complete, every eighth column
+// nearer than the others; a wall before it, where wall_m is not 0, hides what is as low as its top.
+struct Standing {
   std::vector<Vec3f> vertices, normals;
-  std::vector<std::uint32_t> pixels;
-  const auto add = [&](Image<Vec3f>& layer, int x, int y, float z, const Vec3f& n) {
-    layer(x, y) = unproject_pixel(camera, x, y, z);
-    vertices.push_back(layer(x, y));
-    normals.push_back(n);
-    pixels.push_back(static_cast<std::uint32_t>(y * kShape.width + x));
-  };
-  for (int y = 0; y < kShape.height; ++y) {
-    for (int x = 0; x < kShape.width; ++x) add(floor, x, y, floor_depth(y, camera, 1.5F), kUp);
-  }
-  const std::size_t of_floor = vertices.size();
-  for (int y = 0; y < kShape.height; ++y) {
-    for (int x = 40; x < 120; ++x) {
-      if (floor(x, y).z > 5.0F) add(bumper, x, y, x % 8 == 0 ? 4.8F : 5.0F, down_and_near);
+  std::vector<float> lifts;
+  std::size_t of_floor = 0;
+
+  Standing(Shape shape, const Intrinsics& camera, float face_m, float step_m, const Vec3f& normal,
+           float wall_m = 0.0F) {
+    Image<Vec3f> floor(shape);
+    Image<Vec3f> face(shape);
+    Image<std::uint32_t> visible(shape);
+    Image<std::uint8_t> quads(quad_shape(shape));
+    std::vector<std::uint32_t> pixels;
+    const auto add = [&](Image<Vec3f>& layer, int x, int y, float z, const Vec3f& n) {
+      if (z > 0.0F) layer(x, y) = unproject_pixel(camera, x, y, z);
+      vertices.push_back(layer(x, y));
+      normals.push_back(n);
+      pixels.push_back(static_cast<std::uint32_t>(y * shape.width + x));
+    };
+    const auto hidden = [&](int y) { return wall_m > 0.0F && floor_depth(y, camera, 1.0F) < wall_m; };
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) add(floor, x, y, hidden(y) ? wall_m : floor_depth(y, camera, 1.5F), kUp);
     }
+    of_floor = vertices.size();
+    for (int y = 0; y < shape.height; ++y) {
+      if (hidden(y) || (wall_m == 0.0F && floor(0, y).z < face_m)) continue;
+      for (int x = 0; x < shape.width; ++x) add(face, x, y, x % 8 == 0 ? face_m - step_m : face_m, normal);
+    }
+    SceneMesh mesh;
+    mesh.mesh.vertices = {vertices.data(), vertices.size()};
+    mesh.vertex_pixel = {pixels.data(), pixels.size()};
+    mesh.background_vertices = of_floor;
+    mesh.sheet_vertices = vertices.size();
+    mesh.background = {floor.view(), quads.view()};
+    mesh.foreground = {face.view(), quads.view()};
+    mesh.visible_vertex = visible.cview();
+    lifts.resize(vertices.size());
+    const DepthNoise noise{step_m / (5.0F * face_m * face_m), 0};
+    SerialExecutor serial;
+    ray_lifts(mesh, noise, camera, kUp, {normals.data(), normals.size()}, {lifts.data(), lifts.size()}, serial);
   }
-  SceneMesh mesh;
-  mesh.mesh.vertices = {vertices.data(), vertices.size()};
-  mesh.vertex_pixel = {pixels.data(), pixels.size()};
-  mesh.background_vertices = of_floor;
-  mesh.sheet_vertices = vertices.size();
-  mesh.background = {floor.view(), quads.view()};
-  mesh.foreground = {bumper.view(), quads.view()};
-  mesh.visible_vertex = visible.cview();
-  std::vector<float> lifts(vertices.size());
-  const DepthNoise noise{0.002F, 0};  // .05 m at 5 m
-  SerialExecutor serial;
-  ray_lifts(mesh, noise, camera, {normals.data(), normals.size()}, {lifts.data(), lifts.size()}, serial);
+};
+
+}  // namespace
+
+TEST_CASE("what stands on the ground starts no ray under it, though its normal points down and its depth is noisy") {
+  const Standing bumper(kShape, {725.0F, 725.0F, 80.0F, -180.0F}, 5.0F, 0.2F, normalized(Vec3f{0, 1, -1}));
   float highest = 0.0F;
-  for (std::size_t v = of_floor; v < vertices.size(); ++v) {
-    CHECK(lifts[v] > 0.0F);
-    CHECK(vertices[v].y + normals[v].y * lifts[v] < 1.5F);
-    highest = std::max(highest, lifts[v]);
+  for (std::size_t v = bumper.of_floor; v < bumper.vertices.size(); ++v) {
+    CHECK(bumper.lifts[v] > 0.0F);
+    CHECK(bumper.vertices[v].y + bumper.normals[v].y * bumper.lifts[v] < 1.5F + 1e-5F);
+    highest = std::max(highest, bumper.lifts[v]);
   }
   CHECK(highest > 0.1F);  // what stands higher keeps its lift
+}
+
+TEST_CASE("far away, where a row of the road is metres deep, a start just above the ground keeps its lift") {
+  // A row at 40 m is 2.2 m of road: the nearer of two rows would stop every start before the lowest pixels.
+  const Standing car({96, 48}, {480.0F, 480.0F, 48.0F, 0.0F}, 40.0F, 1.0F, Vec3f{0, 0, -1});
+  for (std::size_t v = car.of_floor; v < car.vertices.size(); ++v) {
+    CAPTURE(car.vertices[v].y);
+    const bool rests = car.vertices[v].z < 39.5F;  // the columns that stick out
+    const float above_m = 1.5F - car.vertices[v].y;
+    if (!rests && above_m > 0.05F) CHECK(car.lifts[v] > 0.9F);
+  }
+}
+
+TEST_CASE("a low wall before a car takes no lift from the car") {
+  const Standing car({96, 48}, {480.0F, 480.0F, 48.0F, -20.0F}, 12.0F, 0.4F, normalized(Vec3f{0, 1, -1}), 8.0F);
+  std::size_t recessed = 0;
+  for (std::size_t v = car.of_floor; v < car.vertices.size(); ++v) {
+    if (car.vertices[v].z < 11.9F) continue;  // the columns that stick out
+    ++recessed;
+    CHECK(car.lifts[v] > 0.2F);
+  }
+  CHECK(recessed > 1000);
 }

@@ -43,7 +43,6 @@
 #include "npsim/depth/detail/measured/beyond_range.hpp"
 #include "npsim/depth/detail/measured/border_spill.hpp"
 #include "npsim/depth/detail/measured/ground_mismatches.hpp"
-#include "npsim/depth/detail/measured/ground_under_vehicles.hpp"
 #include "npsim/depth/detail/measured/smooth_surfaces.hpp"
 #include "npsim/depth/detail/measured/street_furniture.hpp"
 #include "npsim/depth/detail/normals/guiding_normals.hpp"
@@ -109,8 +108,7 @@ struct RefineDepthParams {
   LabelSet plants = LabelSet::of(label::vegetation);
   float plant_change = 0.1F;
   KerbFaceParams kerbs;
-  GroundMismatchParams ground_mismatches;    // of stereo
-  GroundUnderVehiclesParams under_vehicles;  // of stereo
+  GroundMismatchParams ground_mismatches;  // of stereo
   SmoothSurfacesParams smooth;
   BeyondRangeParams beyond_range;   // of laser
   BorderSpillParams spill;          // of stereo
@@ -217,23 +215,11 @@ namespace refine_detail {
   return outliers;
 }
 
-// At most the 128 px that the steps along rows and columns have room for.
-[[nodiscard]] constexpr int scaled_reach(const RefineDepthParams& params, int reach_px, Shape shape) noexcept {
-  const float reach = static_cast<float>(reach_px) * reference_scale(params, shape) + 0.5F;
-  return static_cast<int>(reach < 128.0F ? reach : 128.0F);
-}
-
 [[nodiscard]] constexpr BorderSpillParams scaled_spill(const RefineDepthParams& params, Shape shape) noexcept {
   BorderSpillParams spill = params.spill;
-  spill.reach_px = scaled_reach(params, spill.reach_px, shape);
+  const float reach = static_cast<float>(spill.reach_px) * reference_scale(params, shape) + 0.5F;
+  spill.reach_px = static_cast<int>(reach < 128.0F ? reach : 128.0F);
   return spill;
-}
-
-[[nodiscard]] constexpr GroundUnderVehiclesParams scaled_under_vehicles(const RefineDepthParams& params,
-                                                                        Shape shape) noexcept {
-  GroundUnderVehiclesParams under = params.under_vehicles;
-  under.reach_px = scaled_reach(params, under.reach_px, shape);
-  return under;
 }
 
 [[nodiscard]] constexpr AnchorGroundParams scaled_anchor(const RefineDepthParams& params, Shape shape) noexcept {
@@ -272,7 +258,6 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.normals));
   NPSIM_RETURN_IF_ERROR(validate(params.kerbs));
   NPSIM_RETURN_IF_ERROR(validate(params.ground_mismatches));
-  NPSIM_RETURN_IF_ERROR(validate(params.under_vehicles));
   NPSIM_RETURN_IF_ERROR(validate(params.smooth));
   NPSIM_RETURN_IF_ERROR(validate(params.spill));
   NPSIM_RETURN_IF_ERROR(validate(params.cars));
@@ -613,16 +598,6 @@ template <class Executor>
   return keep_above_ground(contact, scene.labels, scene.camera, out.ground, out.normals, out.mesh_depth, executor);
 }
 
-// What stereo measured wrong of the ground.
-template <class Executor>
-Status correct_ground(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
-                      Workspace& workspace, Executor& executor, RefinedDepth& out) {
-  NPSIM_RETURN_IF_ERROR(replace_ground_mismatches(params.ground_mismatches, objects, out.noise, scene.camera,
-                                                  out.ground, out.filled, out.depth, workspace, executor));
-  return lower_ground_under_vehicles(scaled_under_vehicles(params, scene.shape()), scene.labels, out.noise,
-                                     scene.camera, out.ground, out.filled, out.depth, executor);
-}
-
 }  // namespace refine_detail
 
 // A scene without a usable depth on any surface is no_valid_input.
@@ -684,7 +659,11 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& given, Wor
   }
   if (out.trust.bounded && out.source == DepthSource::stereo) {
     NPSIM_RETURN_IF_ERROR(step(
-        Stage::ground, [&] { return refine_detail::correct_ground(params, scene, objects, workspace, executor, out); },
+        Stage::ground,
+        [&] {
+          return replace_ground_mismatches(params.ground_mismatches, objects, out.noise, scene.camera, out.ground,
+                                           out.filled, out.depth, workspace, executor);
+        },
         true));
   }
   NPSIM_RETURN_IF_ERROR(step(

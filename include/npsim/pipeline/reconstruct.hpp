@@ -125,6 +125,7 @@ struct SceneLayers {
 // `solid` on are the backs of leaves, which rays pass: the leaves in front have stopped their share of the light.
 struct SceneMesh {
   TriangleMeshView mesh;
+  Intrinsics camera;                       // of the layers: the photograph's, with its offsets
   Span<const std::uint32_t> vertex_pixel;  // y * width + x of each vertex
   std::size_t background_vertices = 0;
   std::size_t background_faces = 0;
@@ -399,6 +400,7 @@ Status build_mesh(const ReconstructParams& params, const SceneView& given, const
   out.solid_faces =
       reconstruct_detail::leaves_last(params.solidify, refined.labels, buffers.pixels, out.sheet_faces, buffers.faces);
   out.mesh = {buffers.vertices, buffers.faces};
+  out.camera = scene.camera;
   out.vertex_pixel = buffers.pixels;
   out.background = layers.background;
   out.foreground = layers.foreground;

@@ -8,10 +8,10 @@
 // noise of the sensor: what rises by less than kNoise deviations of the depth counts however steep. At
 // least what rounding needs: 2^-20 of the largest coordinate covers the error of the sum and of a ray's own translation
 // (trace/ray.hpp).
-// What stands on the ground may not start its rays under it: where the camera would see the start behind the
-// background, as below a bumper whose normal points down, the lift is halved until it does not.
-// Cost: (2 kReach + 1)^2 dot products a vertex of the sheets, with noise (2 kNoisyReach + 1)^2; of the foreground a
-// look into the background. Memory: none. Error: none; a rule.
+// What stands on the ground may not start its rays under it: where the ground hides the start from the camera, as below
+// a bumper whose normal points down, the lift is halved until it does not, and after six times is the least.
+// Cost: (2 kReach + 1)^2 dot products a vertex of the sheets, with noise (2 kNoisyReach + 1)^2; of the foreground up to
+// six looks into the background. Memory: none. Error: none; a rule.
 #ifndef NPSIM_PIPELINE_DETAIL_RAY_STARTS_HPP
 #define NPSIM_PIPELINE_DETAIL_RAY_STARTS_HPP
 
@@ -36,6 +36,7 @@ inline constexpr int kReach = 4;          // px
 inline constexpr float kSteepest = 0.5F;  // rise over distance along the surface: 27 degrees
 inline constexpr int kNoisyReach = 10;    // px, where depth is noisy: patches of wrong matches are as large
 inline constexpr float kNoise = 10.0F;    // deviations; half of a wrong match's patch is within
+inline constexpr float kFootM = 0.2F;     // that deep in the ground the depth of what stands on it may put its foot
 
 [[nodiscard]] inline float rounding_lift(const Vec3f& p) noexcept {
   return 0x1p-20F * std::fmax(std::fabs(p.x), std::fmax(std::fabs(p.y), std::fabs(p.z)));
@@ -59,42 +60,42 @@ inline constexpr float kNoise = 10.0F;    // deviations; half of a wrong match's
   return lift;
 }
 
-// Whether the camera sees `start` before `layer`, or not at all. Where a row is as deep as a metre of road, the nearer
-// of two rows counts.
-[[nodiscard]] inline bool is_before(const Intrinsics& camera, ImageView<const Vec3f> layer,
-                                    const Vec3f& start) noexcept {
-  if (!(start.z > 0.0F)) return true;
+// Whether `start` lies under the ground that the camera sees in its direction, or next to that beyond the picture's
+// sides and below it. `layer` is ground where it is no higher than the foot of the point p: a wall before the start is
+// higher. Between two rows 1/z is linear, as on a plane.
+[[nodiscard]] inline bool is_under_ground(const Intrinsics& camera, ImageView<const Vec3f> layer, const Vec3f& up,
+                                          const Vec3f& p, const Vec3f& start) noexcept {
+  if (!(start.z > 0.0F) || layer.height() < 2) return false;
   const Vec2f at = project(camera, start);
-  const float u = std::floor(at.x);
-  const float v = std::floor(at.y);
-  const auto width = static_cast<float>(layer.width());
-  const auto height = static_cast<float>(layer.height());
-  if (!(u >= 0.0F && u < width && v >= 0.0F && v < height)) return true;
-  const auto x = static_cast<int>(u);
-  const auto y = static_cast<int>(v);
-  for (const int row : {y, std::min(y + 1, layer.height() - 1)}) {
-    const Vec3f& q = layer(x, row);
-    if (has_vertex(q) && !(start.z < q.z)) return false;
-  }
-  return true;
+  const float row = at.y - 0.5F;
+  if (!(row >= 0.0F)) return false;
+  const auto x = static_cast<int>(std::fmin(std::fmax(at.x, 0.0F), static_cast<float>(layer.width() - 1)));
+  const auto y = static_cast<int>(std::fmin(row, static_cast<float>(layer.height() - 2)));
+  const Vec3f& above = layer(x, y);
+  const Vec3f& below = layer(x, y + 1);
+  if (!has_vertex(above) || !has_vertex(below)) return false;
+  if (!(dot(above - p, up) < kFootM && dot(below - p, up) < kFootM)) return false;
+  const float t = row - static_cast<float>(y);
+  return start.z * ((1.0F - t) / above.z + t / below.z) > 1.0F;
 }
 
-[[nodiscard]] inline float lift_before(const Intrinsics& camera, ImageView<const Vec3f> layer, const Vec3f& p,
-                                       const Vec3f& n, float lift) noexcept {
+[[nodiscard]] inline float lift_above_ground(const Intrinsics& camera, ImageView<const Vec3f> layer, const Vec3f& up,
+                                             const Vec3f& p, const Vec3f& n, float lift) noexcept {
   constexpr int kHalvings = 6;
   const float least = rounding_lift(p);
   for (int i = 0; i < kHalvings && lift > least; ++i, lift *= 0.5F) {
-    if (is_before(camera, layer, p + n * lift)) return lift;
+    if (!is_under_ground(camera, layer, up, p, p + n * lift)) return lift;
   }
   return least;
 }
 
 }  // namespace ray_start_detail
 
-// noise: of the depth that the mesh was made of. camera: of the mesh. lift_m: of every vertex of the mesh, in metres.
+// noise: of the depth that the mesh was made of. camera: of the mesh's sheet. up: of the ground. lift_m: of every vertex
+// of the mesh, in metres.
 template <class Executor>
-void ray_lifts(const SceneMesh& mesh, const DepthNoise& noise, const Intrinsics& camera, Span<const Vec3f> normal,
-               Span<float> lift_m, Executor& executor) noexcept {
+void ray_lifts(const SceneMesh& mesh, const DepthNoise& noise, const Intrinsics& camera, const Vec3f& up,
+               Span<const Vec3f> normal, Span<float> lift_m, Executor& executor) noexcept {
   using namespace ray_start_detail;
   const auto width = static_cast<std::uint32_t>(mesh.visible_vertex.width());
   executor.for_chunks(lift_m.size(), 4096, [&](std::size_t begin, std::size_t end) {
@@ -109,7 +110,7 @@ void ray_lifts(const SceneMesh& mesh, const DepthNoise& noise, const Intrinsics&
       lift_m[v] = lift_over_neighbours(layer.vertices, static_cast<int>(mesh.vertex_pixel[v] % width),
                                        static_cast<int>(mesh.vertex_pixel[v] / width), p, normal[v], noise_m);
       if (v >= mesh.background_vertices) {
-        lift_m[v] = lift_before(camera, mesh.background.vertices, p, normal[v], lift_m[v]);
+        lift_m[v] = lift_above_ground(camera, mesh.background.vertices, up, p, normal[v], lift_m[v]);
       }
     }
   });
