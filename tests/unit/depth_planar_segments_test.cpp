@@ -175,6 +175,46 @@ TEST_CASE("planar segments: relief stays, and what is curved is not drawn to pla
   CHECK(dot(tower.at(150, 120)->normal, tower.at(330, 120)->normal) < 0.8F);
 }
 
+TEST_CASE("planar segments: what matching draws forward beside a sign is the wall, flat or as a ramp") {
+  for (const bool ramp : {false, true}) {
+    CAPTURE(ramp);
+    Street s;
+    s.wall(kFront, 60.0F, 0, 480);
+    for (int y = 96; y < 120; ++y) {
+      for (int x = 204; x < 216; ++x) {  // the sign
+        s.truth(x, y) = 30.0F;
+        s.labels(x, y) = label::pole;
+      }
+      for (int x = 216; x < 222; ++x) {
+        const float forward = ramp ? 5.5F - 0.7F * static_cast<float>(x - 216) : 3.2F;  // deviations; .54 px
+        s.truth(x, y) = 1.0F / (1.0F / 60.0F + forward * s.noise.amplitude);
+      }
+    }
+    s.measure(0.3F);
+    REQUIRE(s.run().ok());
+    const PlanarSegment* const wall = s.at(300, 109);
+    REQUIRE(wall != nullptr);
+    for (int y = 96; y < 120; ++y) {
+      for (int x = 216; x < 222; ++x) CHECK(s.at(x, y) == wall);
+    }
+  }
+}
+
+TEST_CASE("planar segments: a house as large as its neighbour, or farther from its plane, keeps its own plane") {
+  Street s;
+  s.wall(kFront, 60.0F, 0, 240);
+  s.wall(kFront, 55.0F, 240, 480);  // 4.4 deviations
+  for (int y = 100; y < 118; ++y) {
+    for (int x = 100; x < 114; ++x) s.truth(x, y) = 1.0F / (1.0F / 60.0F + 12.0F * s.noise.amplitude);
+  }
+  s.measure(0.3F);
+  REQUIRE(s.run().ok());
+  REQUIRE(s.at(60, 60) != nullptr);
+  REQUIRE(s.at(400, 60) != nullptr);
+  CHECK(s.at(400, 60) != s.at(60, 60));
+  for (int y = 103; y < 115; ++y) CHECK(s.at(107, y) != s.at(60, 60));
+}
+
 TEST_CASE("planar segments: a dent of 5 m that a wall surrounds is closed, of a laser too deep a point is its own") {
   Street s = corner();
   s.measure();

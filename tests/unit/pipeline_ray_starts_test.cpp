@@ -197,3 +197,43 @@ TEST_CASE("a low wall before a car takes no lift from the car") {
   }
   CHECK(recessed > 1000);
 }
+
+TEST_CASE("a sign before a crown lifts no ray of the crown, wherever the crown's normal points") {
+  // A crown 60 m away, a sign 30 m away before its middle; depth is known to a metre there.
+  const Shape shape{64, 32};
+  const Intrinsics camera{1000.0F, 1000.0F, 32.0F, 200.0F};
+  const Vec3f across = normalized(Vec3f{1, 0, -0.3F});
+  Image<Vec3f> none(shape);
+  Image<Vec3f> standing(shape);
+  Image<std::uint32_t> object(shape);
+  Image<std::uint32_t> visible(shape);
+  Image<std::uint8_t> quads(quad_shape(shape));
+  std::vector<Vec3f> vertices, normals;
+  std::vector<std::uint32_t> pixels;
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const bool sign = x >= 28 && x < 36;
+      standing(x, y) = unproject_pixel(camera, x, y, sign ? 30.0F : 60.0F);
+      object(x, y) = sign ? 2U : 1U;
+      vertices.push_back(standing(x, y));
+      normals.push_back(across);
+      pixels.push_back(static_cast<std::uint32_t>(y * shape.width + x));
+    }
+  }
+  SceneMesh mesh;
+  mesh.mesh.vertices = {vertices.data(), vertices.size()};
+  mesh.vertex_pixel = {pixels.data(), pixels.size()};
+  mesh.sheet_vertices = vertices.size();
+  mesh.background = {none.view(), quads.view()};
+  mesh.foreground = {standing.view(), quads.view()};
+  mesh.visible_vertex = visible.cview();
+  mesh.object = object.cview();
+  std::vector<float> lifts(vertices.size());
+  SerialExecutor serial;
+  ray_lifts(mesh, DepthNoise{1.0F / 3600.0F, 0}, camera, kUp, {normals.data(), normals.size()},
+            {lifts.data(), lifts.size()}, serial);
+  // Of its own neighbours, 10 px of .06 m away along the crown, all rise by less than this.
+  for (std::size_t v = 0; v < vertices.size(); ++v) {
+    if (vertices[v].z > 50.0F) CHECK(lifts[v] < 0.7F);
+  }
+}

@@ -3,7 +3,7 @@
 //
 // A reconstructed surface is rough where the true one is smooth: its vertices stand before and behind the plane that the
 // point's normal tells. A ray starts above what the neighbours of its point stick out, and no higher: a kerb, a frame or
-// a wall next to it keeps its shadow. With p the point, n its normal and q the vertices of its layer within kReach
+// a wall next to it keeps its shadow. With p the point, n its normal and q the vertices of its object within kReach
 // pixels: lift = max over q of dot(n, q - p), of those that rise by less than kSteepest; steeper is another surface, or
 // noise of the sensor: what rises by less than kNoise deviations of the depth counts however steep. At
 // least what rounding needs: 2^-20 of the largest coordinate covers the error of the sum and of a ray's own translation
@@ -42,14 +42,15 @@ inline constexpr float kFootM = 0.2F;     // that deep in the ground the depth o
   return 0x1p-20F * std::fmax(std::fabs(p.x), std::fmax(std::fabs(p.y), std::fabs(p.z)));
 }
 
-[[nodiscard]] inline float lift_over_neighbours(ImageView<const Vec3f> layer, int x, int y, const Vec3f& p,
-                                                const Vec3f& n, float noise_m) noexcept {
+// object: numbers of the layer's objects, or empty: of one.
+[[nodiscard]] inline float lift_over_neighbours(ImageView<const Vec3f> layer, ImageView<const std::uint32_t> object,
+                                                int x, int y, const Vec3f& p, const Vec3f& n, float noise_m) noexcept {
   float lift = rounding_lift(p);
   const int reach = noise_m > 0.0F ? kNoisyReach : kReach;
   for (int v = std::max(0, y - reach); v <= std::min(layer.height() - 1, y + reach); ++v) {
     for (int u = std::max(0, x - reach); u <= std::min(layer.width() - 1, x + reach); ++u) {
       const Vec3f& q = layer(u, v);
-      if (!has_vertex(q)) continue;
+      if (!has_vertex(q) || (!object.empty() && object(u, v) != object(x, y))) continue;
       const Vec3f away = q - p;
       const float rise = dot(n, away);
       if (!(rise > lift)) continue;
@@ -105,11 +106,13 @@ void ray_lifts(const SceneMesh& mesh, const DepthNoise& noise, const Intrinsics&
         lift_m[v] = rounding_lift(p);  // an object's back is ours, and smooth
         continue;
       }
-      const SheetLayer& layer = v < mesh.background_vertices ? mesh.background : mesh.foreground;
+      const bool standing = v >= mesh.background_vertices;
+      const SheetLayer& layer = standing ? mesh.foreground : mesh.background;
+      const ImageView<const std::uint32_t> object = standing ? mesh.object : ImageView<const std::uint32_t>();
       const float noise_m = p.z > 0.0F ? noise.deviation(1.0F / p.z) * p.z * p.z : 0.0F;
-      lift_m[v] = lift_over_neighbours(layer.vertices, static_cast<int>(mesh.vertex_pixel[v] % width),
+      lift_m[v] = lift_over_neighbours(layer.vertices, object, static_cast<int>(mesh.vertex_pixel[v] % width),
                                        static_cast<int>(mesh.vertex_pixel[v] / width), p, normal[v], noise_m);
-      if (v >= mesh.background_vertices) {
+      if (standing) {
         lift_m[v] = lift_above_ground(camera, mesh.background.vertices, up, p, normal[v], lift_m[v]);
       }
     }

@@ -8,8 +8,8 @@
 //   the plane of its facade (detail/planes/planar_segments.hpp), by at most plane_deviations: relief beyond that stays, less high,
 //   but for bulges of bulge_m, which no facade has: they are the plane's;
 //   else the middle of the plane in 1/z that fits its surroundings (detail/normals/fitted_normals.hpp), by at most `deviations`, on the
-//   ground ground_deviations. A kerb is another plane to such a fit, and stays.
-// Plants stay as they were measured.
+//   ground ground_deviations. A kerb is another plane to such a fit, and stays, and so do the gaps of a crown that is
+//   near enough to have been measured with them.
 // Error: |1/smooth - 1/depth| is at most that many deviations, but for bulges.
 // Cost: 2 x 81 samples per pixel that lies on no plane. Memory: that of the result.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_SMOOTH_SURFACES_HPP
@@ -37,7 +37,6 @@ struct SmoothSurfacesParams {
   bool enabled = true;
   LabelSet ground = kGroundLabels;
   float ground_height_m = 0.15F;  // without labels: from the ground plane
-  LabelSet plants = LabelSet::of(label::vegetation);
   FittedNormalsParams fit;
   float ground_deviations = 12.0F;  // 3 cm of height for stereo at 5 m
   float plane_deviations = 6.0F;    // PlanarSegmentsParams::on_plane
@@ -71,10 +70,7 @@ template <class Executor>
     const float most = deviations * noise.deviation(here);
     smooth(x, y) = 1.0F / (here + clamp_to(w - here, -most, most));
   };
-  const auto fitted = [&](int x, int y) {
-    if (planes.at(x, y) != nullptr) return false;
-    return objects.labels.empty() || !params.plants.contains(objects.labels(x, y));
-  };
+  const auto fitted = [&](int x, int y) { return planes.at(x, y) == nullptr; };
   const auto draw_to_fit = [&](int x, int y, const depth_detail::FittedPlane& plane) {
     draw(x, y, plane.c, is_ground(x, y) ? params.ground_deviations : params.deviations);
   };

@@ -37,14 +37,15 @@ struct Choice {
   bool upright = false;
 };
 
-[[nodiscard]] inline std::size_t link_cells(const Grid& grid, Span<const Cell> cells, Span<Link> links) noexcept {
-  std::size_t count = 0;
+// link(a, b) for every two cells of one object at most kReach squares apart, once.
+template <class Visit>
+void for_links(const Grid& grid, Span<const Cell> cells, const Visit& link) noexcept {
   const auto try_square = [&](std::size_t a, int column, int row) {
     if (column < 0 || column >= grid.columns || row >= grid.rows) return;
     for (int slot = 0; slot < kSlots; ++slot) {
       const std::size_t b = grid.cell(column, row, slot);
       if (!cells[b].valid || cells[b].label != cells[a].label || cells[b].instance != cells[a].instance) continue;
-      links[count++] = {static_cast<std::uint32_t>(a), static_cast<std::uint32_t>(b)};
+      link(a, b);
     }
   };
   for (int row = 0; row < grid.rows; ++row) {
@@ -58,6 +59,13 @@ struct Choice {
       }
     }
   }
+}
+
+[[nodiscard]] inline std::size_t link_cells(const Grid& grid, Span<const Cell> cells, Span<Link> links) noexcept {
+  std::size_t count = 0;
+  for_links(grid, cells, [&](std::size_t a, std::size_t b) {
+    links[count++] = {static_cast<std::uint32_t>(a), static_cast<std::uint32_t>(b)};
+  });
   return count;
 }
 
