@@ -221,20 +221,35 @@ inline void set_plane(const PlanarSegmentsParams& p, const CellInput& in, const 
   s.turn_rad = static_cast<float>(turn);
 }
 
-// A small region that a parallel plane beside it with four times its area explains within on_plane is of that plane:
-// beside what stands before a facade matching draws the facade forward by a part of a pixel, which is no noise, and at
-// 100 m is ten metres. into: memory, one for each cell.
-inline void unite_explained(const PlanarSegmentsParams& p, const Grid& grid, float enough_px,
-                            Span<PlanarSegment> segments, Span<Cell> cells, Span<std::uint16_t> into) noexcept {
+// Whether a plane stands at the street's angle or at right angles to it, by its own samples.
+[[nodiscard]] inline bool on_grid(const CellInput& in, const double* common, const PlanarSegment& s) noexcept {
+  constexpr double kQuarter = 1.5707963267948966;
+  if (common == nullptr || !s.upright || s.squared) return false;
+  const double turns = (in.basis.angle(vec_cast<double>(s.q)) - *common) / kQuarter;
+  return std::fabs(turns - std::round(turns)) * kQuarter < 0.05;
+}
+
+// A small region that a plane beside it with four times its area explains within on_plane is of that plane, the largest
+// one of several: beside what stands before a facade matching draws the facade forward by a part of a pixel, flat or as
+// a ramp, which is no noise, and at 100 m is ten metres. Where the two are not parallel the large one must stand at the
+// street's angle, and the small one not. into: memory, one for each cell.
+inline void unite_explained(const PlanarSegmentsParams& p, const CellInput& in, const Grid& grid, float enough_px,
+                            const double* common, Span<const PlanarSegment> segments, Span<Cell> cells,
+                            Span<std::uint16_t> into) noexcept {
   constexpr float kLarger = 4.0F;
-  const auto segment = [&](std::size_t i) -> const PlanarSegment& { return segments[cells[i].plane - std::size_t{1}]; };
+  constexpr float kParallel = 0.966F;  // cosine of 15 degrees
+  const auto segment = [&](std::uint16_t n) -> const PlanarSegment& { return segments[n - std::size_t{1}]; };
   for (std::size_t i = 0; i < cells.size(); ++i) into[i] = kNoPlane;
   const auto offer = [&](std::uint32_t a, std::uint32_t b) {
-    if (cells[a].plane == kNoPlane || cells[b].plane == kNoPlane || !(segment(a).support_px < enough_px)) return;
-    if (!(segment(b).support_px >= kLarger * segment(a).support_px)) return;
-    if (into[a] != kNoPlane && !(segment(b).support_px > segments[into[a] - std::size_t{1}].support_px)) return;
+    if (cells[a].plane == kNoPlane || cells[b].plane == kNoPlane) return;
+    const PlanarSegment& own = segment(cells[a].plane);
+    const PlanarSegment& other = segment(cells[b].plane);
+    if (!(own.support_px < enough_px && other.support_px >= kLarger * own.support_px)) return;
+    if (into[a] != kNoPlane && !(other.support_px > segment(into[a]).support_px)) return;
+    const bool of_street = (other.squared || on_grid(in, common, other)) && !on_grid(in, common, own);
+    if (!of_street && dot(own.normal, other.normal) < kParallel) return;
     const PlaneMoments& samples = cells[a].moments;
-    const double rise = samples.cost(vec_cast<double>(segment(b).q)) - samples.cost(vec_cast<double>(segment(a).q));
+    const double rise = samples.cost(vec_cast<double>(other.q)) - samples.cost(vec_cast<double>(own.q));
     if (rise <= static_cast<double>(p.on_plane * p.on_plane) * samples.weight) into[a] = cells[b].plane;
   };
   for_links(grid, cells, [&](std::size_t i, std::size_t j) {
@@ -276,7 +291,7 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
     if (common != nullptr) set_plane(p, in, cell.moments, cell.area_px, common, s);
     if (!sure(s) && !s.squared) cell.plane = kNoPlane;
   }
-  unite_explained(p, grid, enough, segments, cells, next);
+  unite_explained(p, in, grid, enough, common, segments, cells, next);
   for (std::size_t i = 0; i < cells.size(); ++i) {
     if (cells[i].valid) cells[i].plane = cells[region_of(cells, static_cast<std::uint32_t>(i))].plane;
   }
