@@ -257,6 +257,24 @@ TEST_CASE("a white roof that faces the sky stays white beside dark panes; on a d
   }
 }
 
+TEST_CASE("a car whose doors a railing hides is not taken for glass and rubber") {
+  Picture p = street({1, 1, 1});
+  p.instances.assign(p.shape.pixels(), 0);
+  for (int y = 160; y < 220; ++y) {
+    for (int x = 280; x < 360; ++x) {
+      const std::size_t i = p.i(x, y);
+      const bool railing = y >= 184 && y < 209;
+      p.labels[i] = railing ? label::fence : label::car;
+      p.instances[i] = railing ? 0 : 26001;
+      const std::uint8_t code = encode(0.3F);
+      p.day[i] = {code, code, code};
+    }
+  }
+  REQUIRE(p.run().ok());
+  CHECK(mean(p, 290, 350, 166, 182) > 0.08);  // its paint is .12
+  CHECK(mean(p, 290, 350, 211, 219) > 0.08);
+}
+
 TEST_CASE("without labels paint is brighter than the road that it is on, with and without a known ground") {
   Picture p = street({1, 1, 1});
   REQUIRE(p.run({}, false).ok());

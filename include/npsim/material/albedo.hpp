@@ -235,11 +235,11 @@ struct Light {
 }
 
 // log2 albedo of a vehicle's pixel, told apart into paint, glass and tyres. What is darker than the paint is glass in
-// the panes' band and rubber at the bottom. What is brighter in that band is what a pane mirrors, but on paint brighter
-// than kMirrored: a white roof or tailgate that faces the sky.
+// the panes' band and rubber at the bottom. What is brighter in that band is what a pane mirrors of the sky, less and
+// less from paint of half of kMirrored on; on paint brighter than that it is a white roof or tailgate.
 [[nodiscard]] inline float paint_or_glass(float log_albedo, float paint, float down) noexcept {
   constexpr float kDarkParts = -4.6F;  // log2 of .04
-  constexpr float kMirrored = -1.4F;   // log2 of .38: glass sends at most a third of the sky back
+  constexpr float kMirrored = -1.4F;   // log2 of .38
   constexpr float kAlike = 0.3F, kUnlike = 0.7F;
   const float off = log_albedo - paint;
   const bool in_panes = down > kPanesFrom && down < kPanesTo;
@@ -279,8 +279,8 @@ struct Light {
   const float level = log2_of(surface_prior(label).albedo);
   const float bound = log2_of(p.free_ratio);
   float log_albedo = log2_of(lum);
-  if (object != 0 && p.remove_light) {
-    const float paint = c.objects.median[object];
+  const float paint = object != 0 ? c.objects.median[object] : Objects::kNoMedian;
+  if (p.remove_light && paint < Objects::kNoMedian) {
     if (label == label::car) log_albedo = paint_or_glass(log_albedo, paint, down);
     const float over = log_albedo - paint - log2_of(p.panes_limit);
     if (over > 0.0F) log_albedo -= (1.0F - kObjectSlope) * over;
