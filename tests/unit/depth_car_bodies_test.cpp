@@ -324,6 +324,32 @@ TEST_CASE("cars: the noisier the depth, the less a normal may differ from the bo
   CHECK(off_body(0.25F / 121.0F) == doctest::Approx(0.5 * exact).epsilon(0.15));
 }
 
+TEST_CASE(
+    "cars: the rear window of one so far away that depth does not show it leans as rear windows do, not as a roof") {
+  Street street(0.0F, {0.9F, 14.0F});
+  street.noise.amplitude = 4e-3F;  // .8 m at 14 m, as of a common pair at 50 m
+  street.measure();
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (street.face(x, y) == 1 && street.height(x, y) > 0.9F) street.depth(x, y) += 3.0F;  // what is behind it
+    }
+  }
+  SerialExecutor serial;
+  REQUIRE(street.run(serial).ok());
+  int seen = 0;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (street.face(x, y) != 1 || street.near_outline(x, y)) continue;
+      if (street.height(x, y) < 1.0F || street.height(x, y) > 1.15F) continue;
+      ++seen;
+      const float lean = 90.0F - degrees_between(street.normals(x, y), street.ground.up);
+      CHECK(lean > 30.0F);
+      CHECK(lean < 55.0F);
+    }
+  }
+  CHECK(seen > 100);
+}
+
 TEST_CASE("cars: what is no box, too small, without a number or over unknown ground stays bit by bit") {
   const auto unchanged = [](Street& street, const CarBodiesParams& params = {}) {
     const Image<Vec3f> before = street.normals;

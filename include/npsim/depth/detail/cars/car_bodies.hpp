@@ -14,7 +14,7 @@
 //   Profile: each row of pixels on one side has one distance, the median of its own, then the median of the rows over
 //   window_m. How it recedes with height is how far the side leans: bonnet, windscreen, roof. A side wider than
 //   side_m is no end: its rows are within a hand of its doors, and it leans as cars do (lean_of_side()), which below
-//   the waist an end does too.
+//   the waist an end does too, and above it the more (lean_of_end()) the less depth is known.
 //   Blend: where both planes are within some corner_m of each other the corner is round, and so it is at the car's own
 //   outline, with the radius rim_m (detail/cars/rim.hpp).
 // A normal turns to the body's where it is farther than a bound from it, up to that bound: what is curved stays so. The
@@ -91,6 +91,11 @@ inline constexpr float kWaist = 0.42F;
          0.61F * ramp(0.82F, 0.94F);
 }
 
+// The same of an end: above the waist windscreens and rear windows of cars lie between those of estates and coupes.
+[[nodiscard]] inline float lean_of_end(float share) noexcept {
+  return lean_of_side(share) + 0.3F * clamp_to((share - 0.55F) / 0.15F, 0.0F, 1.0F);
+}
+
 struct Car {
   std::uint16_t id = 0;
   int x0 = 0, y0 = 0, x1 = 0, y1 = 0;  // its pixels lie in [x0, x1) x [y0, y1)
@@ -152,6 +157,8 @@ struct CarFit {
   [[nodiscard]] float w(int k, int y, const Vec3f& ray) const noexcept {
     return plane_w(corner.normal[k], rows[k][static_cast<std::size_t>(y)].distance_m, ray);
   }
+  // Deviation of depth at z over the calm one.
+  [[nodiscard]] float unknown(float z) const noexcept { return noise.deviation(1.0F / z) * z * z / params.calm_m; }
   // Half the window of rows.
   [[nodiscard]] std::size_t window_px() const noexcept {
     return static_cast<std::size_t>(max_of(2.0F, 0.5F * params.window_m / z_m * camera.fy));
@@ -311,6 +318,7 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
   const float w[2] = {fit.w(0, y, ray), fit.w(1, y, ray)};
   const float nearest = w[0] < w[1] ? w[0] : w[1];
   if (!(nearest < kAway)) return 0.0F;
+  const float unknown = fit.unknown(1.0F / nearest);
   Vec3f sum;
   for (int k = 0; k < 2; ++k) {
     const float behind_m = (w[k] - nearest) / (nearest * nearest);
@@ -318,7 +326,10 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
     const float height = fit.ground.camera_height_m + dot(fit.ground.up, ray) / w[k];
     const float share = height / max_of(fit.top_m[k], 0.5F);
     float lean = lean_of_side(share);
-    if (!fit.side[k] && share > kWaist) lean = max_of(lean, fit.rows[k][static_cast<std::size_t>(y)].lean_rad);
+    if (!fit.side[k] && share > kWaist) {
+      const float seen = max_of(lean, fit.rows[k][static_cast<std::size_t>(y)].lean_rad);
+      lean = seen + (lean_of_end(share) - seen) * (unknown * unknown / (1.0F + unknown * unknown));
+    }
     sum += (fit.corner.normal[k] * std::cos(lean) + fit.ground.up * std::sin(lean)) *
            std::exp(-behind_m / fit.params.corner_m);
   }
@@ -375,7 +386,7 @@ void draw_to_body(const CarFit& fit, ImageView<Vec3f> normals, ImageView<float> 
           const auto from_px = static_cast<float>(e == 0 ? x - ends.first : ends.last - x) + 0.5F;
           normal = round_at_rim(normal, ray, fit.ground.up, e == 1, from_px * z / fit.camera.fx, fit.params.rim_m);
         }
-        const float unknown = fit.noise.deviation(1.0F / z) * z * z / fit.params.calm_m;
+        const float unknown = fit.unknown(z);
         const Vec3f towards = turned(normals(x, y), normal, fit.params.turn_rad / (1.0F + unknown * unknown));
         if (dot(towards, ray) < 0.0F || dot(normals(x, y), ray) >= 0.0F) normals(x, y) = towards;
         const float here = 1.0F / surface(x, y);
