@@ -211,7 +211,9 @@ TEST_CASE("planar segments: a house as large as its neighbour, or farther from i
   REQUIRE(s.run().ok());
   REQUIRE(s.at(60, 60) != nullptr);
   REQUIRE(s.at(400, 60) != nullptr);
-  CHECK(s.at(400, 60) != s.at(60, 60));
+  const auto depth_at = [&](int x) { return 1.0F / dot(s.at(x, 60)->q, s.ray(x, 60)); };
+  CHECK(depth_at(60) == doctest::Approx(60.0F).epsilon(0.01));
+  CHECK(depth_at(400) == doctest::Approx(55.0F).epsilon(0.01));
   for (int y = 103; y < 115; ++y) CHECK(s.at(107, y) != s.at(60, 60));
 }
 

@@ -44,13 +44,14 @@ struct Sheet {
     }
     lifts.assign(pixels.size(), -1.0F);
     SceneMesh mesh;
+    mesh.camera = camera;
     mesh.mesh.vertices = {mesh_vertices.data(), mesh_vertices.size()};
     mesh.vertex_pixel = {pixels.data(), pixels.size()};
     mesh.background_vertices = mesh.sheet_vertices = pixels.size();
     mesh.background = {vertices.view(), quads.view()};
     mesh.visible_vertex = visible.cview();
     SerialExecutor serial;
-    ray_lifts(mesh, DepthNoise{}, camera, kUp, {normals.data(), normals.size()}, {lifts.data(), lifts.size()}, serial);
+    ray_lifts(mesh, DepthNoise{}, kUp, {normals.data(), normals.size()}, {lifts.data(), lifts.size()}, serial);
   }
   [[nodiscard]] float lift(int x, int y) const { return lifts[static_cast<std::size_t>(y * kShape.width + x)]; }
 };
@@ -149,6 +150,7 @@ struct Standing {
       for (int x = 0; x < shape.width; ++x) add(face, x, y, x % 8 == 0 ? face_m - step_m : face_m, normal);
     }
     SceneMesh mesh;
+    mesh.camera = camera;
     mesh.mesh.vertices = {vertices.data(), vertices.size()};
     mesh.vertex_pixel = {pixels.data(), pixels.size()};
     mesh.background_vertices = of_floor;
@@ -159,7 +161,7 @@ struct Standing {
     lifts.resize(vertices.size());
     const DepthNoise noise{step_m / (5.0F * face_m * face_m), 0};
     SerialExecutor serial;
-    ray_lifts(mesh, noise, camera, kUp, {normals.data(), normals.size()}, {lifts.data(), lifts.size()}, serial);
+    ray_lifts(mesh, noise, kUp, {normals.data(), normals.size()}, {lifts.data(), lifts.size()}, serial);
   }
 };
 
@@ -183,19 +185,22 @@ TEST_CASE("far away, where a row of the road is metres deep, a start just above 
     CAPTURE(car.vertices[v].y);
     const bool rests = car.vertices[v].z < 39.5F;  // the columns that stick out
     const float above_m = 1.5F - car.vertices[v].y;
-    if (!rests && above_m > 0.05F) CHECK(car.lifts[v] > 0.9F);
+    if (!rests && above_m > 0.03F) CHECK(car.lifts[v] > 0.9F);
   }
 }
 
 TEST_CASE("a low wall before a car takes no lift from the car") {
-  const Standing car({96, 48}, {480.0F, 480.0F, 48.0F, -20.0F}, 12.0F, 0.4F, normalized(Vec3f{0, 1, -1}), 8.0F);
-  std::size_t recessed = 0;
-  for (std::size_t v = car.of_floor; v < car.vertices.size(); ++v) {
-    if (car.vertices[v].z < 11.9F) continue;  // the columns that stick out
-    ++recessed;
-    CHECK(car.lifts[v] > 0.2F);
+  for (const float wall_m : {8.0F, 10.0F, 11.5F}) {
+    CAPTURE(wall_m);
+    const Standing car({96, 100}, {480.0F, 480.0F, 48.0F, -20.0F}, 12.0F, 0.4F, normalized(Vec3f{0, 1, -1}), wall_m);
+    std::size_t recessed = 0;
+    for (std::size_t v = car.of_floor; v < car.vertices.size(); ++v) {
+      if (car.vertices[v].z < 11.9F) continue;  // the columns that stick out
+      ++recessed;
+      CHECK(car.lifts[v] > 0.2F);
+    }
+    CHECK(recessed > 1000);
   }
-  CHECK(recessed > 1000);
 }
 
 TEST_CASE("a sign before a crown lifts no ray of the crown, wherever the crown's normal points") {
@@ -221,6 +226,7 @@ TEST_CASE("a sign before a crown lifts no ray of the crown, wherever the crown's
     }
   }
   SceneMesh mesh;
+  mesh.camera = camera;
   mesh.mesh.vertices = {vertices.data(), vertices.size()};
   mesh.vertex_pixel = {pixels.data(), pixels.size()};
   mesh.sheet_vertices = vertices.size();
@@ -230,8 +236,8 @@ TEST_CASE("a sign before a crown lifts no ray of the crown, wherever the crown's
   mesh.object = object.cview();
   std::vector<float> lifts(vertices.size());
   SerialExecutor serial;
-  ray_lifts(mesh, DepthNoise{1.0F / 3600.0F, 0}, camera, kUp, {normals.data(), normals.size()},
-            {lifts.data(), lifts.size()}, serial);
+  ray_lifts(mesh, DepthNoise{1.0F / 3600.0F, 0}, kUp, {normals.data(), normals.size()}, {lifts.data(), lifts.size()},
+            serial);
   // Of its own neighbours, 10 px of .06 m away along the crown, all rise by less than this.
   for (std::size_t v = 0; v < vertices.size(); ++v) {
     if (vertices[v].z > 50.0F) CHECK(lifts[v] < 0.7F);

@@ -472,8 +472,8 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   NPSIM_RETURN_IF_ERROR(surface_attributes(params.material, scene, refined, mesh, surface, workspace, executor));
   Span<float> lift_m;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, lift_m));
-  ray_lifts(mesh, refined.trust.bounded ? refined.noise : DepthNoise{}, mesh.camera, refined.ground.up, surface.normal,
-            lift_m, executor);
+  ray_lifts(mesh, refined.trust.bounded ? refined.noise : DepthNoise{}, refined.ground.up, surface.normal, lift_m,
+            executor);
   observer.end(Stage::material);
 
   out.points = SurfacePoints{mesh.mesh.vertices, surface.normal, surface.albedo, surface.alpha, lift_m,

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // How far above its point a ray starts, so that a surface does not shade itself.
 //
-// A reconstructed surface is rough where the true one is smooth: its vertices stand before and behind the plane that the
-// point's normal tells. A ray starts above what the neighbours of its point stick out, and no higher: a kerb, a frame or
-// a wall next to it keeps its shadow. With p the point, n its normal and q the vertices of its object within kReach
-// pixels: lift = max over q of dot(n, q - p), of those that rise by less than kSteepest; steeper is another surface, or
-// noise of the sensor: what rises by less than kNoise deviations of the depth counts however steep. At
+// A reconstructed surface is rough where the true one is smooth: its vertices stand before and behind the plane that
+// the point's normal tells. A ray starts above what the neighbours of its point stick out, and no higher: a kerb, a
+// frame or a wall next to it keeps its shadow. With p the point, n its normal and q the vertices of its object within
+// kReach pixels: lift = max over q of dot(n, q - p), of those that rise by less than kSteepest; steeper is another
+// surface, or noise of the sensor: what rises by less than kNoise deviations of the depth counts however steep. At
 // least what rounding needs: 2^-20 of the largest coordinate covers the error of the sum and of a ray's own translation
 // (trace/ray.hpp).
 // What stands on the ground may not start its rays under it: where the ground hides the start from the camera, as below
@@ -36,7 +36,7 @@ inline constexpr int kReach = 4;          // px
 inline constexpr float kSteepest = 0.5F;  // rise over distance along the surface: 27 degrees
 inline constexpr int kNoisyReach = 10;    // px, where depth is noisy: patches of wrong matches are as large
 inline constexpr float kNoise = 10.0F;    // deviations; half of a wrong match's patch is within
-inline constexpr float kFootM = 0.2F;     // that deep in the ground the depth of what stands on it may put its foot
+inline constexpr float kFootM = 0.2F;     // so deep in the ground may depth put the foot of what stands on it
 
 [[nodiscard]] inline float rounding_lift(const Vec3f& p) noexcept {
   return 0x1p-20F * std::fmax(std::fabs(p.x), std::fmax(std::fabs(p.y), std::fabs(p.z)));
@@ -61,9 +61,9 @@ inline constexpr float kFootM = 0.2F;     // that deep in the ground the depth o
   return lift;
 }
 
-// Whether `start` lies under the ground that the camera sees in its direction, or next to that beyond the picture's
-// sides and below it. `layer` is ground where it is no higher than the foot of the point p: a wall before the start is
-// higher. Between two rows 1/z is linear, as on a plane.
+// Whether `start` lies under the ground of the background layer, in the camera's direction or next to that beyond the
+// picture's sides and below it. Two rows of the layer are ground where it is flat between them and no higher than p and
+// kFootM: not a wall before the start. Between rows 1/z is linear, as on a plane.
 [[nodiscard]] inline bool is_under_ground(const Intrinsics& camera, ImageView<const Vec3f> layer, const Vec3f& up,
                                           const Vec3f& p, const Vec3f& start) noexcept {
   if (!(start.z > 0.0F) || layer.height() < 2) return false;
@@ -76,8 +76,11 @@ inline constexpr float kFootM = 0.2F;     // that deep in the ground the depth o
   const Vec3f& below = layer(x, y + 1);
   if (!has_vertex(above) || !has_vertex(below)) return false;
   if (!(dot(above - p, up) < kFootM && dot(below - p, up) < kFootM)) return false;
+  const Vec3f away = above - below;
+  const float rise = dot(away, up);
+  if (!(rise * rise < kSteepest * kSteepest * dot(away, away))) return false;
   const float t = row - static_cast<float>(y);
-  return start.z * ((1.0F - t) / above.z + t / below.z) > 1.0F;
+  return start.z * (1.0F / above.z + t * std::fmax(1.0F / below.z - 1.0F / above.z, 0.0F)) > 1.0F;
 }
 
 [[nodiscard]] inline float lift_above_ground(const Intrinsics& camera, ImageView<const Vec3f> layer, const Vec3f& up,
@@ -92,11 +95,10 @@ inline constexpr float kFootM = 0.2F;     // that deep in the ground the depth o
 
 }  // namespace ray_start_detail
 
-// noise: of the depth that the mesh was made of. camera: of the mesh's sheet. up: of the ground. lift_m: of every vertex
-// of the mesh, in metres.
+// noise: of the depth that the mesh was made of. up: of the ground. lift_m: of every vertex of the mesh, in metres.
 template <class Executor>
-void ray_lifts(const SceneMesh& mesh, const DepthNoise& noise, const Intrinsics& camera, const Vec3f& up,
-               Span<const Vec3f> normal, Span<float> lift_m, Executor& executor) noexcept {
+void ray_lifts(const SceneMesh& mesh, const DepthNoise& noise, const Vec3f& up, Span<const Vec3f> normal,
+               Span<float> lift_m, Executor& executor) noexcept {
   using namespace ray_start_detail;
   const auto width = static_cast<std::uint32_t>(mesh.visible_vertex.width());
   executor.for_chunks(lift_m.size(), 4096, [&](std::size_t begin, std::size_t end) {
@@ -113,7 +115,7 @@ void ray_lifts(const SceneMesh& mesh, const DepthNoise& noise, const Intrinsics&
       lift_m[v] = lift_over_neighbours(layer.vertices, object, static_cast<int>(mesh.vertex_pixel[v] % width),
                                        static_cast<int>(mesh.vertex_pixel[v] / width), p, normal[v], noise_m);
       if (standing) {
-        lift_m[v] = lift_above_ground(camera, mesh.background.vertices, up, p, normal[v], lift_m[v]);
+        lift_m[v] = lift_above_ground(mesh.camera, mesh.background.vertices, up, p, normal[v], lift_m[v]);
       }
     }
   });

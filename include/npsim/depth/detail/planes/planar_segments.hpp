@@ -229,10 +229,12 @@ inline void set_plane(const PlanarSegmentsParams& p, const CellInput& in, const 
   return std::fabs(turns - std::round(turns)) * kQuarter < 0.05;
 }
 
-// A small region that a plane beside it with four times its area explains within on_plane is of that plane, the largest
-// one of several: beside what stands before a facade matching draws the facade forward by a part of a pixel, flat or as
-// a ramp, which is no noise, and at 100 m is ten metres. Where the two are not parallel the large one must stand at the
-// street's angle, and the small one not. into: memory, one for each cell.
+// A small region becomes part of a plane with enough support and four times its area, at most three squares away, that
+// fits it worse than its own by at most on_plane in the root mean square; of several of the largest one. Beside what
+// stands before a facade matching draws the facade forward by a part of a pixel, flat or as a ramp, which is no noise,
+// and at 100 m is ten metres; a real oriel or return so small and so near the noise is lost with it. Where the two are
+// not parallel the large one must stand at the street's angle, and the small one not by its own samples. into: memory,
+// one for each cell.
 inline void unite_explained(const PlanarSegmentsParams& p, const CellInput& in, const Grid& grid, float enough_px,
                             const double* common, Span<const PlanarSegment> segments, Span<Cell> cells,
                             Span<std::uint16_t> into) noexcept {
@@ -244,7 +246,7 @@ inline void unite_explained(const PlanarSegmentsParams& p, const CellInput& in, 
     if (cells[a].plane == kNoPlane || cells[b].plane == kNoPlane) return;
     const PlanarSegment& own = segment(cells[a].plane);
     const PlanarSegment& other = segment(cells[b].plane);
-    if (!(own.support_px < enough_px && other.support_px >= kLarger * own.support_px)) return;
+    if (!(own.support_px < enough_px && other.support_px >= max_of(enough_px, kLarger * own.support_px))) return;
     if (into[a] != kNoPlane && !(other.support_px > segment(into[a]).support_px)) return;
     const bool of_street = (other.squared || on_grid(in, common, other)) && !on_grid(in, common, own);
     if (!of_street && dot(own.normal, other.normal) < kParallel) return;
