@@ -157,8 +157,11 @@ struct CarFit {
   [[nodiscard]] float w(int k, int y, const Vec3f& ray) const noexcept {
     return plane_w(corner.normal[k], rows[k][static_cast<std::size_t>(y)].distance_m, ray);
   }
-  // Deviation of depth at z over the calm one.
-  [[nodiscard]] float unknown(float z) const noexcept { return noise.deviation(1.0F / z) * z * z / params.calm_m; }
+  // How far depth at z is known, from 1 down: a half at calm_m.
+  [[nodiscard]] float known(float z) const noexcept {
+    const float noisy = noise.deviation(1.0F / z) * z * z / params.calm_m;
+    return 1.0F / (1.0F + noisy * noisy);
+  }
   // Half the window of rows.
   [[nodiscard]] std::size_t window_px() const noexcept {
     return static_cast<std::size_t>(max_of(2.0F, 0.5F * params.window_m / z_m * camera.fy));
@@ -318,7 +321,7 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
   const float w[2] = {fit.w(0, y, ray), fit.w(1, y, ray)};
   const float nearest = w[0] < w[1] ? w[0] : w[1];
   if (!(nearest < kAway)) return 0.0F;
-  const float unknown = fit.unknown(1.0F / nearest);
+  const float known = fit.known(1.0F / nearest);
   Vec3f sum;
   for (int k = 0; k < 2; ++k) {
     const float behind_m = (w[k] - nearest) / (nearest * nearest);
@@ -328,7 +331,7 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
     float lean = lean_of_side(share);
     if (!fit.side[k] && share > kWaist) {
       const float seen = max_of(lean, fit.rows[k][static_cast<std::size_t>(y)].lean_rad);
-      lean = seen + (lean_of_end(share) - seen) * (unknown * unknown / (1.0F + unknown * unknown));
+      lean = lean_of_end(share) + (seen - lean_of_end(share)) * known;
     }
     sum += (fit.corner.normal[k] * std::cos(lean) + fit.ground.up * std::sin(lean)) *
            std::exp(-behind_m / fit.params.corner_m);
@@ -386,8 +389,7 @@ void draw_to_body(const CarFit& fit, ImageView<Vec3f> normals, ImageView<float> 
           const auto from_px = static_cast<float>(e == 0 ? x - ends.first : ends.last - x) + 0.5F;
           normal = round_at_rim(normal, ray, fit.ground.up, e == 1, from_px * z / fit.camera.fx, fit.params.rim_m);
         }
-        const float unknown = fit.unknown(z);
-        const Vec3f towards = turned(normals(x, y), normal, fit.params.turn_rad / (1.0F + unknown * unknown));
+        const Vec3f towards = turned(normals(x, y), normal, fit.params.turn_rad * fit.known(z));
         if (dot(towards, ray) < 0.0F || dot(normals(x, y), ray) >= 0.0F) normals(x, y) = towards;
         const float here = 1.0F / surface(x, y);
         const float off = (here - 1.0F / z) / max_of(fit.params.deviations * fit.noise.deviation(here), 1e-9F);

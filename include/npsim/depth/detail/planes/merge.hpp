@@ -37,15 +37,14 @@ struct Choice {
   bool upright = false;
 };
 
-// link(a, b) for every two cells of one object at most kReach squares apart, once.
-template <class Visit>
-void for_links(const Grid& grid, Span<const Cell> cells, const Visit& link) noexcept {
+[[nodiscard]] inline std::size_t link_cells(const Grid& grid, Span<const Cell> cells, Span<Link> links) noexcept {
+  std::size_t count = 0;
   const auto try_square = [&](std::size_t a, int column, int row) {
     if (column < 0 || column >= grid.columns || row >= grid.rows) return;
     for (int slot = 0; slot < kSlots; ++slot) {
       const std::size_t b = grid.cell(column, row, slot);
       if (!cells[b].valid || cells[b].label != cells[a].label || cells[b].instance != cells[a].instance) continue;
-      link(a, b);
+      links[count++] = {static_cast<std::uint32_t>(a), static_cast<std::uint32_t>(b)};
     }
   };
   for (int row = 0; row < grid.rows; ++row) {
@@ -59,13 +58,6 @@ void for_links(const Grid& grid, Span<const Cell> cells, const Visit& link) noex
       }
     }
   }
-}
-
-[[nodiscard]] inline std::size_t link_cells(const Grid& grid, Span<const Cell> cells, Span<Link> links) noexcept {
-  std::size_t count = 0;
-  for_links(grid, cells, [&](std::size_t a, std::size_t b) {
-    links[count++] = {static_cast<std::uint32_t>(a), static_cast<std::uint32_t>(b)};
-  });
   return count;
 }
 
@@ -113,9 +105,10 @@ void for_links(const Grid& grid, Span<const Cell> cells, const Visit& link) noex
 }
 
 // tolerance: rise of the mean squared residual in variances. links and choices: memory. Afterwards every valid cell's
-// parent leads to the cell that holds its region's sums and area.
-inline void merge_cells(Span<Cell> cells, Span<Link> links, Span<Choice> choices, const UprightBasis& basis,
-                        double tolerance) noexcept {
+// parent leads to the cell that holds its region's sums and area, and the first links, as many as returned, are between
+// such cells, of regions that stayed apart.
+[[nodiscard]] inline std::size_t merge_cells(Span<Cell> cells, Span<Link> links, Span<Choice> choices,
+                                             const UprightBasis& basis, double tolerance) noexcept {
   std::size_t count = links.size();
   for (bool united = true; united && count > 0;) {
     united = false;
@@ -157,6 +150,7 @@ inline void merge_cells(Span<Cell> cells, Span<Link> links, Span<Choice> choices
       united = true;
     }
   }
+  return count;
 }
 
 // Mean rise of a cell's squared residual, in variances, where the plane q takes the place of its own.

@@ -151,11 +151,18 @@ struct PlanarMap {
 
 namespace planes_detail {
 
+inline constexpr double kQuarter = 1.5707963267948966;
+inline constexpr double kAligned_rad = 0.05;
+
+// An angle off the nearest multiple of 90 degrees.
+[[nodiscard]] inline double off_square(double angle_rad) noexcept {
+  return angle_rad - kQuarter * std::round(angle_rad / kQuarter);
+}
+
 // The angle about the vertical, modulo 90 degrees, that most of what is known lies at: streets are built at right
 // angles as a rule. Regions count by their area, the less the less sure theirs is. False where none is known.
 inline bool common_angle(const CellInput& in, Span<const PlanarSegment> segments, double& angle_rad) noexcept {
   constexpr int kBins = 90;
-  constexpr double kQuarter = 1.5707963267948966;
   std::array<double, kBins> bins{};
   for (const PlanarSegment& s : segments) {
     if (!s.upright || !(s.support_px > 0.0F) || !(s.turn_rad < kSure_rad)) continue;
@@ -174,9 +181,8 @@ inline bool common_angle(const CellInput& in, Span<const PlanarSegment> segments
   for (const PlanarSegment& s : segments) {
     if (!s.upright || !(s.support_px > 0.0F) || !(s.turn_rad < kSure_rad)) continue;
     const double centre = (static_cast<double>(best) + 0.5) / kBins * kQuarter;
-    double d = in.basis.angle(vec_cast<double>(s.q)) - centre;
-    d -= kQuarter * std::round(d / kQuarter);
-    if (std::fabs(d) > 0.05) continue;
+    const double d = off_square(in.basis.angle(vec_cast<double>(s.q)) - centre);
+    if (std::fabs(d) > kAligned_rad) continue;
     const double weight = static_cast<double>(s.support_px) / (1e-6 + static_cast<double>(s.turn_rad * s.turn_rad));
     sum += weight;
     off += weight * d;
@@ -206,7 +212,7 @@ inline void set_plane(const PlanarSegmentsParams& p, const CellInput& in, const 
   if (s.upright && common != nullptr && turn > kSquare_rad && moments.weight >= kSamplesWanted) {
     const double far = fit.cost + 9.0 * shared * scatter;  // three deviations
     const PlaneFit one = moments.facing_plane(in.basis.at(*common));
-    const PlaneFit other = moments.facing_plane(in.basis.at(*common + 1.5707963267948966));
+    const PlaneFit other = moments.facing_plane(in.basis.at(*common + kQuarter));
     const bool may_be_one = one.found && one.cost <= far;
     const bool may_be_other = other.found && other.cost <= far;
     if (may_be_one != may_be_other) {
@@ -223,20 +229,18 @@ inline void set_plane(const PlanarSegmentsParams& p, const CellInput& in, const 
 
 // Whether a plane stands at the street's angle or at right angles to it, by its own samples.
 [[nodiscard]] inline bool on_grid(const CellInput& in, const double* common, const PlanarSegment& s) noexcept {
-  constexpr double kQuarter = 1.5707963267948966;
-  if (common == nullptr || !s.upright || s.squared) return false;
-  const double turns = (in.basis.angle(vec_cast<double>(s.q)) - *common) / kQuarter;
-  return std::fabs(turns - std::round(turns)) * kQuarter < 0.05;
+  return common != nullptr && s.upright && !s.squared &&
+         std::fabs(off_square(in.basis.angle(vec_cast<double>(s.q)) - *common)) <= kAligned_rad;
 }
 
 // A small region becomes part of a plane with enough support and four times its area, at most three squares away, that
 // fits it worse than its own by at most on_plane in the root mean square; of several of the largest one. Beside what
 // stands before a facade matching draws the facade forward by a part of a pixel, flat or as a ramp, which is no noise,
 // and at 100 m is ten metres; a real oriel or return so small and so near the noise is lost with it. Where the two are
-// not parallel the large one must stand at the street's angle, and the small one not by its own samples. into: memory,
-// one for each cell.
-inline void unite_explained(const PlanarSegmentsParams& p, const CellInput& in, const Grid& grid, float enough_px,
-                            const double* common, Span<const PlanarSegment> segments, Span<Cell> cells,
+// not parallel the large one must stand at the street's angle, and the small one not by its own samples. apart: links
+// between regions. into: memory, one for each cell.
+inline void unite_explained(const PlanarSegmentsParams& p, const CellInput& in, float enough_px, const double* common,
+                            Span<const PlanarSegment> segments, Span<const Link> apart, Span<Cell> cells,
                             Span<std::uint16_t> into) noexcept {
   constexpr float kLarger = 4.0F;
   constexpr float kParallel = 0.966F;  // cosine of 15 degrees
@@ -254,13 +258,10 @@ inline void unite_explained(const PlanarSegmentsParams& p, const CellInput& in, 
     const double rise = samples.cost(vec_cast<double>(other.q)) - samples.cost(vec_cast<double>(own.q));
     if (rise <= static_cast<double>(p.on_plane * p.on_plane) * samples.weight) into[a] = cells[b].plane;
   };
-  for_links(grid, cells, [&](std::size_t i, std::size_t j) {
-    const std::uint32_t a = region_of(cells, static_cast<std::uint32_t>(i));
-    const std::uint32_t b = region_of(cells, static_cast<std::uint32_t>(j));
-    if (a == b) return;
-    offer(a, b);
-    offer(b, a);
-  });
+  for (const Link& link : apart) {
+    offer(link.a, link.b);
+    offer(link.b, link.a);
+  }
   for (std::size_t i = 0; i < cells.size(); ++i) {
     if (into[i] != kNoPlane) cells[i].plane = into[i];
   }
@@ -269,8 +270,8 @@ inline void unite_explained(const PlanarSegmentsParams& p, const CellInput& in, 
 // Regions with enough support, as segments; their cells learn the segment's number. Then cells choose once more, and
 // segments follow from those that chose them.
 inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput& in, const Grid& grid,
-                                  Span<Cell> cells, Span<std::uint16_t> next, Span<PlaneMoments> sums,
-                                  Span<PlanarSegment> segments) noexcept {
+                                  Span<const Link> apart, Span<Cell> cells, Span<std::uint16_t> next,
+                                  Span<PlaneMoments> sums, Span<PlanarSegment> segments) noexcept {
   const float enough = min_support_px(p, grid.image);
   const float fewest = 3.0F * static_cast<float>(grid.cell_px * grid.cell_px);
   const auto sure = [&](const PlanarSegment& s) {
@@ -293,7 +294,7 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
     if (common != nullptr) set_plane(p, in, cell.moments, cell.area_px, common, s);
     if (!sure(s) && !s.squared) cell.plane = kNoPlane;
   }
-  unite_explained(p, in, grid, enough, common, segments, cells, next);
+  unite_explained(p, in, enough, common, segments, apart, cells, next);
   for (std::size_t i = 0; i < cells.size(); ++i) {
     if (cells[i].valid) cells[i].plane = cells[region_of(cells, static_cast<std::uint32_t>(i))].plane;
   }
@@ -449,8 +450,8 @@ template <class Executor>
   });
   const std::size_t link_count = link_cells(grid, cells, links);
   const auto rise = static_cast<double>(params.merge_rise);
-  merge_cells(cells, links.sub(0, link_count), choices, in.basis, rise * rise);
-  const std::size_t found = keep_supported(params, in, grid, cells, next, sums, map.segments);
+  const std::size_t apart = merge_cells(cells, links.sub(0, link_count), choices, in.basis, rise * rise);
+  const std::size_t found = keep_supported(params, in, grid, links.sub(0, apart), cells, next, sums, map.segments);
   map.segments = map.segments.sub(0, found);
   const auto plane_of = [&](std::uint16_t n) { return map.segments[n - std::size_t{1}].q; };
   const auto support = [&](std::uint16_t n) { return map.segments[n - std::size_t{1}].support_px; };
