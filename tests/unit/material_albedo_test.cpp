@@ -187,6 +187,51 @@ TEST_CASE("the wide stripes of a crossing stay as bright as they are, while ligh
   CHECK(mean(p, 425, 475, 150, 190) / mean(p, 5, 55, 150, 190) == doctest::Approx(1.0).epsilon(0.15));  // of 1.8 by day
 }
 
+TEST_CASE("shade under a crown, much lighter than that of a house and flecked, leaves the road; paint in it stays") {
+  Picture p(480, 270);
+  enum : int { lit, house, crown };
+  const auto light_of = [](int x) { return x < 200 ? house : (x >= 330 && x < 420 ? crown : lit); };
+  const auto painted = [](int y) { return y >= 220 && y < 226; };
+  for (int y = 0; y < 270; ++y) {
+    for (int x = 0; x < 480; ++x) {
+      RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * 480 + x), 0);
+      RandomStream fleck(3, RandomPurpose::test, 1, 0, static_cast<std::uint32_t>((y / 5) * 480 + x / 5), 0);
+      const Vec3f shade{0.055F, 0.075F, 0.12F};
+      Vec3f light{1, 1, 1};
+      if (light_of(x) == house) light = shade;
+      if (light_of(x) == crown) light = shade * (2.5F * std::exp2(0.8F * (fleck.uniform() - 0.5F)));
+      const float value = 0.24F * (painted(y) ? 3.5F : 1.0F) * (0.9F + 0.2F * r.uniform());
+      p.labels[p.i(x, y)] = y >= 135 ? label::road : label::sky;
+      p.day[p.i(x, y)] = {encode(value * light.x), encode(value * light.y), encode(value * light.z)};
+    }
+  }
+  REQUIRE(p.run().ok());
+  REQUIRE(p.report.shadow);
+  const double road = mean(p, 230, 300, 230, 265);
+  CHECK(mean(p, 20, 180, 230, 265) == doctest::Approx(road).epsilon(0.15));
+  CHECK(mean(p, 345, 405, 230, 265) < 1.3 * road);
+  CHECK(mean(p, 345, 405, 150, 200) < 1.3 * road);
+  for (const int x : {40, 240, 345}) CHECK(mean(p, x, x + 60, 222, 225) > 2.2 * road);
+}
+
+TEST_CASE("the yellow stripes of a crossing are no sun on a road in the shadow") {
+  Picture p(480, 270);
+  const auto painted = [](int x, int y) { return y >= 180 && y < 250 && x % 60 < 25; };
+  for (int y = 0; y < 270; ++y) {
+    for (int x = 0; x < 480; ++x) {
+      RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * 480 + x), 0);
+      Vec3f colour = painted(x, y) ? Vec3f{0.2F, 0.14F, 0.05F} : Vec3f{0.07F, 0.07F, 0.07F};
+      colour *= 0.7F + 0.6F * r.uniform();
+      colour.z *= std::exp2(2.0F * (r.uniform() - 0.5F));
+      p.labels[p.i(x, y)] = y >= 135 ? label::road : label::sky;
+      p.day[p.i(x, y)] = {encode(colour.x), encode(colour.y), encode(colour.z)};
+    }
+  }
+  REQUIRE(p.run().ok());
+  CHECK(!p.report.shadow);
+  CHECK(mean(p, 62, 83, 200, 240) > 1.6 * mean(p, 87, 118, 200, 240));
+}
+
 TEST_CASE("a strip of road between cars that lies in more light is no paint") {
   Picture p(480, 270);
   for (int y = 0; y < 270; ++y) {
@@ -275,37 +320,80 @@ TEST_CASE("a car whose doors a railing hides is not taken for glass and rubber")
   CHECK(mean(p, 290, 350, 211, 219) > 0.08);
 }
 
+// A level ground 1.5 m below the camera in the lower half of 480x270, and a wall that bounds it; no labels.
+struct Ground {
+  std::vector<float> depth = std::vector<float>(std::size_t{480} * 270);
+  std::vector<Vec3f> normals = std::vector<Vec3f>(std::size_t{480} * 270);
+  Ground() {
+    for (int y = 0; y < 270; ++y) {
+      for (int x = 0; x < 480; ++x) {
+        const bool road = y >= 135;
+        const auto i = static_cast<std::size_t>(y * 480 + x);
+        depth[i] = road ? 1.5F * 400.0F / (static_cast<float>(y) + 0.5F - 120.0F) : 60.0F;
+        normals[i] = road ? Vec3f{0, -1, 0} : Vec3f{0, 0, -1};
+      }
+    }
+  }
+  Status run(Picture& p) const {
+    AlbedoScene scene = p.scene(false);
+    scene.depth = ImageView<const float>(depth.data(), p.shape);
+    scene.normals = ImageView<const Vec3f>(normals.data(), p.shape);
+    scene.camera = {400, 400, 240, 120};
+    scene.ground.inlier_share = 0.9F;
+    npsim_test::Scratch scratch(estimate_albedo_workspace_bytes({}, p.shape));
+    SerialExecutor serial;
+    return estimate_albedo({}, scene, scratch.workspace(), {ImageView<Vec3f>(p.albedo.data(), p.shape), {}}, p.report,
+                           serial);
+  }
+};
+
 TEST_CASE("without labels paint is brighter than the road that it is on, with and without a known ground") {
   Picture p = street({1, 1, 1});
   REQUIRE(p.run({}, false).ok());
   CHECK(mean(p, 20, 300, 222, 225) > 2.0 * mean(p, 20, 300, 200, 215));
-  // A level ground 1.5 m below the camera, and a wall that bounds it.
-  std::vector<float> depth(p.shape.pixels());
-  std::vector<Vec3f> normals(p.shape.pixels());
-  for (int y = 0; y < 270; ++y) {
-    for (int x = 0; x < 480; ++x) {
-      const bool road = y >= 135;
-      depth[p.i(x, y)] = road ? 1.5F * 400.0F / (static_cast<float>(y) + 0.5F - 120.0F) : 60.0F;
-      normals[p.i(x, y)] = road ? Vec3f{0, -1, 0} : Vec3f{0, 0, -1};
-    }
-  }
+  const Ground ground;
   for (const Dark dark : {Dark::nothing, Dark::shadow}) {
     Picture q = street({1, 1, 1}, dark);
-    AlbedoScene scene = q.scene(false);
-    scene.depth = ImageView<const float>(depth.data(), q.shape);
-    scene.normals = ImageView<const Vec3f>(normals.data(), q.shape);
-    scene.camera = {400, 400, 240, 120};
-    scene.ground.inlier_share = 0.9F;
-    npsim_test::Scratch scratch(estimate_albedo_workspace_bytes({}, q.shape));
-    SerialExecutor serial;
-    REQUIRE(estimate_albedo({}, scene, scratch.workspace(), {ImageView<Vec3f>(q.albedo.data(), q.shape), {}}, q.report,
-                            serial)
-                .ok());
+    REQUIRE(ground.run(q).ok());
     CHECK(q.report.shadow == (dark == Dark::shadow));
     CHECK(mean(q, 20, 150, 230, 260) ==
           doctest::Approx(static_cast<double>(surface_prior(label::road).albedo)).epsilon(0.15));
     CHECK(mean(q, 20, 300, 222, 225) > 2.0 * static_cast<double>(surface_prior(label::road).albedo));
   }
+}
+
+TEST_CASE("without labels flecks of sun far down the road are no ballast, while ballast goes on beside it") {
+  Picture p(480, 270);
+  const auto sunlit = [](int x, int y) {
+    RandomStream fleck(5, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>((y / 2) * 480 + x / 4), 0);
+    return y >= 172 || (((x / 4 + y / 2) % 2 == 0) != (fleck.uniform() < 0.1F));  // from 11.5 m on
+  };
+  // Ballast from 3 m to the right on, of another colour.
+  const auto ballast = [](int x, int y) {
+    return static_cast<float>(x - 240) > 2.0F * (static_cast<float>(y) - 119.5F);
+  };
+  for (int y = 0; y < 270; ++y) {
+    for (int x = 0; x < 480; ++x) {
+      RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * 480 + x), 0);
+      const bool stones = ballast(x, y);
+      const Vec3f light = y < 135 || stones || sunlit(x, y) ? Vec3f{1, 1, 1} : Vec3f{0.13F, 0.155F, 0.21F};
+      const Vec3f paint = stones ? Vec3f{0.22F, 0.16F, 0.1F} * std::exp2(3.0F * (r.uniform() - 0.5F))
+                                 : Vec3f{0.24F, 0.24F, 0.24F} * (0.9F + 0.2F * r.uniform());
+      p.day[p.i(x, y)] = {encode(paint.x * light.x), encode(paint.y * light.y), encode(paint.z * light.z)};
+    }
+  }
+  REQUIRE(Ground().run(p).ok());
+  REQUIRE(p.report.shadow);
+  double lit = 0, shade = 0, n_lit = 0, n_shade = 0;
+  for (int y = 140; y < 170; ++y) {
+    for (int x = 60; x < 240; ++x) {
+      const bool sun = sunlit(x, y);
+      (sun ? lit : shade) += static_cast<double>(luminance(p.albedo[p.i(x, y)]));
+      (sun ? n_lit : n_shade) += 1;
+    }
+  }
+  CHECK((lit / n_lit) / (shade / n_shade) < 1.5);  // of 6.5 by day
+  CHECK(mean(p, 360, 470, 145, 160) < 1.2 * mean(p, 60, 200, 230, 265));
 }
 
 TEST_CASE("saturated and dark pixels become grey; black and white pictures stay within bounds") {

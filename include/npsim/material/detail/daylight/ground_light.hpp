@@ -49,7 +49,8 @@ struct GroundLightParams {
   float penumbra_px = 6.0F;
   float layer_px = 32.0F;
   float paint_px = 48.0F;
-  float paint_step = 0.6F;  // log2 of paint over what it is painted on, at least
+  float paint_step = 0.6F;           // log2 of paint over what it is painted on, at least
+  float paint_step_in_shade = 1.2F;  // where leaves let more or less of the sky through
   float contact_px = 30.0F;
   float min_edge_drop = 0.75F;        // of the mixture's drop, measured at edges
   float min_drop_of_pavement = 1.0F;  // pavements are of several materials: weak light is not told from them
@@ -156,7 +157,7 @@ inline void fit_lights(const GroundLightParams& p, const Picture& picture, Plane
     const float colour = quantile(smooth_c, 0.5F);
     if (lead < 0) {
       m = best_mixture(p.mixture, found, quantile(smooth_y, 0.3F), quantile(smooth_y, 0.6F), quantile(smooth_y, 0.9F),
-                       colour);
+                       quantile(smooth_c, 0.1F), colour);
       if (!m.shadow) m.sun_y = middle;
     } else {
       const float levels[3] = {quantile(smooth_y, 0.2F), middle, quantile(smooth_y, 0.8F)};
@@ -353,30 +354,31 @@ Status level_layers(const GroundLightParams& p, const Picture& picture, Workspac
     const LightMixture& m = out.mixture[picture.region(x, y)];
     return picture.log_y(x, y) - log_light(out.sun(x, y), out.ratio_y) - m.sun_y;
   };
-  const auto plain = [&](int x, int y) {
-    return picture.is_ground(x, y) && out.mixture[picture.region(x, y)].known && std::fabs(residual(x, y)) < 1.0F;
-  };
-  const auto is_lit = [&](int x, int y) { return plain(x, y) && out.sun(x, y) > 0.9F; };
-  const auto is_shade = [&](int x, int y) { return plain(x, y) && out.sun(x, y) < 0.1F; };
+  const auto known = [&](int x, int y) { return picture.is_ground(x, y) && out.mixture[picture.region(x, y)].known; };
+  const auto is_lit = [&](int x, int y) { return known(x, y) && out.sun(x, y) > 0.9F; };
+  const auto is_shade = [&](int x, int y) { return known(x, y) && out.sun(x, y) < 0.1F; };
   constexpr float kNoneBelow = 16.0F;
+  constexpr float kPlain = 1.0F;  // log2: paint is further from the middle, even where a crossing draws that to it
   const auto least = [&](int radius) { return 0.02F * static_cast<float>((2 * radius + 1) * (2 * radius + 1)); };
-  const auto layer = [&](const auto& inside, Plane mean) {
+  const auto layer = [&](const auto& inside, float paint_step, Plane mean) {
     const auto all = [&](int x, int y) { return inside(x, y) ? 1.0F : 0.0F; };
-    const auto above = [&](int x, int y) { return inside(x, y) && residual(x, y) > middle(x, y) ? 1.0F : 0.0F; };
-    const auto below = [&](int x, int y) { return inside(x, y) && residual(x, y) <= middle(x, y) ? 1.0F : 0.0F; };
+    const auto bounded = [&](int x, int y) { return clamp_to(residual(x, y), -kPlain, kPlain); };
+    const auto plain = [&](int x, int y) { return inside(x, y) && std::fabs(residual(x, y) - middle(x, y)) < kPlain; };
+    const auto above = [&](int x, int y) { return plain(x, y) && residual(x, y) > middle(x, y) ? 1.0F : 0.0F; };
+    const auto below = [&](int x, int y) { return plain(x, y) && residual(x, y) <= middle(x, y) ? 1.0F : 0.0F; };
     const auto bare = [&](int x, int y) {
-      return inside(x, y) && (residual(x, y) <= middle(x, y) || high(x, y) - low(x, y) < p.paint_step) ? 1.0F : 0.0F;
+      return plain(x, y) && (residual(x, y) <= middle(x, y) || high(x, y) - low(x, y) < paint_step) ? 1.0F : 0.0F;
     };
     const int wide = picture.radius(p.paint_px);
     const int near = picture.radius(p.layer_px);
-    NPSIM_RETURN_IF_ERROR(window_mean(all, residual, wide, least(wide), 0.0F, workspace, middle, executor));
+    NPSIM_RETURN_IF_ERROR(window_mean(all, bounded, wide, least(wide), 0.0F, workspace, middle, executor));
     NPSIM_RETURN_IF_ERROR(window_mean(above, residual, wide, 0.0F, 0.0F, workspace, high, executor));
     // None below: no paint.
     NPSIM_RETURN_IF_ERROR(window_mean(below, residual, wide, 0.0F, kNoneBelow, workspace, low, executor));
     return window_mean(bare, residual, near, least(near), 0.0F, workspace, mean, executor);
   };
-  NPSIM_RETURN_IF_ERROR(layer(is_lit, lit));
-  if (out.shadow) NPSIM_RETURN_IF_ERROR(layer(is_shade, shade));
+  NPSIM_RETURN_IF_ERROR(layer(is_lit, p.paint_step, lit));
+  if (out.shadow) NPSIM_RETURN_IF_ERROR(layer(is_shade, p.paint_step_in_shade, shade));
   for_pixels(shape, executor, [&](int x, int y) {
     const float s = out.sun(x, y);
     const float in_shade = out.shadow ? shade(x, y) : 0.0F;

@@ -29,6 +29,7 @@ struct LightMixtureParams {
   float max_paint = 0.06F;   // of the pixels
   float min_drop = 0.7F;     // log2: the sun gives at least 1.6 times what the sky does
   float min_bluer = 0.08F;   // log2(blue / red)
+  float max_bluer = 1.0F;    // of the drop: a sun of 4000 K under a sky of 15000 K. What is yellower is paint
   float min_share = 0.005F;  // of the pixels, in sun and in shadow
   float min_gain = 1.0F;     // bits that two lights save over one, for each pixel of the rarer light
   float min_sigma_y = 0.2F, max_sigma_y = 0.6F;
@@ -175,21 +176,27 @@ inline void improve(const LightMixtureParams& p, Span<const LightCell> cells, bo
 }
 
 [[nodiscard]] inline LightMixture best_mixture(const LightMixtureParams& p, Span<const LightCell> cells, float low_y,
-                                               float middle_y, float high_y, float middle_c) {
+                                               float middle_y, float high_y, float low_c, float middle_c) {
   constexpr int kRounds = 30;
+  struct Colours {
+    float sun, bluer;
+  };
+  // Where most of the ground lies in the shadow, the sun's colour is among the least blue.
+  const Colours colours[] = {{middle_c - 0.05F, 0.1F}, {middle_c - 0.2F, 0.4F}, {low_c, 1.0F}};
   LightMixture best;
   for (const float sun_y : {low_y, middle_y, high_y}) {
     for (const float drop : {1.0F, 1.8F, 2.8F}) {
-      for (const float bluer : {0.1F, 0.4F}) {
+      for (const Colours& c : colours) {
         LightMixture m;
         m.sun_y = sun_y;
-        m.sun_c = middle_c - 0.5F * bluer;
+        m.sun_c = c.sun;
         m.drop = drop;
-        m.bluer = bluer;
+        m.bluer = c.bluer;
         m.sunlit = 0.5F;
         for (int i = 0; i < kRounds; ++i) improve(p, cells, false, m);
         const float rarer = std::min(m.sunlit, 1.0F - m.sunlit);
-        m.shadow = m.drop >= p.min_drop && m.bluer >= p.min_bluer && rarer >= p.min_share;
+        m.shadow =
+            m.drop >= p.min_drop && m.bluer >= p.min_bluer && m.bluer <= p.max_bluer * m.drop && rarer >= p.min_share;
         if (m.shadow != best.shadow ? m.shadow : m.fit > best.fit) best = m;
       }
     }

@@ -15,6 +15,7 @@
 #include <cstdint>
 
 #include "npsim/color/srgb.hpp"
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
@@ -140,6 +141,49 @@ Status split_ground(Workspace& workspace, const Picture& picture, Executor& exec
   return {};
 }
 
+// Far away a pixel covers more of the ground than a stone, and what is rough there may be flecks of sun as well. There
+// rough ground is what is smooth before it, as if the street went straight on.
+template <class Executor>
+void continue_ground(const AlbedoScene& s, const Picture& picture, Executor& executor) {
+  constexpr float kStonesSeen_m = 0.2F;  // of the ground in one working pixel, away from the camera
+  constexpr float kHorizon = -1e-3F;
+  constexpr float kJustNearer = 0.95F;
+  if (s.depth.empty() || !(s.ground.inlier_share > 0.0F)) return;
+  const Shape from = s.image.shape();
+  const auto factor = static_cast<float>(picture.factor);
+  const float height = s.ground.camera_height_m;
+  const Vec3f ahead = normalized(Vec3f{0, 0, 1} - s.ground.up * s.ground.up.z);
+  if (!(ahead.z > 0.5F && height > 0.0F)) return;
+  // A row of working pixels at depth z covers z * z * factor / (fy * height).
+  const float far_m = std::sqrt(kStonesSeen_m * s.camera.fy / factor * height);
+  const auto ground_at = [&](int x, int y) {
+    const Vec3f ray{(static_cast<float>(picture.middle_x(x, from.width)) + 0.5F - s.camera.cx) / s.camera.fx,
+                    (static_cast<float>(picture.middle_y(y, from.height)) + 0.5F - s.camera.cy) / s.camera.fy, 1.0F};
+    const float down = dot(s.ground.up, ray);
+    return down < kHorizon ? ray * (height / -down) : Vec3f{};
+  };
+  for_pixels(picture.shape(), executor, [&](int x, int y) {
+    if (picture.region(x, y) != kRails) return;
+    const Vec3f point = ground_at(x, y);
+    if (!(point.z > far_m)) return;
+    for (const float share : {kJustNearer, 0.8F, 0.65F, 0.5F}) {
+      const Vec3f before = point - ahead * ((point.z - share * far_m) / ahead.z);
+      const float u = (s.camera.fx * before.x / before.z + s.camera.cx) / factor;
+      const float v = (s.camera.fy * before.y / before.z + s.camera.cy) / factor;
+      const float last = static_cast<float>(picture.shape().width - 1);
+      if (!(v >= 0.0F && v < static_cast<float>(picture.shape().height))) continue;
+      // What never was in the picture is like its border, as far away as can be told.
+      if (!(u >= 0.0F && u < last + 1.0F) && share < kJustNearer) continue;
+      const int i = static_cast<int>(clamp_to(u, 0.0F, last));
+      const int j = static_cast<int>(v);
+      if (!picture.is_ground(i, j) || ground_at(i, j).z > far_m) continue;  // what is written is not read
+      if (picture.region(i, j) == kRails) continue;
+      picture.region(x, y) = picture.region(i, j);
+      return;
+    }
+  });
+}
+
 template <class Executor>
 Status read_picture(const AlbedoScene& s, Workspace& workspace, Picture& out, Executor& executor) {
   const Shape from = s.image.shape();
@@ -174,7 +218,9 @@ Status read_picture(const AlbedoScene& s, Workspace& workspace, Picture& out, Ex
     out.log_y(x, y) = log2_of(luminance(mean));
     out.colour(x, y) = log2_of(mean.z + 1e-3F) - log2_of(mean.x + 1e-3F);
   });
-  if (s.labels.empty()) return split_ground(workspace, out, executor);
+  if (!s.labels.empty()) return {};
+  NPSIM_RETURN_IF_ERROR(split_ground(workspace, out, executor));
+  continue_ground(s, out, executor);
   return {};
 }
 
