@@ -10,7 +10,8 @@
 // 4. Penumbra: within a few pixels of an edge the share of the sun is the mean of its posterior over nine levels.
 // 5. What light is left (a sky half hidden, indirect light) changes slowly: layers of lit and shadowed ground are each
 //    brought to one level over 32 px. Where what is brighter than the mean of wider surroundings is much brighter than
-//    the rest of them, it is paint and has no say: the stripes of a crossing are as wide as the window.
+//    the rest of them, it is paint and has no say: the stripes of a crossing are as wide as the window. In shade it must
+//    be brighter still, since crowns let more or less of the sky through.
 // 6. Under vehicles nothing lights the ground. What is much darker than its light explains within 30 px of a vehicle is
 //    brought to the level of the ground, in overcast scenes too.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_GROUND_LIGHT_HPP

@@ -5,7 +5,8 @@
 // per channel: log2 of luminance by `drop`, log2(blue / red) by `bluer`, since the sky is bluer than the sun. So the
 // pixels are a mixture of tied Gaussians: sunlit, shadow, and paint kPaintStep above each, with common spreads, fitted
 // by expectation and maximisation to their histogram from a grid of starts. What is dark without being bluer (a wet
-// patch, new asphalt) is no shadow.
+// patch, new asphalt) is no shadow, nor is what is bluer than a low sun and a clear sky make it (asphalt beside yellow
+// paint).
 // Cost: starts x rounds x cells that are not empty. Serial, so the same bits always.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_LIGHT_MIXTURE_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_LIGHT_MIXTURE_HPP

@@ -5,7 +5,8 @@
 // Light changes slowly but for the edges of shadows, so that an image of more than 1440 px is reduced by a whole factor;
 // a working pixel is the mean of those pixels of its block that show what its middle shows.
 // Without labels ground is what lies within kGroundHeight_m of the ground plane and faces up; where it is rough it counts
-// as rails (ballast, gravel), where it is green as soil, and elsewhere as road.
+// as rails (ballast, gravel), where it is green as soil, and elsewhere as road. Far away rough ground is what is smooth
+// before it.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_PICTURE_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_PICTURE_HPP
 
