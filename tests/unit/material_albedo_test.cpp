@@ -190,7 +190,7 @@ TEST_CASE("the wide stripes of a crossing stay as bright as they are, while ligh
 TEST_CASE("shade under a crown, much lighter than that of a house and flecked, leaves the road; paint in it stays") {
   Picture p(480, 270);
   enum : int { lit, house, crown };
-  const auto light_of = [](int x) { return x < 200 ? house : (x >= 330 && x < 420 ? crown : lit); };
+  const auto light_of = [](int x) { return x < 200 ? house : (x >= 340 && x < 400 ? crown : lit); };
   const auto painted = [](int y) { return y >= 220 && y < 226; };
   for (int y = 0; y < 270; ++y) {
     for (int x = 0; x < 480; ++x) {
@@ -199,7 +199,7 @@ TEST_CASE("shade under a crown, much lighter than that of a house and flecked, l
       const Vec3f shade{0.055F, 0.075F, 0.12F};
       Vec3f light{1, 1, 1};
       if (light_of(x) == house) light = shade;
-      if (light_of(x) == crown) light = shade * (2.5F * std::exp2(0.8F * (fleck.uniform() - 0.5F)));
+      if (light_of(x) == crown) light = shade * (3.2F * std::exp2(0.8F * (fleck.uniform() - 0.5F)));
       const float value = 0.24F * (painted(y) ? 3.5F : 1.0F) * (0.9F + 0.2F * r.uniform());
       p.labels[p.i(x, y)] = y >= 135 ? label::road : label::sky;
       p.day[p.i(x, y)] = {encode(value * light.x), encode(value * light.y), encode(value * light.z)};
@@ -209,9 +209,27 @@ TEST_CASE("shade under a crown, much lighter than that of a house and flecked, l
   REQUIRE(p.report.shadow);
   const double road = mean(p, 230, 300, 230, 265);
   CHECK(mean(p, 20, 180, 230, 265) == doctest::Approx(road).epsilon(0.15));
-  CHECK(mean(p, 345, 405, 230, 265) < 1.3 * road);
-  CHECK(mean(p, 345, 405, 150, 200) < 1.3 * road);
-  for (const int x : {40, 240, 345}) CHECK(mean(p, x, x + 60, 222, 225) > 2.2 * road);
+  CHECK(mean(p, 350, 390, 230, 265) < 1.4 * road);
+  CHECK(mean(p, 350, 390, 150, 200) < 1.4 * road);
+  for (const int x : {40, 240, 350}) CHECK(mean(p, x, x + 40, 222, 225) > 2.2 * road);
+}
+
+TEST_CASE("a wide field of other asphalt or concrete stays as it is, in one light and beside a shadow") {
+  for (const Dark dark : {Dark::nothing, Dark::shadow}) {
+    for (const float step : {0.35F, 3.0F}) {
+      Picture p = street({1, 1, 1}, dark);
+      for (int y = 150; y < 270; ++y) {
+        for (int x = 290; x < 470; ++x) {
+          RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * 480 + x), 0);
+          const std::uint8_t v = encode(0.24F * step * (0.85F + 0.3F * r.uniform()));
+          p.labels[p.i(x, y)] = label::road;
+          p.day[p.i(x, y)] = {v, v, v};
+        }
+      }
+      REQUIRE(p.run().ok());
+      CHECK(mean(p, 330, 430, 180, 260) / mean(p, 210, 270, 180, 215) == doctest::Approx(step).epsilon(0.2));
+    }
+  }
 }
 
 TEST_CASE("the yellow stripes of a crossing are no sun on a road in the shadow") {

@@ -10,8 +10,8 @@
 // 4. Penumbra: within a few pixels of an edge the share of the sun is the mean of its posterior over nine levels.
 // 5. What light is left (a sky half hidden, indirect light) changes slowly: layers of lit and shadowed ground are each
 //    brought to one level over 32 px. Where what is brighter than the mean of wider surroundings is much brighter than
-//    the rest of them, it is paint and has no say: the stripes of a crossing are as wide as the window. In shade it must
-//    be brighter still, since crowns let more or less of the sky through.
+//    the rest of them, it is paint and has no say: the stripes of a crossing are as wide as the window. Shade may be
+//    much lighter than the darkest one, and paint in it must be brighter still: crowns let some of the sky through.
 // 6. Under vehicles nothing lights the ground. What is much darker than its light explains within 30 px of a vehicle is
 //    brought to the level of the ground, in overcast scenes too.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_GROUND_LIGHT_HPP
@@ -51,7 +51,7 @@ struct GroundLightParams {
   float layer_px = 32.0F;
   float paint_px = 48.0F;
   float paint_step = 0.6F;           // log2 of paint over what it is painted on, at least
-  float paint_step_in_shade = 1.2F;  // where leaves let more or less of the sky through
+  float paint_step_in_shade = 1.0F;  // where leaves let more or less of the sky through
   float contact_px = 30.0F;
   float min_edge_drop = 0.75F;        // of the mixture's drop, measured at edges
   float min_drop_of_pavement = 1.0F;  // pavements are of several materials: weak light is not told from them
@@ -359,12 +359,16 @@ Status level_layers(const GroundLightParams& p, const Picture& picture, Workspac
   const auto is_lit = [&](int x, int y) { return known(x, y) && out.sun(x, y) > 0.9F; };
   const auto is_shade = [&](int x, int y) { return known(x, y) && out.sun(x, y) < 0.1F; };
   constexpr float kNoneBelow = 16.0F;
-  constexpr float kPlain = 1.0F;  // log2: paint is further from the middle, even where a crossing draws that to it
+  constexpr float kPlain = 1.0F;  // log2: paint is further from the centre, even where a crossing draws that to it
   const auto least = [&](int radius) { return 0.02F * static_cast<float>((2 * radius + 1) * (2 * radius + 1)); };
-  const auto layer = [&](const auto& inside, float paint_step, Plane mean) {
+  // brightest: of the layer's mean about which plain ground is looked for, so that what differs more stays.
+  const auto layer = [&](const auto& inside, float brightest, float paint_step, Plane mean) {
     const auto all = [&](int x, int y) { return inside(x, y) ? 1.0F : 0.0F; };
     const auto bounded = [&](int x, int y) { return clamp_to(residual(x, y), -kPlain, kPlain); };
-    const auto plain = [&](int x, int y) { return inside(x, y) && std::fabs(residual(x, y) - middle(x, y)) < kPlain; };
+    const auto plain = [&](int x, int y) {
+      const float centre = clamp_to(middle(x, y), 0.0F, brightest);
+      return inside(x, y) && std::fabs(residual(x, y) - centre) < kPlain;
+    };
     const auto above = [&](int x, int y) { return plain(x, y) && residual(x, y) > middle(x, y) ? 1.0F : 0.0F; };
     const auto below = [&](int x, int y) { return plain(x, y) && residual(x, y) <= middle(x, y) ? 1.0F : 0.0F; };
     const auto bare = [&](int x, int y) {
@@ -378,8 +382,8 @@ Status level_layers(const GroundLightParams& p, const Picture& picture, Workspac
     NPSIM_RETURN_IF_ERROR(window_mean(below, residual, wide, 0.0F, kNoneBelow, workspace, low, executor));
     return window_mean(bare, residual, near, least(near), 0.0F, workspace, mean, executor);
   };
-  NPSIM_RETURN_IF_ERROR(layer(is_lit, p.paint_step, lit));
-  if (out.shadow) NPSIM_RETURN_IF_ERROR(layer(is_shade, p.paint_step_in_shade, shade));
+  NPSIM_RETURN_IF_ERROR(layer(is_lit, 0.0F, p.paint_step, lit));
+  if (out.shadow) NPSIM_RETURN_IF_ERROR(layer(is_shade, kPlain, p.paint_step_in_shade, shade));
   for_pixels(shape, executor, [&](int x, int y) {
     const float s = out.sun(x, y);
     const float in_shade = out.shadow ? shade(x, y) : 0.0F;

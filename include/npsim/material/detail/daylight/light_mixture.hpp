@@ -30,7 +30,7 @@ struct LightMixtureParams {
   float max_paint = 0.06F;   // of the pixels
   float min_drop = 0.7F;     // log2: the sun gives at least 1.6 times what the sky does
   float min_bluer = 0.08F;   // log2(blue / red)
-  float max_bluer = 1.0F;    // of the drop: a sun of 4000 K under a sky of 15000 K. What is yellower is paint
+  float max_bluer = 1.4F;    // of the drop: a sun of 3000 K under a sky of 15000 K. What is yellower is paint
   float min_share = 0.005F;  // of the pixels, in sun and in shadow
   float min_gain = 1.0F;     // bits that two lights save over one, for each pixel of the rarer light
   float min_sigma_y = 0.2F, max_sigma_y = 0.6F;

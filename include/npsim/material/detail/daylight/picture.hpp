@@ -143,7 +143,7 @@ Status split_ground(Workspace& workspace, const Picture& picture, Executor& exec
 }
 
 // Far away a pixel covers more of the ground than a stone, and what is rough there may be flecks of sun as well. There
-// rough ground is what is smooth before it, as if the street went straight on.
+// rough ground is what other ground before it is, as if the street went straight on.
 template <class Executor>
 void continue_ground(const AlbedoScene& s, const Picture& picture, Executor& executor) {
   constexpr float kStonesSeen_m = 0.2F;  // of the ground in one working pixel, away from the camera
@@ -172,12 +172,13 @@ void continue_ground(const AlbedoScene& s, const Picture& picture, Executor& exe
       const float u = (s.camera.fx * before.x / before.z + s.camera.cx) / factor;
       const float v = (s.camera.fy * before.y / before.z + s.camera.cy) / factor;
       const float last = static_cast<float>(picture.shape().width - 1);
-      if (!(v >= 0.0F && v < static_cast<float>(picture.shape().height))) continue;
+      if (!(std::isfinite(u) && v >= 0.0F && v < static_cast<float>(picture.shape().height))) continue;
       // What never was in the picture is like its border, as far away as can be told.
       if (!(u >= 0.0F && u < last + 1.0F) && share < kJustNearer) continue;
       const int i = static_cast<int>(clamp_to(u, 0.0F, last));
       const int j = static_cast<int>(v);
-      if (!picture.is_ground(i, j) || ground_at(i, j).z > far_m) continue;  // what is written is not read
+      if (ground_at(i, j).z > far_m) continue;  // what is written is not read
+      if (!picture.is_ground(i, j)) continue;
       if (picture.region(i, j) == kRails) continue;
       picture.region(x, y) = picture.region(i, j);
       return;
