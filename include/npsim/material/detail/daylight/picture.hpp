@@ -5,8 +5,8 @@
 // Light changes slowly but for the edges of shadows, so that an image of more than 1440 px is reduced by a whole factor;
 // a working pixel is the mean of those pixels of its block that show what its middle shows.
 // Without labels ground is what lies within kGroundHeight_m of the ground plane and faces up; where it is rough it counts
-// as rails (ballast, gravel), where it is green as soil, and elsewhere as road. Far away rough ground is what is smooth
-// before it.
+// as rails (ballast, gravel), where it is green as soil, and elsewhere as road. Far away rough ground is what other
+// ground before it is.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_PICTURE_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_PICTURE_HPP
 
@@ -17,11 +17,13 @@
 
 #include "npsim/color/srgb.hpp"
 #include "npsim/core/algorithm.hpp"
+#include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/material/albedo_scene.hpp"
 #include "npsim/material/detail/daylight/planes.hpp"
@@ -83,17 +85,14 @@ inline constexpr std::size_t kPicturePlanes = 5;
 [[nodiscard]] inline float height_m(const AlbedoScene& s, int x, int y) noexcept {
   if (s.depth.empty() || !(s.ground.inlier_share > 0.0F)) return 0.0F;
   const float z = s.depth(x, y);
-  if (!(z > 0.0F) || !std::isfinite(z)) return 0.0F;
-  const Vec3f point{(static_cast<float>(x) + 0.5F - s.camera.cx) / s.camera.fx * z,
-                    (static_cast<float>(y) + 0.5F - s.camera.cy) / s.camera.fy * z, z};
-  return dot(s.ground.up, point) + s.ground.camera_height_m;
+  return is_valid_depth(z) ? height_above_ground(s.ground, unproject_pixel(s.camera, x, y, 1.0F) * z) : 0.0F;
 }
 
 [[nodiscard]] inline Region seen_region(const AlbedoScene& s, int x, int y) noexcept {
   if (!s.labels.empty()) return region_of(s.labels(x, y));
   if (s.depth.empty()) return kOther;
   const float z = s.depth(x, y);
-  if (!(z > 0.0F) || !std::isfinite(z)) return kNone;
+  if (!is_valid_depth(z)) return kNone;
   if (!(s.ground.inlier_share > 0.0F)) return kOther;
   // Depth is good to some percent of itself, and the plane cuts it at a low angle far away.
   const float tolerance = kGroundHeight_m + 0.01F * z;
@@ -153,13 +152,13 @@ void continue_ground(const AlbedoScene& s, const Picture& picture, Executor& exe
   const Shape from = s.image.shape();
   const auto factor = static_cast<float>(picture.factor);
   const float height = s.ground.camera_height_m;
-  const Vec3f ahead = normalized(Vec3f{0, 0, 1} - s.ground.up * s.ground.up.z);
+  const Vec3f ahead = forward_on_ground(s.ground);
   if (!(ahead.z > 0.5F && height > 0.0F)) return;
   // A row of working pixels at depth z covers z * z * factor / (fy * height).
   const float far_m = std::sqrt(kStonesSeen_m * s.camera.fy / factor * height);
   const auto ground_at = [&](int x, int y) {
-    const Vec3f ray{(static_cast<float>(picture.middle_x(x, from.width)) + 0.5F - s.camera.cx) / s.camera.fx,
-                    (static_cast<float>(picture.middle_y(y, from.height)) + 0.5F - s.camera.cy) / s.camera.fy, 1.0F};
+    const Vec3f ray =
+        unproject_pixel(s.camera, picture.middle_x(x, from.width), picture.middle_y(y, from.height), 1.0F);
     const float down = dot(s.ground.up, ray);
     return down < kHorizon ? ray * (height / -down) : Vec3f{};
   };
@@ -169,8 +168,9 @@ void continue_ground(const AlbedoScene& s, const Picture& picture, Executor& exe
     if (!(point.z > far_m)) return;
     for (const float share : {kJustNearer, 0.8F, 0.65F, 0.5F}) {
       const Vec3f before = point - ahead * ((point.z - share * far_m) / ahead.z);
-      const float u = (s.camera.fx * before.x / before.z + s.camera.cx) / factor;
-      const float v = (s.camera.fy * before.y / before.z + s.camera.cy) / factor;
+      const Vec2f at = project(s.camera, before);
+      const float u = at.x / factor;
+      const float v = at.y / factor;
       const float last = static_cast<float>(picture.shape().width - 1);
       if (!(std::isfinite(u) && v >= 0.0F && v < static_cast<float>(picture.shape().height))) continue;
       // What never was in the picture is like its border, as far away as can be told.
@@ -178,9 +178,9 @@ void continue_ground(const AlbedoScene& s, const Picture& picture, Executor& exe
       const int i = static_cast<int>(clamp_to(u, 0.0F, last));
       const int j = static_cast<int>(v);
       if (ground_at(i, j).z > far_m) continue;  // what is written is not read
-      if (!picture.is_ground(i, j)) continue;
-      if (picture.region(i, j) == kRails) continue;
-      picture.region(x, y) = picture.region(i, j);
+      const std::uint8_t before_it = picture.region(i, j);
+      if (before_it >= kGroundRegions || before_it == kRails) continue;
+      picture.region(x, y) = before_it;
       return;
     }
   });
