@@ -115,6 +115,30 @@ TEST_CASE("kerb faces: an edge that looks away from the camera stays as it is, b
   CHECK(std::memcmp(before.data(), plain.flat.data(), before.shape().pixels() * sizeof(float)) == 0);
 }
 
+TEST_CASE("kerb faces: of an estimate a step within one label, or from a road down to a pavement, has no face") {
+  auto beside = [](float x, float) { return x < -1.2F; };
+  for (const bool swapped : {false, true}) {
+    CAPTURE(swapped);
+    Kerb<decltype(beside)> kerb(beside, swapped ? FaceIs::pavement : FaceIs::road);
+    for (int y = 0; y < kerb.shape.height; ++y) {
+      for (int x = 0; swapped && x < kerb.shape.width; ++x) {
+        Label& l = kerb.labels(x, y);
+        if (l != label::sky) l = l == label::road ? label::sidewalk : label::road;
+      }
+    }
+    const io::Image<float> before = kerb.flat;
+    const auto unchanged = [&] {
+      return std::memcmp(before.data(), kerb.flat.data(), before.shape().pixels() * sizeof(float)) == 0;
+    };
+    KerbFaceParams estimate;
+    estimate.tops = false;
+    REQUIRE(kerb.mend(estimate).ok());
+    CHECK(unchanged());
+    REQUIRE(kerb.mend().ok());
+    CHECK(!unchanged());
+  }
+}
+
 TEST_CASE("kerb faces: without a ground plane nothing is done; parameters out of range are refused") {
   auto beside = [](float x, float) { return x < -1.2F; };
   Kerb<decltype(beside)> kerb(beside);

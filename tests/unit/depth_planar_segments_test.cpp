@@ -259,6 +259,22 @@ TEST_CASE(
   CHECK(s.depth(43, 100) == 12.0F);
 }
 
+TEST_CASE(
+    "planar segments: facades that a network bends by 3 % in waves of a storey are planes, not islands of planes") {
+  Street s = corner();
+  s.noise = depth_noise(DepthSource::network, 0.0F, s.truth.cview(), ObjectMap{s.labels.cview(), {}}, s.k);
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      const float wave = std::sin(static_cast<float>(x) / 12.0F) * std::cos(static_cast<float>(y) / 11.0F);
+      s.measured(x, y) = s.truth(x, y) * std::exp(0.03F * wave);
+    }
+  }
+  s.depth = s.measured;
+  REQUIRE(s.run().ok());
+  CHECK(s.share_facing(kFront, 0, 240, 3.0F) > 0.95);
+  CHECK(s.share_facing(kSide, 240, 480, 3.0F) > 0.95);
+}
+
 TEST_CASE("planar segments: above the topmost line of a laser a wall goes on as it was measured") {
   Street s = corner();
   s.noise = {0.02F, 2, 1.0F};

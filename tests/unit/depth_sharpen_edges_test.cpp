@@ -99,6 +99,30 @@ TEST_CASE("sharpening takes back most of what was mixed across borders, on slant
   CHECK(out(29, 20) == doctest::Approx(static_cast<double>(s.truth(29, 20))).epsilon(0.03));
 }
 
+TEST_CASE(
+    "sharpening: a roof that was mixed with the sky above it, and a pole before the sky, which have no depth there") {
+  Scene s;
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (s.labels(x, y) == label::building) s.put(x, y, label::sky, 150.0F);
+    }
+  }
+  s.depth = s.truth;
+  s.smear(2.0F);
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (s.labels(x, y) == label::sky) s.depth(x, y) = 0.0F;
+    }
+  }
+  SerialExecutor serial;
+  io::Image<float> out;
+  REQUIRE(s.run({}, out, serial).ok());
+  CHECK(std::fabs(s.depth(80, 24) / s.truth(80, 24) - 1.0F) > 0.3F);
+  CHECK(std::fabs(out(80, 24) / s.truth(80, 24) - 1.0F) < 0.05F);
+  CHECK(std::fabs(out(30, 10) - 8.0F) < 0.85F * std::fabs(s.depth(30, 10) - 8.0F));
+  CHECK(out(80, 10) == 0.0F);
+}
+
 TEST_CASE("sharpening leaves sharp depth, deep inside and holes as they are") {
   Scene s;
   s.depth(50, 20) = 0.0F;

@@ -545,6 +545,7 @@ template <class Executor>
                                     Executor& executor, RefinedDepth& out) {
   KerbFaceParams kerbs = params.kerbs;
   kerbs.enabled = kerbs.enabled && scene.normals.empty();  // refinement has found the faces that given ones show
+  kerbs.tops = kerbs.tops && out.trust.bounded;  // an estimate's step within one label, or down to a pavement, is drift
   NPSIM_RETURN_IF_ERROR(kerb_faces(kerbs, scene.camera, out.ground, scene.labels, out.depth, out.normals, workspace));
   if (out.trust.bounded) {
     out.mesh_depth = out.filled;  // its memory: no step asks any more

@@ -7,7 +7,7 @@
 // pixels around it by weighted least squares, slopes held back by a ridge. A pixel's weight falls off with distance,
 // and with nearness to a border: trust = (border distance / radius)^8. The inner pixels of a house thus decide for the
 // slivers of it that show between leaves, while of an object that is nowhere wider than the band (a pole) its middle
-// does.
+// does. What has no depth is no surface, and mixed too: roofs with the sky, the road with the own car's bonnet.
 // Invariant: a pixel whose depth lies within min_change of that plane keeps it, so depth that is sharp already stays as
 // it was measured; pixels without depth, beyond the radius, or beside objects of about the same depth never change; the
 // new inverse depth lies within a factor 1.25 of the weighted mean around it. Without labels nothing happens.
@@ -111,7 +111,7 @@ struct EdgeBand {
   const float high = z * (1.0F + band.min_contrast);
   for (int j = y - reach; j <= y + reach; ++j) {
     for (int i = x - reach; i <= x + reach; ++i) {
-      if (!band.depth.contains(i, j) || !(band.depth(i, j) > 0.0F)) continue;
+      if (!band.depth.contains(i, j)) continue;
       if (band.depth(i, j) >= low && band.depth(i, j) <= high) continue;
       if (joined && band.joined.contains(band.objects.labels(i, j))) continue;
       if (!band.objects.same(x, y, i, j)) return true;

@@ -40,6 +40,7 @@ struct KerbFaceParams {
   bool enabled = true;
   LabelSet labels = kGroundLabels;
   LabelSet with_kerb = LabelSet::of(label::sidewalk, label::terrain);  // whose pixels include the face
+  bool tops = true;  // false: no faces but those between two labels, which the upper one includes
   float min_step_m = 0.03F;
   float max_step_m = 0.4F;
   int most_px = 256;  // of a face's extent, 1..1024; nearer than where a kerb is this large it is cut
@@ -87,6 +88,7 @@ struct KerbScene {
   [[nodiscard]] bool is_step(KerbLine line, KerbPixel upper, KerbPixel lower) const noexcept {
     const float rise = height(upper.x, upper.y) - height(lower.x, lower.y);
     if (!(rise >= params.min_step_m && rise <= params.max_step_m)) return false;
+    if (!params.tops && line == KerbLine::top) return false;
     const Label above = labels(upper.x, upper.y);
     const bool in_upper = params.with_kerb.contains(above) && above != labels(lower.x, lower.y);
     return in_upper == (line == KerbLine::foot);

@@ -89,7 +89,7 @@ struct CellInput {
   }
   // Of w where a surface with relief was measured.
   [[nodiscard]] float deviation(float w) const noexcept {
-    const float noisy = noise.deviation(w);
+    const float noisy = noise.drift * noise.deviation(w);
     const float rough = relief_m * w * w;
     return std::sqrt(noisy * noisy + rough * rough);
   }
