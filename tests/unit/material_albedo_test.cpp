@@ -380,6 +380,30 @@ TEST_CASE("without labels paint is brighter than the road that it is on, with an
   }
 }
 
+TEST_CASE(
+    "without labels asphalt in a picture with a green cast is a road beside grass, and not what is grey and black") {
+  const Vec3f cast{0.75F, 1.05F, 0.75F};
+  Picture p = street(cast);
+  for (int y = 140; y < 270; ++y) {
+    for (int x = 0; x < 480; ++x) {
+      const bool lawn = x < 120;
+      const bool tyre = x > 300 && x < 330 && y > 190 && y < 210;
+      const Vec3f light = cast * 0.2F;
+      if (lawn) p.day[p.i(x, y)] = {encode(0.5F * light.x), encode(light.y), encode(0.4F * light.z)};
+      if (tyre) p.day[p.i(x, y)] = {12, 12, 12};
+    }
+  }
+  REQUIRE(Ground().run(p).ok());
+  const double asphalt = mean(p, 340, 460, 200, 215);
+  CHECK(asphalt == doctest::Approx(static_cast<double>(surface_prior(label::road).albedo)).epsilon(0.15));
+  const auto greenness = [&](int x, int y) {
+    const Vec3f a = p.albedo[p.i(x, y)];
+    return std::log2(2 * a.y / (a.x + a.z));
+  };
+  CHECK(std::fabs(greenness(240, 205)) < 0.2F);  // of .49 by day
+  CHECK(greenness(60, 205) > 0.9F);
+}
+
 TEST_CASE("without labels flecks of sun far down the road are no ballast, while ballast goes on beside it") {
   Picture p(480, 270);
   const auto sunlit = [](int x, int y) {

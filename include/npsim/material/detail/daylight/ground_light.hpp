@@ -76,29 +76,6 @@ static_assert(kGuidedFilterPlanes == 6 && kWindowMeanPlanes == 2);
   return log2_of(sun + (1.0F - sun) * exp2_of(-ratio));
 }
 
-// Quantile of a plane's values where inside(x, y); histogram over [-16, 16).
-template <class Inside, class Value>
-[[nodiscard]] float plane_quantile(Shape shape, const Inside& inside, const Value& value, float quantile,
-                                   Span<std::uint32_t> histogram) {
-  for (std::uint32_t& h : histogram) h = 0;
-  const auto bins = static_cast<float>(histogram.size());
-  std::uint64_t n = 0;
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      if (!inside(x, y)) continue;
-      ++histogram[static_cast<std::size_t>(clamp_to((value(x, y) + 16.0F) * bins / 32.0F, 0.0F, bins - 1.0F))];
-      ++n;
-    }
-  }
-  const auto wanted = static_cast<std::uint64_t>(quantile * static_cast<float>(n));
-  std::uint64_t below = 0;
-  for (std::size_t i = 0; i < histogram.size(); ++i) {
-    below += histogram[i];
-    if (below > wanted) return (static_cast<float>(i) + 0.5F) * 32.0F / bins - 16.0F;
-  }
-  return 0.0F;
-}
-
 // Log odds of sun against shadow.
 [[nodiscard]] inline float sun_odds(const LightMixtureParams& p, const LightMixture& m, float y, float c) noexcept {
   const Likelihood l = likelihood(p, m, y, c);

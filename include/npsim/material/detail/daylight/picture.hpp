@@ -5,8 +5,8 @@
 // Light changes slowly but for the edges of shadows, so that an image of more than 1440 px is reduced by a whole factor;
 // a working pixel is the mean of those pixels of its block that show what its middle shows.
 // Without labels ground is what lies within kGroundHeight_m of the ground plane and faces up; where it is rough it counts
-// as rails (ballast, gravel), where it is green as soil, and elsewhere as road. Far away rough ground is what other
-// ground before it is.
+// as rails (ballast, gravel), where it is greener than the camera's cast as soil, and elsewhere as road. Far away rough
+// ground is what other ground before it is.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_PICTURE_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_PICTURE_HPP
 
@@ -20,6 +20,7 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
@@ -106,9 +107,13 @@ inline constexpr std::size_t kPicturePlanes = 5;
 template <class Executor>
 Status split_ground(Workspace& workspace, const Picture& picture, Executor& executor) {
   constexpr float kRough = 0.2F;   // mean |log2| about the local mean; asphalt at .1, ballast at .6
-  constexpr float kGreen = 0.15F;  // log2 of green over the mean of red and blue
+  constexpr float kGreen = 0.15F;  // log2 of green over the mean of red and blue, above the camera's cast
+  constexpr float kGrey = 0.25F;   // the share of the ground that tells the cast: what is least green is no lawn
+  constexpr float kCast = 0.55F;   // at most; raw-like pictures show asphalt at .5, and grass at 1
   const WorkspaceScope scope(workspace);
   const Shape shape = picture.shape();
+  Span<std::uint32_t> histogram;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(std::size_t{4096}, histogram));
   Plane mean, rough, least, green;
   for (Plane* p : {&mean, &rough, &least, &green}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *p));
   const auto one = [](int, int) { return 1.0F; };
@@ -127,12 +132,14 @@ Status split_ground(Workspace& workspace, const Picture& picture, Executor& exec
       low = std::min(low, rough(u, y));
     least(x, y) = low;
   });
+  const auto on_ground = [&](int x, int y) { return picture.region(x, y) == kRoad; };
+  const float cast = clamp_to(plane_quantile(shape, on_ground, green, kGrey, histogram), 0.0F, kCast);
   for_pixels(shape, executor, [&](int x, int y) {
     if (picture.region(x, y) != kRoad) return;
     float low = least(x, y);
     for (int v = std::max(y - reach, 0); v <= std::min(y + reach, shape.height - 1); ++v)
       low = std::min(low, least(x, v));
-    if (green(x, y) > kGreen) {
+    if (green(x, y) > cast + kGreen) {
       picture.region(x, y) = kSoil;
     } else if (low > kRough) {
       picture.region(x, y) = kRails;
