@@ -287,6 +287,31 @@ TEST_CASE("without labels the road beyond a laser's answers leads to the foot of
   CHECK(Unlabelled(depth, one_class).out.labels(160, 150) == label::unlabeled);
 }
 
+TEST_CASE("without labels ground that a network draws 15 % too far is ground, the foot of a car on it is not") {
+  constexpr float kHeight_m = 1.5F;
+  const GroundPlane ground{{0, -1, 0}, kHeight_m, 1.0F};
+  const auto road_m = [&](int y) { return kHeight_m * kCamera.fy / (static_cast<float>(y) + 0.5F - kCamera.cy); };
+  const int first = static_cast<int>(kCamera.cy) + 10;
+  const int foot = first + 30;
+  Image<float> depth(kShape, 0.0F);
+  for (int y = first; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      const float drift = 0.15F * std::exp(-0.002F * static_cast<float>((x - 160) * (x - 160) + (y - 140) * (y - 140)));
+      const bool car = x >= 240 && x < 290 && y < foot;
+      depth(x, y) = car ? road_m(foot) : road_m(y) * (1.0F + drift);
+    }
+  }
+  for (const bool drifts : {false, true}) {
+    CAPTURE(drifts);
+    Image<Label> labels(kShape, label::unlabeled);
+    refine_detail::guess_ground(depth.cview(), kCamera, ground, drifts, labels.view());
+    CHECK((labels(160, 140) == label::ground) == drifts);
+    CHECK(labels(60, 140) == label::ground);
+    CHECK(labels(265, foot - 6) == label::unlabeled);  // .22 m above the road
+    CHECK(labels(5, 0) == label::unlabeled);
+  }
+}
+
 TEST_CASE("depth source: names and sources belong together, other names are none") {
   for (std::size_t i = 0; i < kDepthSourceNames.size(); ++i) {
     CHECK(depth_source_named(kDepthSourceNames[i]) == static_cast<DepthSource>(i));

@@ -637,7 +637,9 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& given, Wor
       Stage::fill,
       [&] { return refine_detail::complete_depth(params, scene, given.labels, objects, workspace, executor, out); },
       true));
-  if (!labelled && params.guess_ground) refine_detail::guess_ground(out.depth, scene.camera, out.ground, labels);
+  if (!labelled && params.guess_ground) {
+    refine_detail::guess_ground(out.depth, scene.camera, out.ground, !out.trust.bounded, labels);
+  }
   if (params.sharpen.radius_px > 0.0F && !out.trust.bounded) {
     NPSIM_RETURN_IF_ERROR(step(
         Stage::sharpen, [&] { return refine_detail::sharpen(params, objects, workspace, executor, out); }, true));

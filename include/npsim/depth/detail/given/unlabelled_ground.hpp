@@ -17,6 +17,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/detail/grow.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -29,18 +30,47 @@ namespace refine_detail {
   return -dot(ground.up, unproject_pixel(camera, x, y, 1.0F));
 }
 
+// Whether the depth about a pixel rises by less than 20 degrees from the plane.
+[[nodiscard]] inline bool lies_flat(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
+                                    int x, int y) noexcept {
+  constexpr float kSlope = 0.36F;
+  const int reach = std::max(1, depth.width() / 256);
+  const int below = std::min(depth.height() - 1, y + reach);
+  const int above = std::max(0, y - reach);
+  if (!is_valid_depth(depth(x, below)) || !is_valid_depth(depth(x, above))) return false;
+  const Vec3f along =
+      unproject_pixel(camera, x, above, depth(x, above)) - unproject_pixel(camera, x, below, depth(x, below));
+  const float rise = dot(along, ground.up);
+  return std::fabs(rise) < kSlope * length(along - ground.up * rise);
+}
+
 // Without labels what lies within kGroundHeight_m of the plane is ground, and all else one class. A network's depth may
-// be of another scale: then within a tenth of the camera's height.
+// be of another scale: then within a tenth of the camera's height. It also drifts: what lies flat within twice and a
+// half that, and touches ground, is ground too.
 inline constexpr float kGroundHeight_m = 0.15F;
-inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
+inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground, bool drifts,
                          ImageView<Label> labels) noexcept {
-  if (!(ground.inlier_share > 0.0F)) return;
+  constexpr Label kPerhaps = 255;
+  constexpr float kDrift = 2.5F;
+  if (!(ground.inlier_share > 0.0F) || labels.empty()) return;
+  const Label all_else = labels(0, 0);
   const float most_m = std::min(kGroundHeight_m, 0.1F * ground.camera_height_m);
   for (int y = 0; y < labels.height(); ++y) {
     for (int x = 0; x < labels.width(); ++x) {
       if (!is_valid_depth(depth(x, y))) continue;
-      const float height_m = height_above_ground(ground, unproject_pixel(camera, x, y, depth(x, y)));
-      if (std::fabs(height_m) < most_m) labels(x, y) = label::ground;
+      const float off_m = std::fabs(height_above_ground(ground, unproject_pixel(camera, x, y, depth(x, y))));
+      if (off_m < most_m) {
+        labels(x, y) = label::ground;
+      } else if (drifts && off_m < kDrift * most_m && lies_flat(depth, camera, ground, x, y)) {
+        labels(x, y) = kPerhaps;
+      }
+    }
+  }
+  if (!drifts) return;
+  depth_detail::grow(labels, label::ground, [](Label l) { return l == kPerhaps; });
+  for (int y = 0; y < labels.height(); ++y) {
+    for (int x = 0; x < labels.width(); ++x) {
+      if (labels(x, y) == kPerhaps) labels(x, y) = all_else;
     }
   }
 }
