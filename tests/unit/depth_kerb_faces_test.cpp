@@ -115,7 +115,7 @@ TEST_CASE("kerb faces: an edge that looks away from the camera stays as it is, b
   CHECK(std::memcmp(before.data(), plain.flat.data(), before.shape().pixels() * sizeof(float)) == 0);
 }
 
-TEST_CASE("kerb faces: of an estimate a step within one label, or from a road down to a pavement, has no face") {
+TEST_CASE("kerb faces: of an estimate a step within one label or from a road down to a pavement has none, a kerb has") {
   auto beside = [](float x, float) { return x < -1.2F; };
   for (const bool swapped : {false, true}) {
     CAPTURE(swapped);
@@ -137,6 +137,13 @@ TEST_CASE("kerb faces: of an estimate a step within one label, or from a road do
     REQUIRE(kerb.mend().ok());
     CHECK(!unchanged());
   }
+  Kerb<decltype(beside)> with_foot(beside);
+  Kerb<decltype(beside)> as_measured(beside);
+  KerbFaceParams estimate;
+  estimate.tops = false;
+  REQUIRE(with_foot.mend(estimate).ok());
+  REQUIRE(as_measured.mend().ok());
+  CHECK(std::memcmp(with_foot.flat.data(), as_measured.flat.data(), with_foot.shape.pixels() * sizeof(float)) == 0);
 }
 
 TEST_CASE("kerb faces: without a ground plane nothing is done; parameters out of range are refused") {

@@ -275,6 +275,23 @@ TEST_CASE(
   CHECK(s.share_facing(kSide, 240, 480, 3.0F) > 0.95);
 }
 
+TEST_CASE("planar segments: of a network two fronts 12 % apart and a corner of 25 degrees stay two planes") {
+  for (const bool corner : {false, true}) {
+    CAPTURE(corner);
+    Street s;
+    const Vec3f turned = normalized(Vec3f{-0.423F, 0, -0.906F});
+    s.wall(kFront, 14.0F, 0, 240);
+    s.wall(corner ? turned : kFront, 14.0F * (corner ? 0.906F : 1.12F), 240, 480);
+    s.noise = depth_noise(DepthSource::network, 0.0F, s.truth.cview(), ObjectMap{s.labels.cview(), {}}, s.k);
+    s.measured = s.truth;
+    s.depth = s.truth;
+    REQUIRE(s.run().ok());
+    CHECK(s.share_facing(kFront, 0, 240, 2.0F) > 0.95);
+    CHECK(s.share_facing(corner ? turned : kFront, 240, 480, 2.0F) > 0.95);
+    CHECK(s.of(60, 120) != s.of(420, 120));
+  }
+}
+
 TEST_CASE("planar segments: above the topmost line of a laser a wall goes on as it was measured") {
   Street s = corner();
   s.noise = {0.02F, 2, 1.0F};

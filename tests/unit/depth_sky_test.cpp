@@ -28,7 +28,7 @@ struct View {
       }
     }
   }
-  void run() { find_sky(image.cview(), depth.cview(), surface.view()); }
+  void run(bool stereo = false) { find_sky(image.cview(), depth.cview(), stereo, surface.view()); }
 };
 
 }  // namespace
@@ -108,7 +108,7 @@ struct Canyon {
     }
   }
   int wrong() {
-    find_sky(image.cview(), depth.cview(), surface.view());
+    find_sky(image.cview(), depth.cview(), false, surface.view());
     int n = 0;
     for (int y = 0; y < 40; ++y) {
       for (int x = 0; x < shape.width; ++x) {
@@ -134,7 +134,7 @@ TEST_CASE("far trees that do not answer are no sky") {
   for (int y = 8; y < 40; ++y) {
     for (int x = 70; x < 130; ++x) v.image(x, y) = v.image(x - 60, y);
   }
-  find_sky(v.image.cview(), v.depth.cview(), v.surface.view());
+  find_sky(v.image.cview(), v.depth.cview(), false, v.surface.view());
   CHECK(v.surface(20, 8) == 1);  // the wall's top, above the field of view
   CHECK(v.surface(100, 2) == 0);
   CHECK(v.surface(20, 1) == 0);
@@ -149,7 +149,7 @@ TEST_CASE("smooth houses out of reach below rough clouds are not the sky") {
       if (!Canyon::wall(x, y) && y >= 8 && y < 40) v.image(x, y) = Rgb8{90, 60, 40};
     }
   }
-  find_sky(v.image.cview(), v.depth.cview(), v.surface.view());
+  find_sky(v.image.cview(), v.depth.cview(), false, v.surface.view());
   for (int x = 0; x < 200; ++x) CHECK(v.surface(x, 1) == 0);
 }
 
@@ -193,4 +193,26 @@ TEST_CASE("of a network's depth a bright house that is far stays, and a sky that
   for (int y = 0; y < 60; ++y) {
     for (int x = 0; x < 100; ++x) CHECK(clouds.surface(x, y) == (y < 20 ? 0 : 1));
   }
+}
+
+TEST_CASE("of a stereo pair clouds that were matched at 30 m are sky, a tower that was not matched is none") {
+  View v;
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      const bool tower = x >= 30 && x < 60 && y >= 10;
+      if (y < 30 && !tower) v.depth(x, y) = (x / 5 + y / 5) % 2 == 0 ? 30.0F + static_cast<float>(x) : 0.0F;
+      if (y >= 30 && y < 40) v.depth(x, y) = 40.0F;
+    }
+  }
+  v.run(true);
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      const bool tower = x >= 30 && x < 60 && y >= 10;
+      CAPTURE(x);
+      CAPTURE(y);
+      CHECK(v.surface(x, y) == (y < 30 && !tower ? 0 : 1));
+    }
+  }
+  v.run(false);  // what a laser measures is there
+  CHECK(v.surface(80, 20) == 1);
 }

@@ -404,6 +404,22 @@ TEST_CASE(
   CHECK(greenness(60, 205) > 0.9F);
 }
 
+TEST_CASE("without labels dry grass on four fifths of the ground stays soil, and the asphalt beside it grey") {
+  Picture p = street({1, 1, 1});
+  for (int y = 135; y < 270; ++y) {
+    for (int x = 0; x < 384; ++x) {
+      RandomStream r(9, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * 480 + x), 0);
+      const float v = 0.8F + 0.4F * r.uniform();
+      p.day[p.i(x, y)] = {encode(0.15F * v), encode(0.17F * v), encode(0.11F * v)};
+    }
+  }
+  REQUIRE(Ground().run(p).ok());
+  const Vec3f asphalt = p.albedo[p.i(440, 205)];
+  CHECK(std::fabs(std::log2(2 * asphalt.y / (asphalt.x + asphalt.z))) < 0.1F);
+  CHECK(mean(p, 400, 470, 200, 215) ==
+        doctest::Approx(static_cast<double>(surface_prior(label::road).albedo)).epsilon(0.15));
+}
+
 TEST_CASE("without labels flecks of sun far down the road are no ballast, while ballast goes on beside it") {
   Picture p(480, 270);
   const auto sunlit = [](int x, int y) {

@@ -337,11 +337,11 @@ template <class Executor>
 }
 
 // The sky is what is labelled so, without labels what depth/detail/given/sky.hpp finds.
-inline void mark_surface(const SceneView& scene, ImageView<const float> depth,
+inline void mark_surface(const SceneView& scene, DepthSource source, ImageView<const float> depth,
                          ImageView<std::uint8_t> surface) noexcept {
   const Shape shape = surface.shape();
   const bool labelled = !scene.labels.empty();
-  if (!labelled) find_sky(scene.image, scene.depth, surface);
+  if (!labelled) find_sky(scene.image, scene.depth, source == DepthSource::stereo, surface);
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       const bool there = labelled ? !kNoSurfaceLabels.contains(scene.labels(x, y)) : surface(x, y) != 0;
@@ -397,7 +397,7 @@ template <class Executor>
       if (!is_valid_depth(scene.depth(x, y))) measured(x, y) = 0.0F;
     }
   }
-  mark_surface(scene, out.depth, out.surface);
+  mark_surface(scene, out.source, out.depth, out.surface);
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       if (out.surface(x, y) == 0) out.depth(x, y) = 0.0F;
@@ -545,7 +545,8 @@ template <class Executor>
                                     Executor& executor, RefinedDepth& out) {
   KerbFaceParams kerbs = params.kerbs;
   kerbs.enabled = kerbs.enabled && scene.normals.empty();  // refinement has found the faces that given ones show
-  kerbs.tops = kerbs.tops && out.trust.bounded;  // an estimate's step within one label, or down to a pavement, is drift
+  // An estimate is level within a label, but where it drifts; so are its roads that lie above their pavement.
+  kerbs.tops = kerbs.tops && out.trust.bounded;
   NPSIM_RETURN_IF_ERROR(kerb_faces(kerbs, scene.camera, out.ground, scene.labels, out.depth, out.normals, workspace));
   if (out.trust.bounded) {
     out.mesh_depth = out.filled;  // its memory: no step asks any more

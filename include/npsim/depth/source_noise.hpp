@@ -6,8 +6,8 @@
 //            focal length and baseline. On facades of real frames .15 to .17 px, .13 to .21 on cars; correlated over
 //            some 4 px, the width over which matching smooths.
 //   lidar    2 cm in z, hence .02 w^2; each point by itself.
-//   network  a share of the depth, hence proportional to w, and smooth: neighbours share it. Over a whole facade it
-//            drifts by three times what it differs by from one window of a normal to the next.
+//   network  a share of the depth, hence proportional to w, and smooth: neighbours share it. That deviation is what
+//            normals see, over some pixels; over a whole facade errors drift by twice as much.
 //   exact    rounding.
 //   unknown  a share of the depth, measured: estimate_relative_noise().
 #ifndef NPSIM_DEPTH_SOURCE_NOISE_HPP
@@ -33,7 +33,7 @@ struct DepthNoise {
   float amplitude = 0.0F;
   int power = 1;
   float width_px = 1.0F;  // over which it is correlated
-  float drift = 1.0F;     // deviation over a whole surface, times this
+  float drift = 1.0F;     // deviation over a whole surface, in deviations; planes alone are that large
 
   [[nodiscard]] float deviation(float w) const noexcept {
     return power == 0 ? amplitude : (power == 1 ? amplitude * w : amplitude * w * w);
@@ -79,7 +79,7 @@ struct DepthNoise {
   }
   if (source == DepthSource::lidar) return {0.02F, 2, 1.0F};
   if (source == DepthSource::exact) return {1e-3F, 1, 1.0F};
-  if (source == DepthSource::network) return {0.01F, 1, 8.0F * correlated, 3.0F};
+  if (source == DepthSource::network) return {0.01F, 1, 8.0F * correlated, 2.0F};
   const int reach = std::max(1, static_cast<int>(16.0F * scale));
   return {clamp_to(estimate_relative_noise(depth, objects, reach), 1e-4F, 0.05F), 1, correlated};
 }

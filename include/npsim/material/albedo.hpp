@@ -422,7 +422,7 @@ Status estimate_albedo(const AlbedoParams& p, const AlbedoScene& scene, Workspac
   c.scene = scene;
   Span<std::uint32_t> histogram;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(std::size_t{4096}, histogram));
-  NPSIM_RETURN_IF_ERROR(read_picture(scene, workspace, c.picture, executor));
+  NPSIM_RETURN_IF_ERROR(read_picture(scene, histogram, workspace, c.picture, executor));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.light));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.sun));
   GroundLightParams ground;

@@ -7,7 +7,8 @@
 // pixels around it by weighted least squares, slopes held back by a ridge. A pixel's weight falls off with distance,
 // and with nearness to a border: trust = (border distance / radius)^8. The inner pixels of a house thus decide for the
 // slivers of it that show between leaves, while of an object that is nowhere wider than the band (a pole) its middle
-// does. What has no depth is no surface, and mixed too: roofs with the sky, the road with the own car's bonnet.
+// does. Beside the sky and the own car, which have no depth, a pixel was drawn to what is far or near: it comes back
+// from there, never the other way, and only by more than unseen_change, for nothing shows what it was mixed with.
 // Invariant: a pixel whose depth lies within min_change of that plane keeps it, so depth that is sharp already stays as
 // it was measured; pixels without depth, beyond the radius, or beside objects of about the same depth never change; the
 // new inverse depth lies within a factor 1.25 of the weighted mean around it. Without labels nothing happens.
@@ -33,17 +34,18 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 struct SharpenEdgesParams {
-  float radius_px = 6.0F;      // how far mixing reaches, 0..64; below 1 switches the step off
-  float min_contrast = 0.04F;  // of depth, across the border; wheels stand on roads without an edge
-  float min_change = 0.02F;    // relative; what lies closer to its object's surface is no mixture
+  float radius_px = 6.0F;       // how far mixing reaches, 0..64; below 1 switches the step off
+  float min_contrast = 0.04F;   // of depth, across the border; wheels stand on roads without an edge
+  float min_change = 0.02F;     // relative; what lies closer to its object's surface is no mixture
+  float unseen_change = 0.06F;  // the same beside the sky and the own car
   // Labels that join each other without a gap: depth changes across their borders, but steadily.
   LabelSet joined = kGroundLabels;
 };
 
 [[nodiscard]] inline Status validate(const SharpenEdgesParams& params) noexcept {
   if (!(params.radius_px >= 0.0F && params.radius_px <= 64.0F) || !(params.min_contrast >= 0.0F) ||
-      !(params.min_change >= 0.0F)) {
-    return {StatusCode::invalid_argument, "sharpen_edges: radius_px in 0..64, contrast and change not negative"};
+      !(params.min_change >= 0.0F) || !(params.unseen_change >= 0.0F)) {
+    return {StatusCode::invalid_argument, "sharpen_edges: radius_px in 0..64, contrast and changes not negative"};
   }
   return {};
 }
@@ -103,21 +105,31 @@ struct EdgeBand {
   double spatial[32] = {};  // Gaussian of the offset
 };
 
-[[nodiscard]] inline bool beside_depth_edge(const EdgeBand& band, int x, int y) noexcept {
+// What a pixel may have been mixed with: within the radius, another object of another depth, else what has none.
+enum class Beside : std::uint8_t { nothing, object, sky, own_car };
+
+[[nodiscard]] inline Beside beside_depth_edge(const EdgeBand& band, int x, int y) noexcept {
   const int reach = static_cast<int>(std::ceil(band.radius_px));
   const float z = band.depth(x, y);
   const bool joined = band.joined.contains(band.objects.labels(x, y));
   const float low = z / (1.0F + band.min_contrast);
   const float high = z * (1.0F + band.min_contrast);
+  Beside beside = Beside::nothing;
   for (int j = y - reach; j <= y + reach; ++j) {
     for (int i = x - reach; i <= x + reach; ++i) {
       if (!band.depth.contains(i, j)) continue;
+      const Label other = band.objects.labels(i, j);
+      if (!(band.depth(i, j) > 0.0F)) {
+        if (other == label::sky) beside = Beside::sky;
+        if (other == label::ego_vehicle) beside = Beside::own_car;
+        continue;
+      }
       if (band.depth(i, j) >= low && band.depth(i, j) <= high) continue;
-      if (joined && band.joined.contains(band.objects.labels(i, j))) continue;
-      if (!band.objects.same(x, y, i, j)) return true;
+      if (joined && band.joined.contains(other)) continue;
+      if (!band.objects.same(x, y, i, j)) return Beside::object;
     }
   }
-  return false;
+  return beside;
 }
 
 [[nodiscard]] inline float depth_of_object(const EdgeBand& band, int x, int y) noexcept {
@@ -188,9 +200,13 @@ template <class Executor>
       for (int x = 0; x < shape.width; ++x) {
         const float z = depth(x, y);
         if (!(band.trust(x, y) > 0.0F) || !(band.distance_px(x, y) < params.radius_px)) continue;
-        if (!depth_detail::beside_depth_edge(band, x, y)) continue;
+        const depth_detail::Beside beside = depth_detail::beside_depth_edge(band, x, y);
+        if (beside == depth_detail::Beside::nothing) continue;
         const float own = depth_detail::depth_of_object(band, x, y);
-        if (is_valid_depth(own) && std::fabs(own - z) > params.min_change * z) output(x, y) = own;
+        const bool mixed = beside == depth_detail::Beside::object ? std::fabs(own - z) > params.min_change * z
+                           : beside == depth_detail::Beside::sky  ? own < z - params.unseen_change * z
+                                                                  : own > z + params.unseen_change * z;
+        if (is_valid_depth(own) && mixed) output(x, y) = own;
       }
     }
   });

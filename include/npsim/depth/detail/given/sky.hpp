@@ -17,6 +17,8 @@
 // decides in the same way, with all of it where even its darker class is much brighter than what is near. Sky is what
 // looks so and is connected to the upper edge, and what looks so elsewhere and is as far. Where nothing is told apart
 // all is surface.
+// A stereo pair matches clouds with each other: on real frames .4 to .55 of the sky has a depth, from 27 m on. What is
+// missing or beyond kMismatchedSky_m is decided like what is far in a dense map.
 // Cost: a few passes. Memory: none.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
@@ -211,8 +213,9 @@ struct SkyLook {
   return alike.known ? alike : bright;
 }
 
-inline constexpr float kFarSky_m = 60.0F;  // networks end at 80 m or more
-inline constexpr double kDense = 0.95;     // share of valid depth, of the picture and of its upper edge
+inline constexpr float kFarSky_m = 60.0F;         // networks end at 80 m or more
+inline constexpr float kMismatchedSky_m = 25.0F;  // of stereo
+inline constexpr double kDense = 0.95;            // share of valid depth, of the picture and of its upper edge
 
 [[nodiscard]] inline bool is_dense(ImageView<const float> depth) noexcept {
   const auto valid_in = [&](int rows) {
@@ -225,8 +228,10 @@ inline constexpr double kDense = 0.95;     // share of valid depth, of the pictu
   return valid_in(1) && valid_in(depth.height());
 }
 
-inline void find_sky_of_dense_depth(ImageView<const Rgb8> image, ImageView<const float> depth,
-                                    ImageView<std::uint8_t> surface) noexcept {
+// far: of the depth's values, whether the sky may have it.
+template <class Far>
+void find_sky_among_far(ImageView<const Rgb8> image, ImageView<const float> depth, const Far& far,
+                        ImageView<std::uint8_t> surface) noexcept {
   constexpr double kAsFar = 0.9;
   const Shape shape = surface.shape();
   const auto each = [&](const auto& f) {
@@ -234,7 +239,7 @@ inline void find_sky_of_dense_depth(ImageView<const Rgb8> image, ImageView<const
       for (int x = 0; x < shape.width; ++x) f(x, y);
     }
   };
-  const auto is_far = [&](int x, int y) { return !(depth(x, y) < kFarSky_m); };
+  const auto is_far = [&](int x, int y) { return far(depth(x, y)); };
   each([&](int x, int y) { surface(x, y) = is_far(x, y) ? kSky : kSurface; });
   const SkyLook look = sky_look(image, surface);
   each([&](int x, int y) {
@@ -257,12 +262,18 @@ inline void find_sky_of_dense_depth(ImageView<const Rgb8> image, ImageView<const
 
 }  // namespace depth_detail
 
-// surface: 1 where there is one, 0 for the sky. All of one shape.
-inline void find_sky(ImageView<const Rgb8> image, ImageView<const float> depth,
+// surface: 1 where there is one, 0 for the sky. All of one shape. stereo: depth is that of a pair of cameras.
+inline void find_sky(ImageView<const Rgb8> image, ImageView<const float> depth, bool stereo,
                      ImageView<std::uint8_t> surface) noexcept {
   using namespace depth_detail;
   if (is_dense(depth)) {
-    find_sky_of_dense_depth(image, depth, surface);
+    find_sky_among_far(
+        image, depth, [](float z) { return !(z < kFarSky_m); }, surface);
+    return;
+  }
+  if (stereo) {
+    find_sky_among_far(
+        image, depth, [](float z) { return !is_valid_depth(z) || z > kMismatchedSky_m; }, surface);
     return;
   }
   constexpr int kReach = 8;

@@ -17,7 +17,6 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/detail/grow.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -30,35 +29,40 @@ namespace refine_detail {
   return -dot(ground.up, unproject_pixel(camera, x, y, 1.0F));
 }
 
-// Whether the depth about a pixel rises by less than 20 degrees from the plane.
+// Whether the surface rises by less than 20 degrees along its column, both from a few pixels below to (x, y) and from
+// there to a few pixels above.
 [[nodiscard]] inline bool lies_flat(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
                                     int x, int y) noexcept {
   constexpr float kSlope = 0.36F;
   const int reach = std::max(1, depth.width() / 256);
-  const int below = std::min(depth.height() - 1, y + reach);
-  const int above = std::max(0, y - reach);
-  if (!is_valid_depth(depth(x, below)) || !is_valid_depth(depth(x, above))) return false;
-  const Vec3f along =
-      unproject_pixel(camera, x, above, depth(x, above)) - unproject_pixel(camera, x, below, depth(x, below));
-  const float rise = dot(along, ground.up);
-  return std::fabs(rise) < kSlope * length(along - ground.up * rise);
+  const auto flat = [&](int from, int to) {
+    if (!is_valid_depth(depth(x, from)) || !is_valid_depth(depth(x, to))) return false;
+    const Vec3f along = unproject_pixel(camera, x, to, depth(x, to)) - unproject_pixel(camera, x, from, depth(x, from));
+    const float rise = dot(along, ground.up);
+    return std::fabs(rise) <= kSlope * length(along - ground.up * rise);
+  };
+  return flat(y, std::min(depth.height() - 1, y + reach)) && flat(y, std::max(0, y - reach));
 }
 
-// Without labels what lies within kGroundHeight_m of the plane is ground, and all else one class. A network's depth may
-// be of another scale: then within a tenth of the camera's height. It also drifts: what lies flat within twice and a
-// half that, and touches ground, is ground too.
+// Without labels what lies within kGroundHeight_m of the plane is ground, and all else unlabelled. A network's depth may be
+// of another scale: then within a tenth of the camera's height. It also drifts: what lies flat within two and a half
+// times that, and whose neighbour in the picture is ground of its height, is ground too.
 inline constexpr float kGroundHeight_m = 0.15F;
 inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground, bool drifts,
                          ImageView<Label> labels) noexcept {
   constexpr Label kPerhaps = 255;
   constexpr float kDrift = 2.5F;
-  if (!(ground.inlier_share > 0.0F) || labels.empty()) return;
-  const Label all_else = labels(0, 0);
+  constexpr float kStep = 0.25F;  // of a neighbour, of what is tolerated
+  constexpr int kPasses = 16;     // more leave only windings
   const float most_m = std::min(kGroundHeight_m, 0.1F * ground.camera_height_m);
+  const auto height_m = [&](int x, int y) {
+    return height_above_ground(ground, unproject_pixel(camera, x, y, depth(x, y)));
+  };
   for (int y = 0; y < labels.height(); ++y) {
     for (int x = 0; x < labels.width(); ++x) {
-      if (!is_valid_depth(depth(x, y))) continue;
-      const float off_m = std::fabs(height_above_ground(ground, unproject_pixel(camera, x, y, depth(x, y))));
+      labels(x, y) = label::unlabeled;
+      if (!(ground.inlier_share > 0.0F) || !is_valid_depth(depth(x, y))) continue;
+      const float off_m = std::fabs(height_m(x, y));
       if (off_m < most_m) {
         labels(x, y) = label::ground;
       } else if (drifts && off_m < kDrift * most_m && lies_flat(depth, camera, ground, x, y)) {
@@ -66,11 +70,19 @@ inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera,
       }
     }
   }
-  if (!drifts) return;
-  depth_detail::grow(labels, label::ground, [](Label l) { return l == kPerhaps; });
-  for (int y = 0; y < labels.height(); ++y) {
+  bool changed = drifts;
+  for (int pass = 0; pass < kPasses && changed; ++pass) {
+    changed = false;
+    sweep_to_and_fro(labels.shape(), [&](int x, int y, int from_x, int from_y) {
+      if (labels(x, y) != kPerhaps || labels(from_x, from_y) != label::ground) return;
+      if (!(std::fabs(height_m(x, y) - height_m(from_x, from_y)) < kStep * most_m)) return;
+      labels(x, y) = label::ground;
+      changed = true;
+    });
+  }
+  for (int y = 0; y < (drifts ? labels.height() : 0); ++y) {
     for (int x = 0; x < labels.width(); ++x) {
-      if (labels(x, y) == kPerhaps) labels(x, y) = all_else;
+      if (labels(x, y) == kPerhaps) labels(x, y) = label::unlabeled;
     }
   }
 }

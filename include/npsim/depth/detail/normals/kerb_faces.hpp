@@ -7,7 +7,7 @@
 // grass include their kerb (Cityscapes' rule), so the face is among their pixels and its foot at their border; where
 // both levels have one label it is among the lower pixels, and its top at the step.
 //   line: pixels of ground with ground of the other level (min_step_m to max_step_m) beside them, the lower ones at a
-//         border of labels, else the upper ones; its direction from the line's points around, by their principal axis
+//         border of labels (a foot), else the upper ones (a top); its direction from the line's points around, by their principal axis
 //         in plan, where they are a line
 //   face: a pixel of the other ground near the line, whose ray meets the upright plane through the line between the
 //         two levels, gets that depth and the plane's normal: farther than before at a border of labels, else nearer
@@ -40,7 +40,7 @@ struct KerbFaceParams {
   bool enabled = true;
   LabelSet labels = kGroundLabels;
   LabelSet with_kerb = LabelSet::of(label::sidewalk, label::terrain);  // whose pixels include the face
-  bool tops = true;  // false: no faces but those between two labels, which the upper one includes
+  bool tops = true;  // find lines of tops too; false: those of feet alone, at borders of labels
   float min_step_m = 0.03F;
   float max_step_m = 0.4F;
   int most_px = 256;  // of a face's extent, 1..1024; nearer than where a kerb is this large it is cut

@@ -105,15 +105,13 @@ inline constexpr std::size_t kPicturePlanes = 5;
 // Ground of an unlabelled scene is of several materials. Asphalt is smooth, but for edges: a pixel counts as rough where
 // every window near it is.
 template <class Executor>
-Status split_ground(Workspace& workspace, const Picture& picture, Executor& executor) {
-  constexpr float kRough = 0.2F;   // mean |log2| about the local mean; asphalt at .1, ballast at .6
+Status split_ground(Workspace& workspace, const Picture& picture, Span<std::uint32_t> histogram, Executor& executor) {
+  constexpr float kRough = 0.2F;    // mean |log2| about the local mean; asphalt at .1, ballast at .6
   constexpr float kGreen = 0.15F;  // log2 of green over the mean of red and blue, above the camera's cast
-  constexpr float kGrey = 0.25F;   // the share of the ground that tells the cast: what is least green is no lawn
+  constexpr float kGrey = 0.05F;   // the share of the ground that tells the cast: the least green is no lawn
   constexpr float kCast = 0.55F;   // at most; raw-like pictures show asphalt at .5, and grass at 1
   const WorkspaceScope scope(workspace);
   const Shape shape = picture.shape();
-  Span<std::uint32_t> histogram;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(std::size_t{4096}, histogram));
   Plane mean, rough, least, green;
   for (Plane* p : {&mean, &rough, &least, &green}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *p));
   const auto one = [](int, int) { return 1.0F; };
@@ -194,7 +192,8 @@ void continue_ground(const AlbedoScene& s, const Picture& picture, Executor& exe
 }
 
 template <class Executor>
-Status read_picture(const AlbedoScene& s, Workspace& workspace, Picture& out, Executor& executor) {
+Status read_picture(const AlbedoScene& s, Span<std::uint32_t> histogram, Workspace& workspace, Picture& out,
+                    Executor& executor) {
   const Shape from = s.image.shape();
   const Shape shape = working_shape(from);
   out.factor = working_factor(from);
@@ -228,7 +227,7 @@ Status read_picture(const AlbedoScene& s, Workspace& workspace, Picture& out, Ex
     out.colour(x, y) = log2_of(mean.z + 1e-3F) - log2_of(mean.x + 1e-3F);
   });
   if (!s.labels.empty()) return {};
-  NPSIM_RETURN_IF_ERROR(split_ground(workspace, out, executor));
+  NPSIM_RETURN_IF_ERROR(split_ground(workspace, out, histogram, executor));
   continue_ground(s, out, executor);
   return {};
 }
