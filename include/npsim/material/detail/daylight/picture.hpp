@@ -106,7 +106,7 @@ inline constexpr std::size_t kPicturePlanes = 5;
 // every window near it is.
 template <class Executor>
 Status split_ground(Workspace& workspace, const Picture& picture, Span<std::uint32_t> histogram, Executor& executor) {
-  constexpr float kRough = 0.2F;    // mean |log2| about the local mean; asphalt at .1, ballast at .6
+  constexpr float kRough = 0.2F;   // mean |log2| about the local mean; asphalt at .1, ballast at .6
   constexpr float kGreen = 0.15F;  // log2 of green over the mean of red and blue, above the camera's cast
   constexpr float kGrey = 0.05F;   // the share of the ground that tells the cast: the least green is no lawn
   constexpr float kCast = 0.55F;   // at most; raw-like pictures show asphalt at .5, and grass at 1
