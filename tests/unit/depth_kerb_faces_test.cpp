@@ -131,19 +131,33 @@ TEST_CASE("kerb faces: of an estimate a step within one label or from a road dow
       return std::memcmp(before.data(), kerb.flat.data(), before.shape().pixels() * sizeof(float)) == 0;
     };
     KerbFaceParams estimate;
-    estimate.tops = false;
+    estimate.only_at_borders = true;
     REQUIRE(kerb.mend(estimate).ok());
     CHECK(unchanged());
     REQUIRE(kerb.mend().ok());
     CHECK(!unchanged());
   }
-  Kerb<decltype(beside)> with_foot(beside);
-  Kerb<decltype(beside)> as_measured(beside);
-  KerbFaceParams estimate;
-  estimate.tops = false;
-  REQUIRE(with_foot.mend(estimate).ok());
-  REQUIRE(as_measured.mend().ok());
-  CHECK(std::memcmp(with_foot.flat.data(), as_measured.flat.data(), with_foot.shape.pixels() * sizeof(float)) == 0);
+  for (const Label upper : {label::sidewalk, label::ground}) {
+    CAPTURE(static_cast<int>(upper));
+    Kerb<decltype(beside)> at_border(beside);
+    for (int y = 0; y < at_border.shape.height; ++y) {
+      for (int x = 0; x < at_border.shape.width; ++x) {
+        Label& l = at_border.labels(x, y);
+        if (l == label::sidewalk) l = upper;
+      }
+    }
+    Kerb<decltype(beside)> as_measured = at_border;
+    const io::Image<float> before = at_border.flat;
+    const auto same = [&](const io::Image<float>& a, const io::Image<float>& b) {
+      return std::memcmp(a.data(), b.data(), a.shape().pixels() * sizeof(float)) == 0;
+    };
+    KerbFaceParams estimate;
+    estimate.only_at_borders = true;
+    REQUIRE(at_border.mend(estimate).ok());
+    REQUIRE(as_measured.mend().ok());
+    CHECK(!same(at_border.flat, before));
+    CHECK(same(at_border.flat, as_measured.flat));
+  }
 }
 
 TEST_CASE("kerb faces: without a ground plane nothing is done; parameters out of range are refused") {

@@ -545,8 +545,8 @@ template <class Executor>
                                     Executor& executor, RefinedDepth& out) {
   KerbFaceParams kerbs = params.kerbs;
   kerbs.enabled = kerbs.enabled && scene.normals.empty();  // refinement has found the faces that given ones show
-  // An estimate is level within a label, but where it drifts; so are its roads that lie above their pavement.
-  kerbs.tops = kerbs.tops && out.trust.bounded;
+  // An estimate is level within a label, but where it drifts; nor does a road lie above its pavement.
+  kerbs.only_at_borders = kerbs.only_at_borders || !out.trust.bounded;
   NPSIM_RETURN_IF_ERROR(kerb_faces(kerbs, scene.camera, out.ground, scene.labels, out.depth, out.normals, workspace));
   if (out.trust.bounded) {
     out.mesh_depth = out.filled;  // its memory: no step asks any more

@@ -7,8 +7,8 @@
 // grass include their kerb (Cityscapes' rule), so the face is among their pixels and its foot at their border; where
 // both levels have one label it is among the lower pixels, and its top at the step.
 //   line: pixels of ground with ground of the other level (min_step_m to max_step_m) beside them, the lower ones at a
-//         border of labels (a foot), else the upper ones (a top); its direction from the line's points around, by their principal axis
-//         in plan, where they are a line
+//         border of labels, else the upper ones; its direction from the line's points around, by their principal axis
+//         in plan, where they are a line. Of an estimate steps at borders of labels alone (only_at_borders)
 //   face: a pixel of the other ground near the line, whose ray meets the upright plane through the line between the
 //         two levels, gets that depth and the plane's normal: farther than before at a border of labels, else nearer
 // A step that looks away from the camera has no such pixel: rays over its edge meet the plane above it.
@@ -40,7 +40,7 @@ struct KerbFaceParams {
   bool enabled = true;
   LabelSet labels = kGroundLabels;
   LabelSet with_kerb = LabelSet::of(label::sidewalk, label::terrain);  // whose pixels include the face
-  bool tops = true;  // find lines of tops too; false: those of feet alone, at borders of labels
+  bool only_at_borders = false;  // of labels, and not down to `with_kerb` from other ground: where the rest is error
   float min_step_m = 0.03F;
   float max_step_m = 0.4F;
   int most_px = 256;  // of a face's extent, 1..1024; nearer than where a kerb is this large it is cut
@@ -88,9 +88,10 @@ struct KerbScene {
   [[nodiscard]] bool is_step(KerbLine line, KerbPixel upper, KerbPixel lower) const noexcept {
     const float rise = height(upper.x, upper.y) - height(lower.x, lower.y);
     if (!(rise >= params.min_step_m && rise <= params.max_step_m)) return false;
-    if (!params.tops && line == KerbLine::top) return false;
     const Label above = labels(upper.x, upper.y);
-    const bool in_upper = params.with_kerb.contains(above) && above != labels(lower.x, lower.y);
+    const Label below = labels(lower.x, lower.y);
+    const bool in_upper = params.with_kerb.contains(above) && above != below;
+    if (params.only_at_borders && (above == below || (params.with_kerb.contains(below) && !in_upper))) return false;
     return in_upper == (line == KerbLine::foot);
   }
   // Of a pixel p of the line and one of the other ground.
