@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""depth_by_source.py NPSIM FOLDER [--first 1] [--last 8] [--size 480x270] [--sources network,stereo,lidar]: refined
-depth of generated streets, by what measured it.
+"""depth_by_source.py NPSIM FOLDER [--first 1] [--last 8] [--size 480x270] [--sources network,...]: refined depth of
+generated streets, by what measured it. Sources: network (with normals), network-alone (without), stereo, lidar.
 
 Writes the streets that FOLDER lacks, judges the depth of each with `npsim evaluate --depth-only`, and prints one line
 per source and street, and the means of each source: mean relative error at pixels without input over that of linear
@@ -32,6 +32,14 @@ def figures(report):
                 for group in ("facades", "vehicles") for part in ("all", "smooth")]
 
 
+def leave_out_normals(path):
+    with open(path) as file:
+        scene = json.load(file)
+    scene.pop("normals", None)
+    with open(path, "w") as file:
+        json.dump(scene, file, indent=1)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("npsim")
@@ -39,25 +47,28 @@ def main():
     parser.add_argument("--first", type=int, default=1)
     parser.add_argument("--last", type=int, default=8)
     parser.add_argument("--size", default="480x270")
-    parser.add_argument("--sources", default="network,stereo,lidar")
+    parser.add_argument("--sources", default="network,network-alone,stereo,lidar")
     options = parser.parse_args()
     os.makedirs(options.folder, exist_ok=True)
-    print("source   street" + "".join("%9s" % c for c in COLUMNS))
+    print("source        street" + "".join("%9s" % c for c in COLUMNS))
     for source in options.sources.split(","):
         rows = []
         for seed in range(options.first, options.last + 1):
             street = os.path.join(options.folder, "%s_%d" % (source, seed))
             if not os.path.exists(os.path.join(street, "scene.json")):
+                depth = source.replace("-alone", "")
                 subprocess.run([options.npsim, "street", street, "--seed", str(seed), "--size", options.size, "--depth",
-                                source, "--quiet"], check=True, stdout=subprocess.DEVNULL)
+                                depth, "--quiet"], check=True, stdout=subprocess.DEVNULL)
+                if depth != source:
+                    leave_out_normals(os.path.join(street, "scene.json"))
             path = os.path.join(options.folder, "%s_%d.json" % (source, seed))
             subprocess.run([options.npsim, "evaluate", street, "-o", path, "--depth-only", "--quiet"], check=True,
                            stdout=subprocess.DEVNULL)
             with open(path) as file:
                 rows.append(figures(json.load(file)))
-            print("%-8s %6d" % (source, seed) + "".join(cell(v) for v in rows[-1]), flush=True)
+            print("%-13s %6d" % (source, seed) + "".join(cell(v) for v in rows[-1]), flush=True)
         known = [[v for v in column if v is not None] for column in zip(*rows)]
-        print("%-8s %6s" % (source, "mean") + "".join(cell(sum(v) / len(v) if v else None) for v in known), flush=True)
+        print("%-13s %6s" % (source, "mean") + "".join(cell(sum(v) / len(v) if v else None) for v in known), flush=True)
 
 
 if __name__ == "__main__":
