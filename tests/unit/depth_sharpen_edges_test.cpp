@@ -151,6 +151,22 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("sharpening: far twigs before the sky above a near hedge of the same label stay far") {
+  Scene s;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      s.put(x, y, label::sky, 0.0F);
+      if (y >= 36) s.put(x, y, label::vegetation, 6.0F);
+      if (y < 36 && x % 12 < 2) s.put(x, y, label::vegetation, 40.0F);
+    }
+  }
+  s.depth = s.truth;
+  SerialExecutor serial;
+  io::Image<float> out;
+  REQUIRE(s.run({}, out, serial).ok());
+  CHECK(std::equal(out.data(), out.data() + kShape.pixels(), s.depth.data()));
+}
+
 TEST_CASE("sharpening leaves sharp depth, deep inside and holes as they are") {
   Scene s;
   s.depth(50, 20) = 0.0F;

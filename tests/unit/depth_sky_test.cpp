@@ -216,3 +216,17 @@ TEST_CASE("of a stereo pair clouds that were matched at 30 m are sky, a tower th
   v.run(false);  // what a laser measures is there
   CHECK(v.surface(80, 20) == 1);
 }
+
+TEST_CASE(
+    "of a stereo pair an even sky no brighter than the street, which the picture cannot tell, is above the matches") {
+  View v;
+  v.image = Image<Rgb8>(v.shape, Rgb8{100, 100, 100});
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) v.depth(x, y) = y >= 25 && (x + y) % 7 != 0 ? 20.0F : 0.0F;
+  }
+  v.run(true);
+  for (int y = 0; y < 60; ++y) {
+    CAPTURE(y);
+    if (y != 25) CHECK(v.surface(50, y) == (y > 25 ? 1 : 0));
+  }
+}

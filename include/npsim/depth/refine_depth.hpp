@@ -545,7 +545,7 @@ template <class Executor>
                                     Executor& executor, RefinedDepth& out) {
   KerbFaceParams kerbs = params.kerbs;
   kerbs.enabled = kerbs.enabled && scene.normals.empty();  // refinement has found the faces that given ones show
-  // An estimate is level within a label, but where it drifts; nor does a road lie above its pavement.
+  // Steps within one label, and roads above their pavement, are errors of an estimate.
   kerbs.only_at_borders = kerbs.only_at_borders || !out.trust.bounded;
   NPSIM_RETURN_IF_ERROR(kerb_faces(kerbs, scene.camera, out.ground, scene.labels, out.depth, out.normals, workspace));
   if (out.trust.bounded) {

@@ -7,8 +7,9 @@
 // pixels around it by weighted least squares, slopes held back by a ridge. A pixel's weight falls off with distance,
 // and with nearness to a border: trust = (border distance / radius)^8. The inner pixels of a house thus decide for the
 // slivers of it that show between leaves, while of an object that is nowhere wider than the band (a pole) its middle
-// does. Beside the sky and the own car, which have no depth, a pixel was drawn to what is far or near: it comes back
-// from there, never the other way, and only by more than unseen_change, for nothing shows what it was mixed with.
+// does. The sky and the own car have no depth here, but were mixed in as well: the one draws pixels away, the other
+// near. Beside the sky alone a pixel may only come nearer, beside the own car only go farther, by at least
+// unseen_change; what is off by more than a factor most_unseen is another thing of the label, and has no say.
 // Invariant: a pixel whose depth lies within min_change of that plane keeps it, so depth that is sharp already stays as
 // it was measured; pixels without depth, beyond the radius, or beside objects of about the same depth never change; the
 // new inverse depth lies within a factor 1.25 of the weighted mean around it. Without labels nothing happens.
@@ -38,14 +39,16 @@ struct SharpenEdgesParams {
   float min_contrast = 0.04F;   // of depth, across the border; wheels stand on roads without an edge
   float min_change = 0.02F;     // relative; what lies closer to its object's surface is no mixture
   float unseen_change = 0.06F;  // the same beside the sky and the own car
+  float most_unseen = 2.5F;     // the factor there, at least 1; a house at 12 m half mixed with a sky at 75 m
   // Labels that join each other without a gap: depth changes across their borders, but steadily.
   LabelSet joined = kGroundLabels;
 };
 
 [[nodiscard]] inline Status validate(const SharpenEdgesParams& params) noexcept {
   if (!(params.radius_px >= 0.0F && params.radius_px <= 64.0F) || !(params.min_contrast >= 0.0F) ||
-      !(params.min_change >= 0.0F) || !(params.unseen_change >= 0.0F)) {
-    return {StatusCode::invalid_argument, "sharpen_edges: radius_px in 0..64, contrast and changes not negative"};
+      !(params.min_change >= 0.0F) || !(params.unseen_change >= 0.0F) || !(params.most_unseen >= 1.0F)) {
+    return {StatusCode::invalid_argument,
+            "sharpen_edges: radius_px in 0..64, contrast and changes not negative, most_unseen at least 1"};
   }
   return {};
 }
@@ -132,7 +135,8 @@ enum class Beside : std::uint8_t { nothing, object, sky, own_car };
   return beside;
 }
 
-[[nodiscard]] inline float depth_of_object(const EdgeBand& band, int x, int y) noexcept {
+// Of the object's pixels between the two depths.
+[[nodiscard]] inline float depth_of_object(const EdgeBand& band, int x, int y, float nearest, float farthest) noexcept {
   LocalPlane plane;
   for (int j = -band.taps; j <= band.taps; ++j) {
     const int v = j < 0 ? -band.offset[-j] : band.offset[j];
@@ -140,6 +144,7 @@ enum class Beside : std::uint8_t { nothing, object, sky, own_car };
       const int u = i < 0 ? -band.offset[-i] : band.offset[i];
       if (!band.depth.contains(x + u, y + v) || !(band.trust(x + u, y + v) > 0.0F)) continue;
       if (!band.objects.same(x, y, x + u, y + v)) continue;
+      if (band.depth(x + u, y + v) < nearest || band.depth(x + u, y + v) > farthest) continue;
       const double weight = band.spatial[i < 0 ? -i : i] * band.spatial[j < 0 ? -j : j];
       plane.add(weight * static_cast<double>(band.trust(x + u, y + v)), u, v,
                 1.0 / static_cast<double>(band.depth(x + u, y + v)));
@@ -202,10 +207,13 @@ template <class Executor>
         if (!(band.trust(x, y) > 0.0F) || !(band.distance_px(x, y) < params.radius_px)) continue;
         const depth_detail::Beside beside = depth_detail::beside_depth_edge(band, x, y);
         if (beside == depth_detail::Beside::nothing) continue;
-        const float own = depth_detail::depth_of_object(band, x, y);
-        const bool mixed = beside == depth_detail::Beside::object ? std::fabs(own - z) > params.min_change * z
-                           : beside == depth_detail::Beside::sky  ? own < z - params.unseen_change * z
-                                                                  : own > z + params.unseen_change * z;
+        const bool by_sky = beside == depth_detail::Beside::sky;
+        const bool by_car = beside == depth_detail::Beside::own_car;
+        const float own = depth_detail::depth_of_object(band, x, y, by_sky ? z / params.most_unseen : 0.0F,
+                                                        by_car ? z * params.most_unseen : INFINITY);
+        const bool mixed = by_sky   ? own < z - params.unseen_change * z
+                           : by_car ? own > z + params.unseen_change * z
+                                    : std::fabs(own - z) > params.min_change * z;
         if (is_valid_depth(own) && mixed) output(x, y) = own;
       }
     }

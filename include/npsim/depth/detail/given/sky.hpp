@@ -17,8 +17,9 @@
 // decides in the same way, with all of it where even its darker class is much brighter than what is near. Sky is what
 // looks so and is connected to the upper edge, and what looks so elsewhere and is as far. Where nothing is told apart
 // all is surface.
-// A stereo pair matches clouds with each other: on real frames .4 to .55 of the sky has a depth, from 27 m on. What is
-// missing or beyond kMismatchedSky_m is decided like what is far in a dense map.
+// A stereo pair matches clouds with each other: on real frames .4 to .55 of the sky has a depth, from 27 m on. Where the
+// picture tells the sky from the rest of what is missing or beyond kMismatchedSky_m, it decides of all that as it does
+// of what is far in a dense map; where it does not, what was matched is surface, as for other sensors.
 // Cost: a few passes. Memory: none.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
@@ -228,10 +229,10 @@ inline constexpr double kDense = 0.95;            // share of valid depth, of th
   return valid_in(1) && valid_in(depth.height());
 }
 
-// far: of the depth's values, whether the sky may have it.
+// far: of the depth's values, whether the sky may have it. False where nothing is told apart: `surface` says nothing.
 template <class Far>
-void find_sky_among_far(ImageView<const Rgb8> image, ImageView<const float> depth, const Far& far,
-                        ImageView<std::uint8_t> surface) noexcept {
+[[nodiscard]] bool find_sky_among_far(ImageView<const Rgb8> image, ImageView<const float> depth, const Far& far,
+                                      ImageView<std::uint8_t> surface) noexcept {
   constexpr double kAsFar = 0.9;
   const Shape shape = surface.shape();
   const auto each = [&](const auto& f) {
@@ -242,8 +243,9 @@ void find_sky_among_far(ImageView<const Rgb8> image, ImageView<const float> dept
   const auto is_far = [&](int x, int y) { return far(depth(x, y)); };
   each([&](int x, int y) { surface(x, y) = is_far(x, y) ? kSky : kSurface; });
   const SkyLook look = sky_look(image, surface);
+  if (!look.known && !look.all) return false;
   each([&](int x, int y) {
-    const bool like = is_far(x, y) && (look.all || (look.known && look.of(image(x, y))));
+    const bool like = is_far(x, y) && (look.all || look.of(image(x, y)));
     surface(x, y) = !like ? kSurface : (y == 0 ? kSky : kLike);
   });
   grow(surface, kSky, [](std::uint8_t c) { return c == kLike; });
@@ -258,6 +260,7 @@ void find_sky_among_far(ImageView<const Rgb8> image, ImageView<const float> dept
     const bool as_far = count > 0 && static_cast<double>(depth(x, y)) * count >= kAsFar * sum;
     if (surface(x, y) == kLike) surface(x, y) = as_far ? kSky : kSurface;
   });
+  return true;
 }
 
 }  // namespace depth_detail
@@ -267,15 +270,16 @@ inline void find_sky(ImageView<const Rgb8> image, ImageView<const float> depth, 
                      ImageView<std::uint8_t> surface) noexcept {
   using namespace depth_detail;
   if (is_dense(depth)) {
-    find_sky_among_far(
-        image, depth, [](float z) { return !(z < kFarSky_m); }, surface);
+    if (find_sky_among_far(
+            image, depth, [](float z) { return !(z < kFarSky_m); }, surface))
+      return;
+    for (int y = 0; y < surface.height(); ++y) {
+      for (int x = 0; x < surface.width(); ++x) surface(x, y) = kSurface;
+    }
     return;
   }
-  if (stereo) {
-    find_sky_among_far(
-        image, depth, [](float z) { return !is_valid_depth(z) || z > kMismatchedSky_m; }, surface);
-    return;
-  }
+  const auto mismatched = [](float z) { return !is_valid_depth(z) || z > kMismatchedSky_m; };
+  if (stereo && find_sky_among_far(image, depth, mismatched, surface)) return;
   constexpr int kReach = 8;
   const Shape shape = surface.shape();
   for (int x = 0; x < shape.width; ++x) {

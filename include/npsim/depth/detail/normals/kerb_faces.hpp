@@ -40,7 +40,7 @@ struct KerbFaceParams {
   bool enabled = true;
   LabelSet labels = kGroundLabels;
   LabelSet with_kerb = LabelSet::of(label::sidewalk, label::terrain);  // whose pixels include the face
-  bool only_at_borders = false;  // of labels, and not down to `with_kerb` from other ground: where the rest is error
+  bool only_at_borders = false;  // false: also of steps within one label, and from other ground down to `with_kerb`
   float min_step_m = 0.03F;
   float max_step_m = 0.4F;
   int most_px = 256;  // of a face's extent, 1..1024; nearer than where a kerb is this large it is cut
