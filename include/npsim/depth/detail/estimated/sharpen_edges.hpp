@@ -10,9 +10,10 @@
 // does. The sky and the own car have no depth here, but were mixed in as well: the one draws pixels away, the other
 // near. Beside the sky alone a pixel may only come nearer, beside the own car only go farther, by at least
 // unseen_change; what is off by more than a factor most_unseen is another thing of the label, and has no say.
-// Invariant: a pixel whose depth lies within min_change of that plane keeps it, so depth that is sharp already stays as
-// it was measured; pixels without depth, beyond the radius, or beside objects of about the same depth never change; the
-// new inverse depth lies within a factor 1.25 of the weighted mean around it. Without labels nothing happens.
+// Invariant: a pixel whose depth lies within min_change of that plane, beside those two within unseen_change, keeps it,
+// so depth that is sharp already stays as it was measured; pixels without depth, beyond the radius, or beside objects
+// of about the same depth never change; the new inverse depth lies within a factor 1.25 of the weighted mean around it.
+// Without labels nothing happens.
 //
 // Cost: about 360 taps per pixel of the bands at any radius (the lattice of taps widens with it). Memory: two floats
 // per pixel. Rounding: sums in double, so float's 1e-7 of the plane's value.

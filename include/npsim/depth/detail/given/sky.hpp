@@ -17,9 +17,9 @@
 // decides in the same way, with all of it where even its darker class is much brighter than what is near. Sky is what
 // looks so and is connected to the upper edge, and what looks so elsewhere and is as far. Where nothing is told apart
 // all is surface.
-// A stereo pair matches clouds with each other: on real frames .4 to .55 of the sky has a depth, from 27 m on. Where the
-// picture tells the sky from the rest of what is missing or beyond kMismatchedSky_m, it decides of all that as it does
-// of what is far in a dense map; where it does not, what was matched is surface, as for other sensors.
+// A stereo pair matches clouds with each other: on real frames .4 to .55 of the sky has a depth, from 27 m on. Where
+// the picture tells the sky from the rest of what is missing or beyond kMismatchedSky_m, it decides of all that as it
+// does of what is far in a dense map; where it does not, what was matched is surface, as for other sensors.
 // Cost: a few passes. Memory: none.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP

@@ -17,6 +17,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/detail/grow.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -44,24 +45,23 @@ namespace refine_detail {
   return flat(y, std::min(depth.height() - 1, y + reach)) && flat(y, std::max(0, y - reach));
 }
 
-// Without labels what lies within kGroundHeight_m of the plane is ground, and all else unlabelled. A network's depth may be
-// of another scale: then within a tenth of the camera's height. It also drifts: what lies flat within two and a half
-// times that, and whose neighbour in the picture is ground of its height, is ground too.
+// Of an image without labels, all of which is unlabelled: what lies within kGroundHeight_m of the plane is ground. A
+// network's depth may be of another scale: then within a tenth of the camera's height. It also drifts: what lies flat
+// within two and a half times that, and whose neighbour in the picture is ground of its height, is ground too.
 inline constexpr float kGroundHeight_m = 0.15F;
 inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground, bool drifts,
                          ImageView<Label> labels) noexcept {
   constexpr Label kPerhaps = 255;
   constexpr float kDrift = 2.5F;
   constexpr float kStep = 0.25F;  // of a neighbour, of what is tolerated
-  constexpr int kPasses = 16;     // more leave only windings
+  if (!(ground.inlier_share > 0.0F)) return;
   const float most_m = std::min(kGroundHeight_m, 0.1F * ground.camera_height_m);
   const auto height_m = [&](int x, int y) {
     return height_above_ground(ground, unproject_pixel(camera, x, y, depth(x, y)));
   };
   for (int y = 0; y < labels.height(); ++y) {
     for (int x = 0; x < labels.width(); ++x) {
-      labels(x, y) = label::unlabeled;
-      if (!(ground.inlier_share > 0.0F) || !is_valid_depth(depth(x, y))) continue;
+      if (!is_valid_depth(depth(x, y))) continue;
       const float off_m = std::fabs(height_m(x, y));
       if (off_m < most_m) {
         labels(x, y) = label::ground;
@@ -70,17 +70,11 @@ inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera,
       }
     }
   }
-  bool changed = drifts;
-  for (int pass = 0; pass < kPasses && changed; ++pass) {
-    changed = false;
-    sweep_to_and_fro(labels.shape(), [&](int x, int y, int from_x, int from_y) {
-      if (labels(x, y) != kPerhaps || labels(from_x, from_y) != label::ground) return;
-      if (!(std::fabs(height_m(x, y) - height_m(from_x, from_y)) < kStep * most_m)) return;
-      labels(x, y) = label::ground;
-      changed = true;
-    });
-  }
-  for (int y = 0; y < (drifts ? labels.height() : 0); ++y) {
+  if (!drifts) return;
+  depth_detail::grow_from(labels, label::ground, [&](int x, int y, int from_x, int from_y) {
+    return labels(x, y) == kPerhaps && std::fabs(height_m(x, y) - height_m(from_x, from_y)) < kStep * most_m;
+  });
+  for (int y = 0; y < labels.height(); ++y) {
     for (int x = 0; x < labels.width(); ++x) {
       if (labels(x, y) == kPerhaps) labels(x, y) = label::unlabeled;
     }
