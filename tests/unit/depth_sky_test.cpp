@@ -13,6 +13,11 @@ using npsim_test::Image;
 
 namespace {
 
+void find(const Image<Rgb8>& image, const Image<float>& depth, bool stereo, Image<std::uint8_t>& surface) {
+  npsim_test::Scratch scratch(find_sky_workspace_bytes(depth.cview().shape()) + kWorkspaceAlignment);
+  REQUIRE(find_sky(image.cview(), depth.cview(), stereo, surface.view(), scratch.workspace()).ok());
+}
+
 // Measured below row 40; a dark tower from there up to row 10, and beside it the sky down to row 30.
 struct View {
   Shape shape{100, 60};
@@ -28,7 +33,7 @@ struct View {
       }
     }
   }
-  void run(bool stereo = false) { find_sky(image.cview(), depth.cview(), stereo, surface.view()); }
+  void run(bool stereo = false) { find(image, depth, stereo, surface); }
 };
 
 }  // namespace
@@ -108,7 +113,7 @@ struct Canyon {
     }
   }
   int wrong() {
-    find_sky(image.cview(), depth.cview(), false, surface.view());
+    find(image, depth, false, surface);
     int n = 0;
     for (int y = 0; y < 40; ++y) {
       for (int x = 0; x < shape.width; ++x) {
@@ -134,7 +139,7 @@ TEST_CASE("far trees that do not answer are no sky") {
   for (int y = 8; y < 40; ++y) {
     for (int x = 70; x < 130; ++x) v.image(x, y) = v.image(x - 60, y);
   }
-  find_sky(v.image.cview(), v.depth.cview(), false, v.surface.view());
+  find(v.image, v.depth, false, v.surface);
   CHECK(v.surface(20, 8) == 1);  // the wall's top, above the field of view
   CHECK(v.surface(100, 2) == 0);
   CHECK(v.surface(20, 1) == 0);
@@ -149,7 +154,7 @@ TEST_CASE("smooth houses out of reach below rough clouds are not the sky") {
       if (!Canyon::wall(x, y) && y >= 8 && y < 40) v.image(x, y) = Rgb8{90, 60, 40};
     }
   }
-  find_sky(v.image.cview(), v.depth.cview(), false, v.surface.view());
+  find(v.image, v.depth, false, v.surface);
   for (int x = 0; x < 200; ++x) CHECK(v.surface(x, 1) == 0);
 }
 
@@ -228,5 +233,51 @@ TEST_CASE(
   for (int y = 0; y < 60; ++y) {
     CAPTURE(y);
     if (y != 25) CHECK(v.surface(50, y) == (y > 25 ? 1 : 0));
+  }
+}
+
+TEST_CASE(
+    "a pale wall that goes on above the sensor's rows is none, the sky behind its roof is, seen through points too") {
+  for (const int step : {1, 5}) {  // columns from one point of the laser to the next
+    View v;
+    v.depth = Image<float>(v.shape, 0.0F);
+    for (int y = 0; y < 60; ++y) {
+      for (int x = 0; x < 100; ++x) {
+        const bool house = x >= 30;
+        const bool roofed = x >= 70 && y < 34;  // the sky above a roof whose foot is measured
+        const bool roof = x >= 70 && y >= 30 && y < 34;
+        const bool corner = x >= 28 && x < 32;
+        const auto grey = static_cast<std::uint8_t>(196 + y / 4);  // paler towards the ground
+        v.image(x, y) = corner || roof       ? Rgb8{60, 40, 30}
+                        : house && !(roofed) ? Rgb8{grey, grey, grey}
+                        : !house && y >= 30  ? Rgb8{50, 60, 40}
+                                             : Rgb8{190, 200, 220};
+        if (y >= 40 && y % 4 == 0 && x % step == 0) v.depth(x, y) = 20.0F;
+      }
+    }
+    for (int y = 0; y < 30; ++y) v.image(69, y) = Rgb8{60, 40, 30};  // the wall's other corner
+    v.run();
+    CAPTURE(step);
+    CHECK(v.surface(10, 5) == 0);
+    CHECK(v.surface(80, 5) == 0);
+    for (int y = 0; y < 60; ++y) CHECK(v.surface(50, y) == 1);
+  }
+}
+
+TEST_CASE("dark trees and panes that do not answer are no sky, though alike and smooth, where there is none at all") {
+  View v;
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      const int grain = (x * 7 + y * 13) % 3 * 30;
+      const bool tiles = x < 40;
+      v.image(x, y) = tiles || y >= 40 ? Rgb8{80, static_cast<std::uint8_t>(100 + grain), 150} : Rgb8{20, 22, 20};
+      v.depth(x, y) = (y >= 40 || (tiles && y >= 20)) && (x + y) % 3 == 0 ? 15.0F : 0.0F;
+    }
+  }
+  v.run();
+  for (int x = 0; x < 100; ++x) {
+    CAPTURE(x);
+    for (int y = 25; y < 60; ++y) CHECK(v.surface(x, y) == 1);
+    if (x > 45) CHECK(v.surface(x, 5) == 1);
   }
 }

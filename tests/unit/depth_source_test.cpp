@@ -288,6 +288,39 @@ TEST_CASE("without labels the road beyond a laser's answers leads to the foot of
 }
 
 TEST_CASE(
+    "without labels a hedge between the lines of a laser, whose points lie apart, stands: no ground shows in it") {
+  constexpr float kHeight_m = 1.5F;
+  constexpr float kHedge_m = 8.0F;
+  constexpr float kWall_m = 40.0F;
+  const auto fall = [](int y) { return (static_cast<float>(y) + 0.5F - kCamera.cy) / kCamera.fy; };
+  const auto hedge = [&](int x, int y) {
+    return x >= 160 && fall(y) * kHedge_m < kHeight_m && fall(y) * kHedge_m > 0.3F;  // 1.2 m high
+  };
+  const auto truth = [&](int x, int y) {
+    if (hedge(x, y)) return kHedge_m;
+    return fall(y) * kWall_m > kHeight_m ? kHeight_m / fall(y) : kWall_m;
+  };
+  Image<float> depth(kShape, 0.0F);
+  for (int y = 0; y < kShape.height; y += 10) {
+    for (int x = y / 10 * 3 % 5; x < kShape.width; x += 5) depth(x, y) = truth(x, y);
+  }
+  const Unlabelled scene(depth);
+  const RefinedDepth& out = scene.out;
+  REQUIRE(out.ground.inlier_share > 0.0F);
+  int seen = 0;
+  for (int y = 10; y < kShape.height - 10; ++y) {
+    for (int x = 175; x < kShape.width - 10; ++x) {
+      if (!hedge(x, y - 10) || !hedge(x, y + 10)) continue;  // its edges lie somewhere between two lines
+      ++seen;
+      CAPTURE(x);
+      CAPTURE(y);
+      CHECK(out.depth(x, y) == doctest::Approx(kHedge_m).epsilon(0.03));
+    }
+  }
+  CHECK(seen > 1000);
+}
+
+TEST_CASE(
     "without labels ground that a network draws 15 % too far is ground; a car over it and a wall of .3 m are not") {
   constexpr float kHeight_m = 1.5F;
   constexpr float kWall_m = 20.0F;

@@ -281,9 +281,11 @@ namespace refine_detail {
                                                                  Shape shape) noexcept {
   const std::size_t pixels = shape.pixels();
   const std::size_t steps = max_of(
-      fill_workspace_bytes(params.fill, shape) + allocation_bytes<float>(pixels) +
-          max_of(ground_workspace_bytes(params.ground, shape),
-                 allocation_bytes<float>(static_cast<std::size_t>(shape.width))),
+      allocation_bytes<float>(pixels) +
+          max_of(fill_workspace_bytes(params.fill, shape) +
+                     max_of(ground_workspace_bytes(params.ground, shape),
+                            allocation_bytes<float>(static_cast<std::size_t>(shape.width))),
+                 find_sky_workspace_bytes(shape)),
       sharpen_edges_workspace_bytes(params.sharpen, shape) + allocation_bytes<float>(pixels),
       anchor_ground_workspace_bytes(shape),
       allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(pixels) + allocation_bytes<std::uint16_t>(pixels) +
@@ -337,17 +339,20 @@ template <class Executor>
 }
 
 // The sky is what is labelled so, without labels what depth/detail/given/sky.hpp finds.
-inline void mark_surface(const SceneView& scene, DepthSource source, ImageView<const float> depth,
-                         ImageView<std::uint8_t> surface) noexcept {
+[[nodiscard]] inline Status mark_surface(const SceneView& scene, DepthSource source, ImageView<const float> depth,
+                                         ImageView<std::uint8_t> surface, Workspace& workspace) noexcept {
   const Shape shape = surface.shape();
   const bool labelled = !scene.labels.empty();
-  if (!labelled) find_sky(scene.image, scene.depth, source == DepthSource::stereo, surface);
+  if (!labelled) {
+    NPSIM_RETURN_IF_ERROR(find_sky(scene.image, scene.depth, source == DepthSource::stereo, surface, workspace));
+  }
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       const bool there = labelled ? !kNoSurfaceLabels.contains(scene.labels(x, y)) : surface(x, y) != 0;
       surface(x, y) = there && is_valid_depth(depth(x, y)) ? 1 : 0;
     }
   }
+  return {};
 }
 
 // The depth as given without what cannot be.
@@ -382,10 +387,13 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, objects, out, measured, executor));
   if (!drawn.empty()) drop_depth_of_plants(params.outlines, drawn, scene.labels, scene.depth, measured, executor);
   const bool continued = scene.labels.empty() && out.ground.inlier_share > 0.0F;
-  if (continued) NPSIM_RETURN_IF_ERROR(continue_ground(out.ground, scene.camera, scene.depth, measured, workspace));
   FillParams fill = params.fill;
   if (out.noise.power == 0) fill.edge_inverse += 1.2F * out.noise.amplitude;
   fill.laser = fill.laser || is_laser(params, out);
+  if (continued) {
+    NPSIM_RETURN_IF_ERROR(continue_ground(out.ground, scene.camera, scene.depth, fill.laser ? fill.same_surface : 0.0F,
+                                          measured, workspace));
+  }
   NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), objects, out.depth,
                                    ImageView<std::uint8_t>(), workspace, executor));
   if (is_laser(params, out)) {
@@ -397,7 +405,7 @@ template <class Executor>
       if (!is_valid_depth(scene.depth(x, y))) measured(x, y) = 0.0F;
     }
   }
-  mark_surface(scene, out.source, out.depth, out.surface);
+  NPSIM_RETURN_IF_ERROR(mark_surface(scene, out.source, out.depth, out.surface, workspace));
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       if (out.surface(x, y) == 0) out.depth(x, y) = 0.0F;

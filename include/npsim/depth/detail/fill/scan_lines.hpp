@@ -45,36 +45,46 @@ struct ScanPoint {
   return {};
 }
 
+inline constexpr std::int32_t kJoined = -1;  // steps of a pixel between joined points: no point that lines start from
+
+// Joins the point (x, y) to the next one that way, if they are of one object and their inverse depth differs by no more
+// than `differ` of the larger. Where two joints cross, the nearer hides the other.
+inline void join_to_next(const ObjectMap& objects, int x, int y, int dx, int dy, int reach, int aside, float differ,
+                         ImageView<float> w, ImageView<std::int32_t> steps) noexcept {
+  const ScanPoint to = next_source(steps, x, y, dx, dy, reach, aside);
+  if (to.x < 0) return;
+  const float a = w(x, y);
+  const float b = w(to.x, to.y);
+  if (!(std::fabs(a - b) <= differ * (a > b ? a : b)) || !objects.same(x, y, to.x, to.y)) return;
+  const int n = dx != 0 ? to.x - x : to.y - y;
+  for (int i = 1; i < n; ++i) {
+    const float t = static_cast<float>(i) / static_cast<float>(n);
+    const int u = x + static_cast<int>(std::lround(t * static_cast<float>(to.x - x)));
+    const int v = y + static_cast<int>(std::lround(t * static_cast<float>(to.y - y)));
+    const float between = a + (b - a) * t;
+    const bool taken = steps(u, v) == kJoined ? w(u, v) > between : w(u, v) > 0.0F;  // measured, or dropped
+    if (taken || !objects.same(x, y, u, v)) continue;
+    w(u, v) = between;
+    steps(u, v) = kJoined;
+  }
+}
+
+// The next point on the same line. along: how much neighbours on a line may differ.
+inline void join_along_line(float along, const ObjectMap& objects, int x, int y, ImageView<float> w,
+                            ImageView<std::int32_t> steps) noexcept {
+  join_to_next(objects, x, y, 1, 0, w.width() / kScanAlong, kScanTilt_px, along, w, steps);
+}
+
 // w: inverse depth, 0 where nothing was measured; steps: 0 where it is given. Pixels between joined points become given
-// ones. `along`: that neighbours on a line may differ by, of the larger inverse depth. Where two joints cross, the
-// nearer hides the other.
+// ones.
 inline void join_scan_lines(float along, const ObjectMap& objects, ImageView<float> w,
                             ImageView<std::int32_t> steps) noexcept {
-  constexpr std::int32_t kJoined = -1;  // is no point that lines start from
-  const auto join = [&](int x, int y, int dx, int dy, int reach, int aside, float differ) {
-    const ScanPoint to = next_source(steps, x, y, dx, dy, reach, aside);
-    if (to.x < 0) return;
-    const float a = w(x, y);
-    const float b = w(to.x, to.y);
-    if (!(std::fabs(a - b) <= differ * (a > b ? a : b)) || !objects.same(x, y, to.x, to.y)) return;
-    const int n = dx != 0 ? to.x - x : to.y - y;
-    for (int i = 1; i < n; ++i) {
-      const float t = static_cast<float>(i) / static_cast<float>(n);
-      const int u = x + static_cast<int>(std::lround(t * static_cast<float>(to.x - x)));
-      const int v = y + static_cast<int>(std::lround(t * static_cast<float>(to.y - y)));
-      const float between = a + (b - a) * t;
-      const bool taken = steps(u, v) == kJoined ? w(u, v) > between : w(u, v) > 0.0F;  // measured, or dropped
-      if (taken || !objects.same(x, y, u, v)) continue;
-      w(u, v) = between;
-      steps(u, v) = kJoined;
-    }
-  };
   const int width = w.width();
   for (int y = 0; y < w.height(); ++y) {
     for (int x = 0; x < width; ++x) {
       if (steps(x, y) != 0) continue;
-      join(x, y, 0, 1, width / kScanAcross, width / kScanAside, kScanSameDistance);
-      join(x, y, 1, 0, width / kScanAlong, kScanTilt_px, along);
+      join_to_next(objects, x, y, 0, 1, width / kScanAcross, width / kScanAside, kScanSameDistance, w, steps);
+      join_along_line(along, objects, x, y, w, steps);
     }
   }
   for (int y = 0; y < w.height(); ++y) {

@@ -8,11 +8,11 @@
 // is not, and is connected to the surface below, is surface too, so that trees and houses keep their outlines instead
 // of ending at the sensor's last row. The classes are told apart if the bright one is at least 1.5 times as bright as
 // the dark one, neither holds less than 2 % of the pixels, and the measured surfaces are not brighter than the bright
-// one.
+// one. A piece of it that goes on in the surface below without an edge is a wall (given/sky_seams.hpp).
 // A deep blue sky, or a dark one of clouds, is not the brightest. What the sensor looked at without an answer, below
 // its topmost rows nearby, tells: where less than a tenth of that is in the bright class, or there is none, the classes
-// are of how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one. Where
-// neither way tells them apart, all above is sky.
+// are of how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one and not
+// darker than half of the measured surfaces. Where neither way tells them apart, all above is sky.
 // A dense depth map, such as a network's, has nothing above: its sky is far. Of what lies beyond kFarSky_m the picture
 // decides in the same way, with all of it where even its darker class is much brighter than what is near. Sky is what
 // looks so and is connected to the upper edge, and what looks so elsewhere and is as far. Where nothing is told apart
@@ -20,7 +20,7 @@
 // A stereo pair matches clouds with each other: on real frames .4 to .55 of the sky has a depth, from 27 m on. Where
 // the picture tells the sky from the rest of what is missing or beyond kMismatchedSky_m, it decides of all that as it
 // does of what is far in a dense map; where it does not, what was matched is surface, as for other sensors.
-// Cost: a few passes. Memory: none.
+// Cost: a few passes. Memory: 8 bytes per pixel.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
 
@@ -32,7 +32,10 @@
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/depth/detail/given/sky_seams.hpp"
 #include "npsim/depth/detail/grow.hpp"
 
 namespace npsim {
@@ -160,6 +163,7 @@ struct SkyLook {
   constexpr double kLeastUnanswered = 0.002;  // of the picture
   constexpr double kUnansweredShare = 0.9;    // of these: the rest may be surfaces out of reach
   constexpr double kMuchBrighter = 1.5;
+  constexpr double kDarkestSky = 0.5;  // of the measured surfaces: a blue one beside white walls in the sun
   const FieldOfView field(surface);
   ByteHistogram above{}, unanswered{}, red{}, green{}, blue{};
   double below_sum = 0;
@@ -208,7 +212,8 @@ struct SkyLook {
   bool at_edge = false;
   for (int x = 0; x < image.width(); ++x) at_edge = at_edge || (surface(x, 0) != kSurface && alike.of(image(x, 0)));
   const double step = mean_step(alike, true, image, surface);
-  alike.known = by_colour.level < 256 && by_colour.high_mean >= 2.0 * by_colour.low_mean + 16.0 &&
+  alike.known = by_colour.level < 256 && luma(alike.colour) * below_count > kDarkestSky * below_sum &&
+                by_colour.high_mean >= 2.0 * by_colour.low_mean + 16.0 &&
                 step < mean_step(alike, false, image, surface) &&
                 !(bright.known && step >= mean_step(bright, true, image, surface)) && at_edge;
   return alike.known ? alike : bright;
@@ -265,21 +270,25 @@ template <class Far>
 
 }  // namespace depth_detail
 
+[[nodiscard]] constexpr std::size_t find_sky_workspace_bytes(Shape shape) noexcept {
+  return depth_detail::drop_walls_workspace_bytes(shape);
+}
+
 // surface: 1 where there is one, 0 for the sky. All of one shape. stereo: depth is that of a pair of cameras.
-inline void find_sky(ImageView<const Rgb8> image, ImageView<const float> depth, bool stereo,
-                     ImageView<std::uint8_t> surface) noexcept {
+[[nodiscard]] inline Status find_sky(ImageView<const Rgb8> image, ImageView<const float> depth, bool stereo,
+                                     ImageView<std::uint8_t> surface, Workspace& workspace) noexcept {
   using namespace depth_detail;
   if (is_dense(depth)) {
     if (find_sky_among_far(
             image, depth, [](float z) { return !(z < kFarSky_m); }, surface))
-      return;
+      return {};
     for (int y = 0; y < surface.height(); ++y) {
       for (int x = 0; x < surface.width(); ++x) surface(x, y) = kSurface;
     }
-    return;
+    return {};
   }
   const auto mismatched = [](float z) { return !is_valid_depth(z) || z > kMismatchedSky_m; };
-  if (stereo && find_sky_among_far(image, depth, mismatched, surface)) return;
+  if (stereo && find_sky_among_far(image, depth, mismatched, surface)) return {};
   constexpr int kReach = 8;
   const Shape shape = surface.shape();
   for (int x = 0; x < shape.width; ++x) {
@@ -292,18 +301,23 @@ inline void find_sky(ImageView<const Rgb8> image, ImageView<const float> depth, 
     for (int y = 0; y < shape.height; ++y) surface(x, y) = y >= top ? kSurface : kSky;
   }
   const SkyLook look = sky_look(image, surface);
-  if (!look.known) return;
+  if (!look.known) return {};
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       if (surface(x, y) == kSurface) continue;
-      surface(x, y) = !look.of(image(x, y)) ? kUnlike : (y == 0 ? kSky : kLike);
+      surface(x, y) = !look.of(image(x, y)) ? kUnlike : kLike;
     }
+  }
+  NPSIM_RETURN_IF_ERROR(drop_walls(image, depth, {kSurface, kLike, kUnlike}, surface, workspace));
+  for (int x = 0; x < shape.width; ++x) {
+    if (surface(x, 0) == kLike) surface(x, 0) = kSky;
   }
   grow(surface, kSky, [](std::uint8_t c) { return c == kLike; });
   grow(surface, kSurface, [](std::uint8_t c) { return c == kLike || c == kUnlike; });
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) surface(x, y) = surface(x, y) == kSurface ? 1 : 0;
   }
+  return {};
 }
 
 }  // namespace NPSIM_ABI

@@ -17,7 +17,9 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/detail/fill/scan_lines.hpp"
 #include "npsim/depth/detail/grow.hpp"
+#include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -81,6 +83,28 @@ inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera,
   }
 }
 
+// Joins neighbouring points along a laser's lines (detail/fill/scan_lines.hpp), which lie farther apart than pixels do:
+// in the columns between them nothing would bar what is asked for. along: how much of 1/z neighbours may differ by.
+[[nodiscard]] inline Status join_lines(float along, ImageView<float> depth, Workspace& workspace) {
+  const WorkspaceScope scope(workspace);
+  ImageView<std::int32_t> steps;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(depth.shape(), steps));
+  for (int y = 0; y < depth.height(); ++y) {
+    for (int x = 0; x < depth.width(); ++x) {
+      const bool given = is_valid_depth(depth(x, y));
+      steps(x, y) = given ? 0 : 1;
+      depth(x, y) = given ? 1.0F / depth(x, y) : 0.0F;
+    }
+  }
+  for (int y = 0; y < depth.height(); ++y) {
+    for (int x = 0; x < depth.width(); ++x) {
+      if (steps(x, y) == 0) depth_detail::join_along_line(along, ObjectMap{}, x, y, depth, steps);
+    }
+  }
+  for (float& z : depth.pixels()) z = z > 0.0F ? 1.0F / z : 0.0F;
+  return {};
+}
+
 // Between ground and what a laser sees above it in the same column, rays meet the ground as long as the plane, scaled
 // to the ground measured last, is nearer: the rows up to the foot of a house are road, not a ramp that ends at its
 // first storey. Up to kFarGround_m, for what lies farther no lamp shows; and not where measurements within a 64th of
@@ -89,8 +113,8 @@ inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera,
 inline constexpr int kGroundSeam_px = 2;
 inline constexpr float kFarGround_m = 100.0F;
 [[nodiscard]] inline Status continue_ground_upwards(const GroundPlane& ground, const Intrinsics& camera,
-                                                    ImageView<const float> given, ImageView<float> measured,
-                                                    Workspace& workspace) {
+                                                    ImageView<const float> given, ImageView<const float> lines,
+                                                    ImageView<float> measured, Workspace& workspace) {
   const int reach = std::max(given.width() / 64, 1);
   const int rows = std::max(given.height() / 128, 1);
   const WorkspaceScope scope(workspace);
@@ -115,11 +139,11 @@ inline constexpr float kFarGround_m = 100.0F;
     int seen = -1;         // the row measured last, from below
     float under_m = 0.0F;  // how far its ground lies below the camera; 0: no ground
     for (int y = measured.height() - 1; y >= -1; --y) {
-      if (y >= 0 && !is_valid_depth(measured(x, y))) continue;
+      if (y >= 0 && !is_valid_depth(lines(x, y))) continue;
       const float fall = y < 0 ? 0.0F : fall_of_ray(ground, camera, x, y);
-      const float next_m = y < 0 ? 0.0F : fall * measured(x, y);
+      const float next_m = y < 0 ? 0.0F : fall * lines(x, y);
       const bool is_ground = std::fabs(ground.camera_height_m - next_m) < kGroundHeight_m;
-      const float nearest = y < 0 ? kFarGround_m : std::min(kFarGround_m, measured(x, y));
+      const float nearest = y < 0 ? kFarGround_m : std::min(kFarGround_m, lines(x, y));
       for (int v = seen - kGroundSeam_px; under_m > 0.0F && !is_ground && v > y + kGroundSeam_px; --v) {
         const float fall_v = fall_of_ray(ground, camera, x, v);
         if (!(under_m < nearest * fall_v)) break;
@@ -137,22 +161,26 @@ inline constexpr float kFarGround_m = 100.0F;
 // scaled as the ground in the columns nearby is: virtual measurements, for the fill alone. Above its topmost ground the
 // same.
 [[nodiscard]] inline Status continue_ground(const GroundPlane& ground, const Intrinsics& camera,
-                                            ImageView<const float> given, ImageView<float> measured,
+                                            ImageView<const float> given, float along, ImageView<float> measured,
                                             Workspace& workspace) {
   const int width = measured.width();
   const int height = measured.height();
   const WorkspaceScope scope(workspace);
+  ImageView<float> lines;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(measured.shape(), lines));
+  copy_pixels(ImageView<const float>(measured), lines);
+  if (along > 0.0F) NPSIM_RETURN_IF_ERROR(join_lines(along, lines, workspace));
   Span<float> scale;  // measured depth over the plane's, per column; 0: no ground there
   NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(width), scale));
   const auto down = [&](int x, int y) { return fall_of_ray(ground, camera, x, y); };
   const auto lowest = [&](int x) {
     int y = height - 1;
-    while (y >= 0 && !is_valid_depth(measured(x, y))) --y;
+    while (y >= 0 && !is_valid_depth(lines(x, y))) --y;
     return y;
   };
   for (int x = 0; x < width; ++x) {
     const int y = lowest(x);
-    const float below_m = y < 0 ? 0.0F : measured(x, y) * down(x, y);
+    const float below_m = y < 0 ? 0.0F : lines(x, y) * down(x, y);
     const bool seen = std::fabs(ground.camera_height_m - below_m) < kGroundHeight_m;
     scale[static_cast<std::size_t>(x)] = seen ? below_m / ground.camera_height_m : 0.0F;
   }
@@ -169,7 +197,7 @@ inline constexpr float kFarGround_m = 100.0F;
       if (down(x, y) > 0.0F) measured(x, y) = ground.camera_height_m / down(x, y) * sum / static_cast<float>(count);
     }
   }
-  return continue_ground_upwards(ground, camera, given, measured, workspace);
+  return continue_ground_upwards(ground, camera, given, lines, measured, workspace);
 }
 
 }  // namespace refine_detail
