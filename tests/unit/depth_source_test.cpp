@@ -294,7 +294,7 @@ TEST_CASE(
   constexpr float kWall_m = 40.0F;
   const auto fall = [](int y) { return (static_cast<float>(y) + 0.5F - kCamera.cy) / kCamera.fy; };
   const auto hedge = [&](int x, int y) {
-    return x >= 160 && fall(y) * kHedge_m < kHeight_m && fall(y) * kHedge_m > 0.3F;  // 1.2 m high
+    return x >= 160 && fall(y) * kHedge_m < kHeight_m && fall(y) * kHedge_m > -0.5F;  // 2 m high
   };
   const auto truth = [&](int x, int y) {
     if (hedge(x, y)) return kHedge_m;
@@ -302,7 +302,9 @@ TEST_CASE(
   };
   Image<float> depth(kShape, 0.0F);
   for (int y = 0; y < kShape.height; y += 10) {
-    for (int x = y / 10 * 3 % 5; x < kShape.width; x += 5) depth(x, y) = truth(x, y);
+    for (int x = 0; x < kShape.width; ++x) {
+      if (!hedge(x, y) || x % 5 == 0) depth(x, y) = truth(x, y);
+    }
   }
   const Unlabelled scene(depth);
   const RefinedDepth& out = scene.out;
