@@ -281,3 +281,48 @@ TEST_CASE("dark trees and panes that do not answer are no sky, though alike and 
     if (x > 45) CHECK(v.surface(x, 5) == 1);
   }
 }
+
+TEST_CASE(
+    "a white house in the sun above the sensor's rows is none of a blue sky, but may be a cloud beside white ones") {
+  for (const bool clouds : {false, true}) {
+    View v;
+    v.depth = Image<float>(v.shape, 0.0F);
+    for (int y = 0; y < 60; ++y) {
+      for (int x = 0; x < 100; ++x) {
+        const bool hedge = y >= 36;
+        const bool roof = x >= 40 && x < 44;
+        v.image(x, y) = hedge || roof                 ? Rgb8{50, 60, 40}
+                        : x < 40                      ? Rgb8{252, 250, 246}
+                        : clouds && y >= 10 && y < 14 ? Rgb8{250, 250, 250}
+                                                      : Rgb8{120, 190, 240};
+        if (y >= 40 && x % 3 == 0) v.depth(x, y) = 20.0F;
+      }
+    }
+    v.run();
+    CAPTURE(clouds);
+    CHECK(v.surface(80, 5) == 0);
+    CHECK(v.surface(20, 5) == (clouds ? 0 : 1));
+    CHECK(v.surface(20, 33) == (clouds ? 0 : 1));
+    CHECK(v.surface(20, 37) == 1);
+  }
+}
+
+TEST_CASE("the sky comes up to a pole that the sensor sees high up, between its points too") {
+  View v;
+  v.depth = Image<float>(v.shape, 0.0F);
+  const auto pole = [](int x) { return x >= 50 && x < 53; };
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      const auto blue = static_cast<std::uint8_t>(215 + y % 3 * 4);
+      v.image(x, y) = y >= 36 || pole(x) ? Rgb8{50, 60, 50} : Rgb8{170, 190, blue};
+      const bool measured = y % 4 == 0 && (y >= 40 ? x % 3 == 0 : x == 51 && y >= 8);
+      if (measured) v.depth(x, y) = y >= 40 ? 20.0F : 12.0F;
+    }
+  }
+  v.run();
+  for (int x = 0; x < 100; ++x) {
+    CAPTURE(x);
+    for (const int y : {3, 15, 30}) CHECK(v.surface(x, y) == (pole(x) ? 1 : 0));
+    CHECK(v.surface(x, 38) == 1);
+  }
+}

@@ -8,7 +8,7 @@
 // is not, and is connected to the surface below, is surface too, so that trees and houses keep their outlines instead
 // of ending at the sensor's last row. The classes are told apart if the bright one is at least 1.5 times as bright as
 // the dark one, neither holds less than 2 % of the pixels, and the measured surfaces are not brighter than the bright
-// one. A piece of it that goes on in the surface below without an edge is a wall (given/sky_seams.hpp).
+// one. A piece of it that goes on in the surface below without an edge is a wall (given/sky_walls.hpp).
 // A deep blue sky, or a dark one of clouds, is not the brightest. What the sensor looked at without an answer, below
 // its topmost rows nearby, tells: where less than a tenth of that is in the bright class, or there is none, the classes
 // are of how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one and not
@@ -35,7 +35,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/detail/given/sky_seams.hpp"
+#include "npsim/depth/detail/given/sky_walls.hpp"
 #include "npsim/depth/detail/grow.hpp"
 
 namespace npsim {
@@ -46,6 +46,7 @@ inline constexpr std::uint8_t kSky = 0;
 inline constexpr std::uint8_t kSurface = 1;
 inline constexpr std::uint8_t kLike = 2;    // looks like the sky
 inline constexpr std::uint8_t kUnlike = 3;  // does not
+inline constexpr std::uint8_t kBeside = 4;  // does, above all of its column, though beside what was measured
 
 [[nodiscard]] inline int luma(const Rgb8& c) noexcept { return (c.r + 2 * c.g + c.b) / 4; }
 
@@ -290,6 +291,7 @@ template <class Far>
   const auto mismatched = [](float z) { return !is_valid_depth(z) || z > kMismatchedSky_m; };
   if (stereo && find_sky_among_far(image, depth, mismatched, surface)) return {};
   constexpr int kReach = 8;
+  constexpr int kEvenSky = 12;  // codes from a pixel to the next
   const Shape shape = surface.shape();
   for (int x = 0; x < shape.width; ++x) {
     int top = shape.height;
@@ -304,15 +306,21 @@ template <class Far>
   if (!look.known) return {};
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
-      if (surface(x, y) == kSurface) continue;
-      surface(x, y) = !look.of(image(x, y)) ? kUnlike : kLike;
+      if (surface(x, y) != kSurface) surface(x, y) = look.of(image(x, y)) ? kLike : kUnlike;
     }
   }
   NPSIM_RETURN_IF_ERROR(drop_walls(image, depth, {kSurface, kLike, kUnlike}, surface, workspace));
   for (int x = 0; x < shape.width; ++x) {
+    for (int y = 0; y < shape.height && !is_valid_depth(depth(x, y)); ++y) {
+      if (surface(x, y) == kSurface && look.of(image(x, y))) surface(x, y) = kBeside;
+    }
     if (surface(x, 0) == kLike) surface(x, 0) = kSky;
   }
   grow(surface, kSky, [](std::uint8_t c) { return c == kLike; });
+  grow_from(surface, kSky, [&](int x, int y, int from_x, int from_y) {
+    return surface(x, y) == kBeside && difference(image(x, y), image(from_x, from_y)) <= kEvenSky;
+  });
+  for (std::uint8_t& s : surface.pixels()) s = s == kBeside ? kSurface : s;
   grow(surface, kSurface, [](std::uint8_t c) { return c == kLike || c == kUnlike; });
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) surface(x, y) = surface(x, y) == kSurface ? 1 : 0;
