@@ -113,7 +113,7 @@ class NightWriter {
   Status reconstructed(const RefinedDepth& refined, const SceneMesh& mesh, const Relighting& light) {
     return written(console_.timed("write depth and mesh", [&]() -> io::Outcome {
       panels_.push_back({"day", scene_.image});
-      panels_.push_back({"depth, as given", depth_picture(scene_.depth.view())});
+      panels_.push_back({"depth, as given", measured_picture(scene_.depth.view())});
       panels_.push_back({"depth, refined", depth_picture(refined.depth)});
       panels_.push_back({"uncertain", mask_picture(scene_.image.view(), refined.uncertain)});
       panels_.push_back({"normals", normal_picture(refined.normals)});

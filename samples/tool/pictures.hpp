@@ -53,6 +53,28 @@ namespace npsim::tool {
   return out;
 }
 
+// The same for what a sensor measured: points of a laser, fewer than a fifth of the pixels, as dots that are still seen
+// where the picture is made smaller. The nearer hides the farther.
+[[nodiscard]] inline io::Image<Rgb8> measured_picture(ImageView<const float> depth) {
+  const auto measured = std::count_if(depth.pixels().begin(), depth.pixels().end(), is_valid_depth);
+  const int radius = 5 * static_cast<std::size_t>(measured) < depth.shape().pixels() ? depth.width() / 600 : 0;
+  if (radius == 0) return depth_picture(depth);
+  io::Image<float> dots(depth.shape(), 0.0F);
+  for (int y = 0; y < depth.height(); ++y) {
+    for (int x = 0; x < depth.width(); ++x) {
+      const float z = depth(x, y);
+      if (!is_valid_depth(z)) continue;
+      for (int j = std::max(0, y - radius); j <= std::min(depth.height() - 1, y + radius); ++j) {
+        for (int i = std::max(0, x - radius); i <= std::min(depth.width() - 1, x + radius); ++i) {
+          float& at = dots(i, j);
+          at = is_valid_depth(at) ? std::min(at, z) : z;
+        }
+      }
+    }
+  }
+  return depth_picture(dots.view());
+}
+
 // The usual map of a normal to a colour, x right, y up, z towards the camera; no normal is black.
 [[nodiscard]] inline io::Image<Rgb8> normal_picture(ImageView<const Vec3f> normals) {
   io::Image<Rgb8> out(normals.shape());
