@@ -8,7 +8,7 @@
 // is not, and is connected to the surface below, is surface too, so that trees and houses keep their outlines instead
 // of ending at the sensor's last row. The classes are told apart if the bright one is at least 1.5 times as bright as
 // the dark one, neither holds less than 2 % of the pixels, and the measured surfaces are not brighter than the bright
-// one. A piece of it that goes on in the surface below without an edge is a wall (given/sky_walls.hpp).
+// one. Walls that look so are told from it by given/sky_walls.hpp.
 // A deep blue sky, or a dark one of clouds, is not the brightest. What the sensor looked at without an answer, below
 // its topmost rows nearby, tells: where less than a tenth of that is in the bright class, or there is none, the classes
 // are of how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one and not
@@ -20,7 +20,7 @@
 // A stereo pair matches clouds with each other: on real frames .4 to .55 of the sky has a depth, from 27 m on. Where
 // the picture tells the sky from the rest of what is missing or beyond kMismatchedSky_m, it decides of all that as it
 // does of what is far in a dense map; where it does not, what was matched is surface, as for other sensors.
-// Cost: a few passes. Memory: 8 bytes per pixel.
+// Cost: a few passes. Memory: 16 bytes per pixel.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
 
@@ -47,13 +47,6 @@ inline constexpr std::uint8_t kSurface = 1;
 inline constexpr std::uint8_t kLike = 2;    // looks like the sky
 inline constexpr std::uint8_t kUnlike = 3;  // does not
 inline constexpr std::uint8_t kBeside = 4;  // does, above all of its column, though beside what was measured
-
-[[nodiscard]] inline int luma(const Rgb8& c) noexcept { return (c.r + 2 * c.g + c.b) / 4; }
-
-[[nodiscard]] inline int difference(const Rgb8& a, const Rgb8& b) noexcept {
-  const auto off = [](int u, int v) { return u > v ? u - v : v - u; };
-  return max_of(off(a.r, b.r), off(a.g, b.g), off(a.b, b.b));
-}
 
 using ByteHistogram = std::array<double, 256>;
 
@@ -291,7 +284,6 @@ template <class Far>
   const auto mismatched = [](float z) { return !is_valid_depth(z) || z > kMismatchedSky_m; };
   if (stereo && find_sky_among_far(image, depth, mismatched, surface)) return {};
   constexpr int kReach = 8;
-  constexpr int kEvenSky = 12;  // codes from a pixel to the next
   const Shape shape = surface.shape();
   for (int x = 0; x < shape.width; ++x) {
     int top = shape.height;

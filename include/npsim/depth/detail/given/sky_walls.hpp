@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tells walls that look like the sky from the sky: a wall goes on, above the sensor's last row, in what was measured
-// below it; the sky begins at an edge.
+// Tells walls that look like the sky from the sky: it is even, begins at an edge, and has colours of its own.
 //
-// Of each connected piece of what looks like the sky those columns vote whose own topmost measurement is that of their
-// surroundings: for a seam if from there up to the piece the rows keep their mean colour over a few columns, else for
-// an edge. On real frames at most .04 of a sky's votes are for seams, and half and more of a wall's (ten frames of
-// lasers with 32 and 64 lines). Pieces with few votes stay as they are. And before a blue sky what is whiter than all of
-// it is a wall in the sun: a piece that is so for the most part, by its darkest channel, beside the largest one.
+// What looks like the sky falls into even pieces, in which neighbouring pixels differ by kEvenSky at most.
+// - A wall goes on, above the sensor's last row, in what was measured below it. Of each piece those columns vote whose
+//   own topmost measurement is that of their surroundings: for a seam if from there up to the piece the rows keep their
+//   mean colour over a few columns, else for an edge. On real frames at most .04 of a sky's votes were for seams, and
+//   half and more of a wall's (eleven frames of lasers with 32 and 64 lines).
+// - The largest piece that does not go on is the sky. If it is but a small part of them, tiles or leaves, none is.
+// - A piece most of which is whiter than all of that, by its darkest channel, or less blue, is a wall in the sun.
 // Method: our own. Cost: a few passes. Memory: 16 bytes per pixel.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SKY_WALLS_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SKY_WALLS_HPP
@@ -28,6 +29,8 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 namespace depth_detail {
 
+inline constexpr int kEvenSky = 12;  // codes from a pixel to the next, of any channel
+
 inline constexpr int kLeastSeams = 6;
 inline constexpr double kSeamShare = 0.4;        // of the votes
 inline constexpr float kSeamDifference = 24.0F;  // of any channel
@@ -35,19 +38,26 @@ inline constexpr int kSeamColumns = 4;           // to either side
 inline constexpr int kSeamRows = 3;              // that stand for the measurement, and for the piece
 inline constexpr int kSeamNear = 4;              // rows by which a column's surface may begin above its measurement
 
-inline constexpr double kWhitest = 0.98;      // quantile of the largest piece's darkest channel
-inline constexpr int kWhiter = 24;            // codes above it
-inline constexpr float kLeastWhite = 0.002F;  // of the picture
+inline constexpr double kLeastEven = 0.1;  // of what looks like the sky and does not go on below
+inline constexpr double kExtreme = 0.02;   // of the largest piece
+inline constexpr int kOtherThanSky = 24;   // codes beyond its extremes
 
 struct SkyPiece {
   std::uint16_t seams = 0;
   std::uint16_t edges = 0;
   std::uint32_t pixels = 0;
-  std::uint32_t whiter = 0;
+  std::uint32_t other = 0;
 };
 
 [[nodiscard]] constexpr std::size_t drop_walls_workspace_bytes(Shape shape) noexcept {
   return allocation_bytes<std::uint32_t>(shape.pixels()) + allocation_bytes<SkyPiece>(shape.pixels());
+}
+
+[[nodiscard]] inline int luma(const Rgb8& c) noexcept { return (c.r + 2 * c.g + c.b) / 4; }
+
+[[nodiscard]] inline int difference(const Rgb8& a, const Rgb8& b) noexcept {
+  const auto off = [](int u, int v) { return u > v ? u - v : v - u; };
+  return max_of(off(a.r, b.r), off(a.g, b.g), off(a.b, b.b));
 }
 
 [[nodiscard]] inline std::size_t darkest_channel(const Rgb8& c) noexcept {
@@ -96,7 +106,8 @@ struct SkyValues {
   for (int pass = 0; pass < 16 && changed; ++pass) {
     changed = false;
     sweep_to_and_fro(shape, [&](int x, int y, int from_x, int from_y) {
-      if (map(x, y) != values.like || map(from_x, from_y) != values.like || piece(from_x, from_y) >= piece(x, y))
+      if (map(x, y) != values.like || map(from_x, from_y) != values.like || piece(from_x, from_y) >= piece(x, y) ||
+          difference(image(x, y), image(from_x, from_y)) > kEvenSky)
         return;
       piece(x, y) = piece(from_x, from_y);
       changed = true;
@@ -133,22 +144,37 @@ struct SkyValues {
     return p.seams >= kLeastSeams && p.seams > kSeamShare * (static_cast<double>(p.seams) + p.edges);
   };
   const SkyPiece* largest = nullptr;
+  double open = 0;  // pixels of what does not go on
   each([&](int, int, SkyPiece& p) {
     ++p.pixels;
-    if (!goes_on(p) && (largest == nullptr || p.pixels > largest->pixels)) largest = &p;
+    if (goes_on(p)) return;
+    open += 1;
+    if (largest == nullptr || p.pixels > largest->pixels) largest = &p;
   });
-  std::array<std::uint32_t, 256> histogram{};
+  const bool even = largest != nullptr && largest->pixels >= kLeastEven * open;
+  std::array<std::uint32_t, 256> darkest{};
+  std::array<std::uint32_t, 256> blue{};
   each([&](int x, int y, const SkyPiece& p) {
-    if (&p == largest) ++histogram[darkest_channel(image(x, y))];
+    if (&p != largest) return;
+    ++darkest[darkest_channel(image(x, y))];
+    ++blue[image(x, y).b];
   });
-  std::size_t whitest = 0;
-  double below = 0;
-  while (largest != nullptr && whitest < 255 && below < kWhitest * largest->pixels) below += histogram[whitest++];
-  each([&](int x, int y, SkyPiece& p) { p.whiter += darkest_channel(image(x, y)) > whitest + kWhiter ? 1U : 0U; });
-  const auto least = static_cast<double>(kLeastWhite) * static_cast<double>(shape.pixels());
+  const auto quantile = [&](const std::array<std::uint32_t, 256>& histogram, double share) {
+    int code = 0;
+    double below = histogram[0];
+    while (largest != nullptr && code < 255 && below < share * largest->pixels) {
+      below += histogram[static_cast<std::size_t>(++code)];
+    }
+    return code;
+  };
+  const int whitest = quantile(darkest, 1 - kExtreme) + kOtherThanSky;
+  const int least_blue = quantile(blue, kExtreme) - kOtherThanSky;
+  each([&](int x, int y, SkyPiece& p) {
+    const Rgb8 c = image(x, y);
+    p.other += static_cast<int>(darkest_channel(c)) > whitest || c.b < least_blue ? 1U : 0U;
+  });
   each([&](int x, int y, const SkyPiece& p) {
-    const bool white = p.pixels > least && 2.0 * p.whiter > p.pixels;
-    if (goes_on(p) || white) map(x, y) = values.unlike;
+    if (!even || goes_on(p) || 2.0 * p.other > p.pixels) map(x, y) = values.unlike;
   });
   return {};
 }
