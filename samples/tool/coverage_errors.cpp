@@ -18,9 +18,7 @@ constexpr std::size_t kGiven = 0;  // positions in CoverageErrors::rows
 constexpr std::size_t kLinear = 2;
 
 [[nodiscard]] Mask of_group(const SceneView& scene, const Mask& mask, std::size_t group) {
-  return mask_where(mask.shape(), [&](int x, int y) {
-    return mask(x, y) != 0 && (scene.labels.empty() || kLabelGroups[group].labels.contains(scene.labels(x, y)));
-  });
+  return mask_where(mask.shape(), [&](int x, int y) { return mask(x, y) != 0 && in_group(scene.labels, group, x, y); });
 }
 
 [[nodiscard]] io::Image<Vec3f> normals_of(ImageView<const float> depth, const Mask& surface, const Intrinsics& camera,

@@ -81,11 +81,11 @@ enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut, kNeither };  // neither g
 
 // All pixels of one role whose label belongs to the set.
 [[nodiscard]] io::Image<std::uint8_t> mask_of(const SceneView& scene, const io::Image<std::uint8_t>& roles, Role role,
-                                              LabelSet labels) {
+                                              std::size_t group) {
   io::Image<std::uint8_t> mask(roles.shape());
   for (int y = 0; y < mask.height(); ++y) {
     for (int x = 0; x < mask.width(); ++x) {
-      mask(x, y) = roles(x, y) == role && (scene.labels.empty() || labels.contains(scene.labels(x, y))) ? 1 : 0;
+      mask(x, y) = roles(x, y) == role && in_group(scene.labels, group, x, y) ? 1 : 0;
     }
   }
   return mask;
@@ -125,13 +125,13 @@ Status hold_out(const HoldOut& params, const SceneView& scene, const RefineDepth
   rest.depth = left.view();
   rest.depth_source = out.source;
 
-  const io::Image<std::uint8_t> kept = mask_of(scene, roles, kKept, LabelSet::all());
+  const io::Image<std::uint8_t> kept = mask_of(scene, roles, kKept, 0);
   const auto judge = [&](std::string name, std::string key, ImageView<const float> depth) {
     HoldOutRow row;
     row.name = std::move(name);
     row.key = std::move(key);
     for (std::size_t g = 0; g < kLabelGroups.size(); ++g) {
-      row.errors[g] = depth_shift(depth, scene.depth, mask_of(scene, roles, kLeftOut, kLabelGroups[g].labels).view());
+      row.errors[g] = depth_shift(depth, scene.depth, mask_of(scene, roles, kLeftOut, g).view());
     }
     row.kept = depth_shift(depth, scene.depth, kept.view());
     out.rows.push_back(std::move(row));

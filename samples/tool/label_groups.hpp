@@ -4,7 +4,9 @@
 #define NPSIM_SAMPLES_TOOL_LABEL_GROUPS_HPP
 
 #include <array>
+#include <cstddef>
 
+#include "npsim/core/image_view.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
 namespace npsim::tool {
@@ -26,6 +28,11 @@ inline constexpr std::array<LabelGroup, 8> kLabelGroups = {{
     {"persons", LabelSet::of(label::person, label::rider)},
     {"thin", LabelSet::of(label::pole, label::polegroup, label::traffic_light, label::traffic_sign)},
 }};
+
+// Without labels a pixel is in the first alone.
+[[nodiscard]] inline bool in_group(ImageView<const Label> labels, std::size_t group, int x, int y) {
+  return group == 0 || (!labels.empty() && kLabelGroups[group].labels.contains(labels(x, y)));
+}
 
 }  // namespace npsim::tool
 

@@ -133,6 +133,8 @@ TEST_CASE("coverage: a depth without holes has no missing pixels, and a scene wi
   CHECK(std::isnan(tool::missing_over_linear(e, e.rows.back(), 0)));
   CHECK(tool::given_over_input(e, e.rows.back(), 0) == 0.0);
   CHECK(tool::to_json(e).at("steps").at(1).at("missing").at("all").at("pixels") == 0);
+  CHECK(tool::to_json(e).at("steps").at(1).at("given").at("all").at("pixels") > 0);
+  CHECK(tool::to_json(e).at("steps").at(1).at("given").at("facades").at("pixels") == 0);  // nobody knows
 }
 
 TEST_CASE("coverage: relief that the picture does not resolve counts among all normals, not among smooth ones") {
