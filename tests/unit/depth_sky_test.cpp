@@ -290,9 +290,9 @@ TEST_CASE(
     for (int y = 0; y < 60; ++y) {
       for (int x = 0; x < 100; ++x) {
         const bool hedge = y >= 36;
-        const bool roof = x >= 40 && x < 44;
+        const bool roof = x >= 30 && x < 34;
         v.image(x, y) = hedge || roof                 ? Rgb8{50, 60, 40}
-                        : x < 40                      ? Rgb8{252, 250, 246}
+                        : x < 30                      ? Rgb8{252, 250, 246}
                         : clouds && y >= 10 && y < 14 ? Rgb8{250, 250, 250}
                                                       : Rgb8{120, 190, 240};
         if (y >= 40 && x % 3 == 0) v.depth(x, y) = 20.0F;
@@ -325,4 +325,135 @@ TEST_CASE("the sky comes up to a pole that the sensor sees high up, between its 
     for (const int y : {3, 15, 30}) CHECK(v.surface(x, y) == (pole(x) ? 1 : 0));
     CHECK(v.surface(x, 38) == 1);
   }
+}
+
+namespace {
+
+// A street 140 px wide, measured from row 60 on, as far as every row and every third column; skies to be told from it.
+struct Wide {
+  Shape shape{140, 100};
+  Image<Rgb8> image{shape, Rgb8{90, 90, 90}};
+  Image<float> depth{shape, 0.0F};
+  Image<std::uint8_t> surface{shape, 9};
+  template <class Colour>
+  explicit Wide(const Colour& colour) {
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        image(x, y) = colour(x, y);
+        if (y >= 60 && x % 3 == 0) depth(x, y) = 20.0F;
+      }
+    }
+  }
+  // Of rows [from, to) at columns where the predicate holds, the share that is sky.
+  template <class Column>
+  double sky(int from, int to, const Column& column) {
+    find(image, depth, false, surface);
+    double n = 0;
+    double count = 0;
+    for (int y = from; y < to; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        if (!column(x)) continue;
+        count += 1;
+        n += surface(x, y) == 0 ? 1 : 0;
+      }
+    }
+    return n / count;
+  }
+};
+
+constexpr Rgb8 kHedge{50, 60, 40};
+
+}  // namespace
+
+TEST_CASE("a grey sky over snow, without an edge between them, stays, trees before it or not") {
+  for (const int trees : {4, 1000}) {
+    const auto tree = [&](int x) { return x / 10 % trees == 3; };
+    Wide v([&](int x, int y) {
+      const auto grey = static_cast<std::uint8_t>(212 + y / 20);
+      return tree(x) && y >= 20 && y < 60 ? kHedge : Rgb8{grey, grey, grey};
+    });
+    for (int x = 0; x < v.shape.width; ++x) v.image(x, 99) = Rgb8{30, 30, 30};  // the own car
+    CAPTURE(trees);
+    CHECK(v.sky(0, 50, [&](int x) { return !tree(x) && !tree(x - 1) && !tree(x + 1); }) > 0.99);
+  }
+}
+
+TEST_CASE("a noisy sky is even, and so is one that poles cut into twenty parts") {
+  const auto noise = [](int x, int y, int c) {
+    return ((x * 73 + y * 151 + c * 37 + x * y * 29) % 41 - 20) * 3 / 4;  // 15 at most, 9 as root mean square
+  };
+  Wide noisy([&](int x, int y) {
+    const auto add = [&](int v, int c) { return static_cast<std::uint8_t>(v + noise(x, y, c)); };
+    return y >= 52 ? kHedge : Rgb8{add(180, 0), add(195, 1), add(215, 2)};
+  });
+  CHECK(noisy.sky(0, 50, [](int) { return true; }) > 0.97);
+  const auto pole = [](int x) { return x % 7 < 2; };
+  Wide parts([&](int x, int y) { return y >= 52 || pole(x) ? kHedge : Rgb8{205, 210, 215}; });
+  CHECK(parts.sky(0, 50, [&](int x) { return x % 7 > 2 && x % 7 < 6; }) > 0.99);
+}
+
+TEST_CASE("the sky's two halves beside a tower may differ as the sun makes them; a front in the sun is neither") {
+  const auto scene = [](Rgb8 left, Rgb8 right, int tower) {
+    return Wide([=](int x, int y) {
+      return y >= 35 || (x >= tower && x < tower + 6) ? kHedge : x < tower ? left : right;
+    });
+  };
+  Wide sunset = scene({130, 150, 200}, {240, 180, 130}, 80);
+  CHECK(sunset.sky(0, 33, [](int x) { return x < 78 || x > 88; }) > 0.99);
+  Wide hazy = scene({110, 150, 220}, {255, 255, 255}, 80);
+  CHECK(hazy.sky(0, 33, [](int x) { return x < 78 || x > 88; }) > 0.99);
+  Wide front([](int x, int y) {  // no dark edge between them
+    return y >= 52 ? kHedge : x >= 110 ? Rgb8{225, 190, 160} : Rgb8{225, 232, 240};
+  });
+  CHECK(front.sky(0, 50, [](int x) { return x < 108; }) > 0.99);
+  CHECK(front.sky(0, 50, [](int x) { return x > 111; }) == 0.0);
+}
+
+TEST_CASE(
+    "the sky above a pale wall is none of it: by a faint edge, where the sensor could see higher, by few points") {
+  struct Case {
+    Rgb8 wall;
+    int tree_from;  // the row from which trees beside it are measured
+    int every;      // columns of the wall from one point to the next
+    bool sky;
+  };
+  const Rgb8 sky{215, 218, 222};
+  for (const Case& c : {Case{{195, 196, 200}, 40, 3, true}, Case{{212, 214, 217}, 5, 3, true},
+                        Case{{212, 214, 217}, 40, 20, true}, Case{{212, 214, 217}, 40, 3, false}}) {
+    Wide v([&](int x, int y) { return x < 80 || y >= 80 ? kHedge : y >= 40 ? c.wall : sky; });
+    for (int y = 0; y < 100; ++y) {
+      for (int x = 0; x < 140; ++x) {
+        const bool tree = x < 80 && y >= c.tree_from && x % 3 == 0;
+        v.depth(x, y) = tree || (x >= 80 && y >= 40 && x % c.every == 0) ? 20.0F : 0.0F;
+      }
+    }
+    CAPTURE(c.wall.r);
+    CAPTURE(c.tree_from);
+    CAPTURE(c.every);
+    CHECK(v.sky(0, 38, [](int x) { return x > 90; }) == (c.sky ? 1.0 : 0.0));
+  }
+}
+
+TEST_CASE("a front of tiles as bright as a sky, whose upper half is not measured, is in crumbs and none") {
+  Wide v([](int x, int y) {
+    const auto tone = static_cast<std::uint8_t>(150 + (x / 4 * 7 + y / 4 * 5) % 4 * 25);
+    return y < 75 ? Rgb8{tone, tone, tone} : Rgb8{70, 70, 70};
+  });
+  for (int y = 0; y < 50; ++y) {
+    for (int x = 0; x < 30; ++x) v.image(x, y) = kHedge;  // a tree before it
+  }
+  CHECK(v.sky(0, 60, [](int) { return true; }) == 0.0);
+}
+
+TEST_CASE("of a network's depth a deep blue sky beside white fronts in the sun is far and one") {
+  Wide v([](int x, int y) {
+    return y >= 60              ? Rgb8{235, 235, 240}
+           : x < 30 || x >= 120 ? Rgb8{228, static_cast<std::uint8_t>(220 + (x * 7 + y * 13) % 3 * 5), 218}
+                                : Rgb8{50, 90, 170};
+  });
+  for (int y = 0; y < 100; ++y) {
+    for (int x = 0; x < 140; ++x) v.depth(x, y) = y >= 60 || x % 20 == 0 ? 20.0F : x < 30 || x >= 120 ? 70.0F : 80.0F;
+  }
+  CHECK(v.sky(0, 58, [](int x) { return x % 20 != 0 && x >= 30 && x < 120; }) > 0.99);  // poles stand before it
+  CHECK(v.sky(0, 58, [](int x) { return x < 30 || x >= 120; }) == 0.0);
 }

@@ -6,13 +6,13 @@
 // sky is the brightest thing in it: the luma of the pixels above falls into two classes (Otsu, "A threshold selection
 // method from gray-level histograms", 1979), and sky is what is bright and connected to the picture's upper edge. What
 // is not, and is connected to the surface below, is surface too, so that trees and houses keep their outlines instead
-// of ending at the sensor's last row. The classes are told apart if the bright one is at least 1.5 times as bright as
+// of ending at the sensor's last row. Beside what was measured the even sky comes up to it. The classes are told apart if the bright one is at least 1.5 times as bright as
 // the dark one, neither holds less than 2 % of the pixels, and the measured surfaces are not brighter than the bright
 // one. Walls that look so are told from it by given/sky_walls.hpp.
 // A deep blue sky, or a dark one of clouds, is not the brightest. What the sensor looked at without an answer, below
 // its topmost rows nearby, tells: where less than a tenth of that is in the bright class, or there is none, the classes
-// are of how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one and not
-// darker than half of the measured surfaces. Where neither way tells them apart, all above is sky.
+// are of how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one, and
+// blue or at least half as bright as the mean of the measured surfaces. Where neither way tells them apart, all above is sky.
 // A dense depth map, such as a network's, has nothing above: its sky is far. Of what lies beyond kFarSky_m the picture
 // decides in the same way, with all of it where even its darker class is much brighter than what is near. Sky is what
 // looks so and is connected to the upper edge, and what looks so elsewhere and is as far. Where nothing is told apart
@@ -20,7 +20,7 @@
 // A stereo pair matches clouds with each other: on real frames .4 to .55 of the sky has a depth, from 27 m on. Where
 // the picture tells the sky from the rest of what is missing or beyond kMismatchedSky_m, it decides of all that as it
 // does of what is far in a dense map; where it does not, what was matched is surface, as for other sensors.
-// Cost: a few passes. Memory: 16 bytes per pixel.
+// Cost: a few passes. Memory: 25 bytes per pixel, for a dense map none.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
 
@@ -153,11 +153,13 @@ struct SkyLook {
   return count > 0 ? sum / count : 255.0;
 }
 
-[[nodiscard]] inline SkyLook sky_look(ImageView<const Rgb8> image, ImageView<const std::uint8_t> surface) noexcept {
+// least_luma: of the mean luma of the measured surfaces, what the sky has at least if it is not blue.
+[[nodiscard]] inline SkyLook sky_look(ImageView<const Rgb8> image, ImageView<const std::uint8_t> surface,
+                                      double least_luma) noexcept {
   constexpr double kLeastUnanswered = 0.002;  // of the picture
   constexpr double kUnansweredShare = 0.9;    // of these: the rest may be surfaces out of reach
   constexpr double kMuchBrighter = 1.5;
-  constexpr double kDarkestSky = 0.5;  // of the measured surfaces: a blue one beside white walls in the sun
+  constexpr int kBlue = 24;  // codes of blue above red
   const FieldOfView field(surface);
   ByteHistogram above{}, unanswered{}, red{}, green{}, blue{};
   double below_sum = 0;
@@ -206,10 +208,11 @@ struct SkyLook {
   bool at_edge = false;
   for (int x = 0; x < image.width(); ++x) at_edge = at_edge || (surface(x, 0) != kSurface && alike.of(image(x, 0)));
   const double step = mean_step(alike, true, image, surface);
-  alike.known = by_colour.level < 256 && luma(alike.colour) * below_count > kDarkestSky * below_sum &&
-                by_colour.high_mean >= 2.0 * by_colour.low_mean + 16.0 &&
-                step < mean_step(alike, false, image, surface) &&
-                !(bright.known && step >= mean_step(bright, true, image, surface)) && at_edge;
+  alike.known =
+      by_colour.level < 256 &&
+      (alike.colour.b >= alike.colour.r + kBlue || luma(alike.colour) * below_count > least_luma * below_sum) &&
+      by_colour.high_mean >= 2.0 * by_colour.low_mean + 16.0 && step < mean_step(alike, false, image, surface) &&
+      !(bright.known && step >= mean_step(bright, true, image, surface)) && at_edge;
   return alike.known ? alike : bright;
 }
 
@@ -241,7 +244,7 @@ template <class Far>
   };
   const auto is_far = [&](int x, int y) { return far(depth(x, y)); };
   each([&](int x, int y) { surface(x, y) = is_far(x, y) ? kSky : kSurface; });
-  const SkyLook look = sky_look(image, surface);
+  const SkyLook look = sky_look(image, surface, 0.0);
   if (!look.known && !look.all) return false;
   each([&](int x, int y) {
     const bool like = is_far(x, y) && (look.all || look.of(image(x, y)));
@@ -284,6 +287,7 @@ template <class Far>
   const auto mismatched = [](float z) { return !is_valid_depth(z) || z > kMismatchedSky_m; };
   if (stereo && find_sky_among_far(image, depth, mismatched, surface)) return {};
   constexpr int kReach = 8;
+  constexpr double kDarkestSky = 0.5;
   const Shape shape = surface.shape();
   for (int x = 0; x < shape.width; ++x) {
     int top = shape.height;
@@ -294,7 +298,7 @@ template <class Far>
     }
     for (int y = 0; y < shape.height; ++y) surface(x, y) = y >= top ? kSurface : kSky;
   }
-  const SkyLook look = sky_look(image, surface);
+  const SkyLook look = sky_look(image, surface, kDarkestSky);
   if (!look.known) return {};
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {

@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tells walls that look like the sky from the sky: it is even, begins at an edge, and has colours of its own.
 //
-// What looks like the sky falls into even pieces, in which neighbouring pixels differ by kEvenSky at most.
+// What looks like the sky falls into even pieces, in which the mean colours (3 x 3) of neighbouring pixels differ by
+// kEvenMeans at most.
 // - A wall goes on, above the sensor's last row, in what was measured below it. Of each piece those columns vote whose
-//   own topmost measurement is that of their surroundings: for a seam if from there up to the piece the rows keep their
-//   mean colour over a few columns, else for an edge. On real frames at most .04 of a sky's votes were for seams, and
-//   half and more of a wall's (eleven frames of lasers with 32 and 64 lines).
-// - The largest piece that does not go on is the sky. If it is but a small part of them, tiles or leaves, none is.
-// - A piece most of which is whiter than all of that, by its darkest channel, or less blue, is a wall in the sun.
-// Method: our own. Cost: a few passes. Memory: 16 bytes per pixel.
+//   own topmost measurement is that of their surroundings: for a seam if that is near the sensor's last row, and from
+//   there up to the piece the rows keep their mean colour over a few columns, without a step; else for an edge. On ten
+//   real frames of lasers with 32 and 64 lines no sky had a vote for a seam, and walls half of theirs and more. What
+//   takes up half of the picture's upper edge is no wall: snow and fog have no edge to the sky.
+// - The largest piece that does not go on is the sky. If what does not go on is in crumbs, tiles or leaves, none is.
+// - A piece less than half as large, most of which is whiter than that, by its darkest channel, or less blue, beyond
+//   quantiles, is a wall in the sun. A white wall that is larger is not told from a blue sky.
+// Pieces are found by 16 passes at most: windings fall into several.
+// Method: our own. Cost: a few passes. Memory: 25 bytes per pixel.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SKY_WALLS_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SKY_WALLS_HPP
 
@@ -29,28 +33,40 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 namespace depth_detail {
 
-inline constexpr int kEvenSky = 12;  // codes from a pixel to the next, of any channel
+inline constexpr int kEvenSky = 12;        // codes from a pixel to the next, of any channel
+inline constexpr float kEvenMeans = 4.0F;  // the same of means
 
 inline constexpr int kLeastSeams = 6;
 inline constexpr double kSeamShare = 0.4;        // of the votes
-inline constexpr float kSeamDifference = 24.0F;  // of any channel
+inline constexpr float kSeamDifference = 24.0F;  // of any channel, from the measurement on
+inline constexpr float kSeamStep = 16.0F;        // within kSeamRows
 inline constexpr int kSeamColumns = 4;           // to either side
 inline constexpr int kSeamRows = 3;              // that stand for the measurement, and for the piece
 inline constexpr int kSeamNear = 4;              // rows by which a column's surface may begin above its measurement
+inline constexpr double kLastRow = 0.3;          // of the way from the topmost measurement to the picture's middle
 
-inline constexpr double kLeastEven = 0.1;  // of what looks like the sky and does not go on below
-inline constexpr double kExtreme = 0.02;   // of the largest piece
-inline constexpr int kOtherThanSky = 24;   // codes beyond its extremes
+inline constexpr double kWholeEdge = 0.5;     // of the width
+inline constexpr double kLeastPiece = 0.005;  // of the picture: less is a crumb
+inline constexpr double kLeastEven = 0.25;    // of what does not go on, in larger pieces
+inline constexpr double kSmaller = 0.5;       // than the largest piece
+inline constexpr double kExtreme = 0.02;      // quantiles of the largest piece
+inline constexpr int kOtherThanSky = 24;      // codes beyond them
 
 struct SkyPiece {
-  std::uint16_t seams = 0;
-  std::uint16_t edges = 0;
+  std::uint32_t seams = 0;
+  std::uint32_t edges = 0;
   std::uint32_t pixels = 0;
-  std::uint32_t other = 0;
+  std::uint32_t other = 0;  // whiter or less blue than the sky
+  bool at_whole_edge = false;
+
+  [[nodiscard]] bool goes_on() const noexcept {
+    return !at_whole_edge && seams >= kLeastSeams && seams > kSeamShare * (static_cast<double>(seams) + edges);
+  }
 };
 
 [[nodiscard]] constexpr std::size_t drop_walls_workspace_bytes(Shape shape) noexcept {
-  return allocation_bytes<std::uint32_t>(shape.pixels()) + allocation_bytes<SkyPiece>(shape.pixels());
+  return allocation_bytes<std::uint32_t>(shape.pixels()) + allocation_bytes<SkyPiece>(shape.pixels()) +
+         allocation_bytes<std::uint8_t>(shape.pixels());
 }
 
 [[nodiscard]] inline int luma(const Rgb8& c) noexcept { return (c.r + 2 * c.g + c.b) / 4; }
@@ -64,18 +80,22 @@ struct SkyPiece {
   return static_cast<std::size_t>(std::min({c.r, c.g, c.b}));
 }
 
-// Mean colour of rows [y, y + rows) around column x.
-[[nodiscard]] inline Vec3f mean_colour(ImageView<const Rgb8> image, int x, int y, int rows) noexcept {
+// Mean colour of a rectangle around (x, y), as far as it lies in the picture.
+[[nodiscard]] inline Vec3f mean_colour(ImageView<const Rgb8> image, int x, int y, int columns, int rows) noexcept {
   Vec3f sum{};
   float count = 0;
-  for (int v = max_of(y, 0); v < y + rows && v < image.height(); ++v) {
-    for (int u = max_of(x - kSeamColumns, 0); u <= x + kSeamColumns && u < image.width(); ++u) {
+  for (int v = max_of(y - rows, 0); v <= y + rows && v < image.height(); ++v) {
+    for (int u = max_of(x - columns, 0); u <= x + columns && u < image.width(); ++u) {
       const Rgb8 c = image(u, v);
       sum = sum + Vec3f{static_cast<float>(c.r), static_cast<float>(c.g), static_cast<float>(c.b)};
       count += 1;
     }
   }
   return count > 0 ? sum * (1.0F / count) : sum;
+}
+
+[[nodiscard]] inline float largest_difference(const Vec3f& a, const Vec3f& b) noexcept {
+  return max_of(std::fabs(a.x - b.x), std::fabs(a.y - b.y), std::fabs(a.z - b.z));
 }
 
 // Values of a map of what is sky: below the topmost measurements; looks like the sky; does not.
@@ -85,76 +105,114 @@ struct SkyValues {
   std::uint8_t unlike;
 };
 
-// Makes those pieces unlike the sky that are walls.
-[[nodiscard]] inline Status drop_walls(ImageView<const Rgb8> image, ImageView<const float> depth,
-                                       const SkyValues& values, ImageView<std::uint8_t> map,
-                                       Workspace& workspace) noexcept {
+// piece: the index of the first pixel of each pixel's piece. links: scratch.
+inline void number_even_pieces(ImageView<const Rgb8> image, ImageView<const std::uint8_t> map, std::uint8_t like,
+                               ImageView<std::uint8_t> links, ImageView<std::uint32_t> piece) noexcept {
+  constexpr std::uint8_t kLeft = 1;
+  constexpr std::uint8_t kUp = 2;
   const Shape shape = map.shape();
-  const WorkspaceScope scope(workspace);
-  ImageView<std::uint32_t> piece;  // the index of its first pixel
-  ImageView<SkyPiece> pieces;      // at that pixel
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, piece));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, pieces));
-  const auto width = static_cast<std::uint32_t>(shape.width);
+  const auto even = [&](int x, int y, int to_x, int to_y) {
+    return map.contains(to_x, to_y) && map(x, y) == like && map(to_x, to_y) == like &&
+           largest_difference(mean_colour(image, x, y, 1, 1), mean_colour(image, to_x, to_y, 1, 1)) <= kEvenMeans;
+  };
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
-      piece(x, y) = static_cast<std::uint32_t>(y) * width + static_cast<std::uint32_t>(x);
-      pieces(x, y) = {};
+      links(x, y) = static_cast<std::uint8_t>((even(x, y, x - 1, y) ? kLeft : 0) | (even(x, y, x, y - 1) ? kUp : 0));
+      piece(x, y) =
+          static_cast<std::uint32_t>(y) * static_cast<std::uint32_t>(shape.width) + static_cast<std::uint32_t>(x);
     }
   }
   bool changed = true;
   for (int pass = 0; pass < 16 && changed; ++pass) {
     changed = false;
     sweep_to_and_fro(shape, [&](int x, int y, int from_x, int from_y) {
-      if (map(x, y) != values.like || map(from_x, from_y) != values.like || piece(from_x, from_y) >= piece(x, y) ||
-          difference(image(x, y), image(from_x, from_y)) > kEvenSky)
-        return;
+      if (piece(from_x, from_y) >= piece(x, y)) return;
+      const bool linked =
+          from_x != x ? (links(max_of(x, from_x), y) & kLeft) != 0 : (links(x, max_of(y, from_y)) & kUp) != 0;
+      if (!linked) return;
       piece(x, y) = piece(from_x, from_y);
       changed = true;
     });
   }
-  const auto first = [&](int x, int y) -> SkyPiece& {
+}
+
+// Whether from the measurement in row `top` up to the row `above` of a piece the picture goes on.
+[[nodiscard]] inline bool is_seam(ImageView<const Rgb8> image, int x, int top, int above) noexcept {
+  const Vec3f measured = mean_colour(image, x, top + kSeamRows / 2, kSeamColumns, kSeamRows / 2);
+  for (int y = top - 1; y >= above; --y) {
+    const Vec3f row = mean_colour(image, x, y, kSeamColumns, 0);
+    const Vec3f below = mean_colour(image, x, y + kSeamRows, kSeamColumns, 0);
+    if (largest_difference(row, measured) > kSeamDifference || largest_difference(row, below) > kSeamStep) return false;
+  }
+  return true;
+}
+
+// Makes those pieces unlike the sky that are walls.
+[[nodiscard]] inline Status drop_walls(ImageView<const Rgb8> image, ImageView<const float> depth,
+                                       const SkyValues& values, ImageView<std::uint8_t> map,
+                                       Workspace& workspace) noexcept {
+  const Shape shape = map.shape();
+  const WorkspaceScope scope(workspace);
+  ImageView<std::uint32_t> piece;
+  ImageView<SkyPiece> pieces;  // at their first pixels
+  ImageView<std::uint8_t> links;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, piece));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, pieces));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, links));
+  number_even_pieces(image, map, values.like, links, piece);
+  for (SkyPiece& p : pieces.pixels()) p = {};
+  const auto width = static_cast<std::uint32_t>(shape.width);
+  const auto piece_at = [&](int x, int y) -> SkyPiece& {
     return pieces(static_cast<int>(piece(x, y) % width), static_cast<int>(piece(x, y) / width));
   };
+  const auto each = [&](const auto& f) {
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        if (map(x, y) == values.like) f(x, y, piece_at(x, y));
+      }
+    }
+  };
+  const auto topmost = [&](int x) {
+    int y = 0;
+    while (y < shape.height && !is_valid_depth(depth(x, y))) ++y;
+    return y;
+  };
+  int last_row = shape.height;  // of the sensor
+  for (int x = 0; x < shape.width; ++x) last_row = std::min(last_row, topmost(x));
   for (int x = 0; x < shape.width; ++x) {
-    int top = 0;
-    while (top < shape.height && !is_valid_depth(depth(x, top))) ++top;
+    const int top = topmost(x);
     int begin = top;
     while (begin > 0 && map(x, begin - 1) == values.surface) --begin;
     int above = begin - 1;
     while (above >= 0 && map(x, above) != values.like) --above;
-    if (top == shape.height || top - begin > kSeamNear || above < 0) continue;
-    const Vec3f below = mean_colour(image, x, top, kSeamRows);
-    bool seam = true;
-    for (int y = top - 1; seam && y > above - kSeamRows && y >= 0; --y) {
-      const Vec3f off = mean_colour(image, x, y, 1) - below;
-      seam = max_of(std::fabs(off.x), std::fabs(off.y), std::fabs(off.z)) <= kSeamDifference;
-    }
-    SkyPiece& v = first(x, above);
-    ++(seam ? v.seams : v.edges);
+    above -= kSeamRows;  // beyond what an edge mixes
+    if (top == shape.height || top - begin > kSeamNear || above < 0 || map(x, above) != values.like) continue;
+    const bool at_last_row = top - last_row <= kLastRow * std::fabs(0.5 * shape.height - last_row);
+    SkyPiece& p = piece_at(x, above);
+    ++(at_last_row && is_seam(image, x, top, above) ? p.seams : p.edges);
   }
-  const auto each = [&](const auto& f) {
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        if (map(x, y) == values.like) f(x, y, first(x, y));
-      }
-    }
-  };
-  const auto goes_on = [](const SkyPiece& p) {
-    return p.seams >= kLeastSeams && p.seams > kSeamShare * (static_cast<double>(p.seams) + p.edges);
-  };
+  for (int x = 0; x < shape.width; ++x) {
+    if (map(x, 0) == values.like) ++piece_at(x, 0).pixels;
+  }
+  for (int x = 0; x < shape.width; ++x) {
+    SkyPiece& p = piece_at(x, 0);
+    p.at_whole_edge = p.at_whole_edge || p.pixels >= kWholeEdge * shape.width;
+    p.pixels = 0;
+  }
   const SkyPiece* largest = nullptr;
   double open = 0;  // pixels of what does not go on
   each([&](int, int, SkyPiece& p) {
     ++p.pixels;
-    if (goes_on(p)) return;
+    if (p.goes_on()) return;
     open += 1;
     if (largest == nullptr || p.pixels > largest->pixels) largest = &p;
   });
-  const bool even = largest != nullptr && largest->pixels >= kLeastEven * open;
+  double in_pieces = 0;  // of these
+  const double crumb = kLeastPiece * static_cast<double>(shape.pixels());
   std::array<std::uint32_t, 256> darkest{};
   std::array<std::uint32_t, 256> blue{};
   each([&](int x, int y, const SkyPiece& p) {
+    if (!p.goes_on() && p.pixels >= crumb) in_pieces += 1;
     if (&p != largest) return;
     ++darkest[darkest_channel(image(x, y))];
     ++blue[image(x, y).b];
@@ -173,8 +231,17 @@ struct SkyValues {
     const Rgb8 c = image(x, y);
     p.other += static_cast<int>(darkest_channel(c)) > whitest || c.b < least_blue ? 1U : 0U;
   });
+#ifdef SKDBG
+  printf("open %g in pieces %.3f largest %g\n", open, in_pieces / open, largest ? (double)largest->pixels : 0.);
+  for (auto& p : pieces.pixels())
+    if (p.pixels > crumb / 2)
+      printf("  px %.4f of largest %.2f seams %u edges %u other %.2f\n", (double)p.pixels / shape.pixels(),
+             largest ? (double)p.pixels / largest->pixels : 0., p.seams, p.edges, (double)p.other / p.pixels);
+#endif
+  const bool crumbs = in_pieces < kLeastEven * open;
   each([&](int x, int y, const SkyPiece& p) {
-    if (!even || goes_on(p) || 2.0 * p.other > p.pixels) map(x, y) = values.unlike;
+    const bool other = 2.0 * p.other > p.pixels && p.pixels < kSmaller * largest->pixels;
+    if (crumbs || p.goes_on() || other) map(x, y) = values.unlike;
   });
   return {};
 }
