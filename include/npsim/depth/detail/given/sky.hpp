@@ -6,13 +6,15 @@
 // sky is the brightest thing in it: the luma of the pixels above falls into two classes (Otsu, "A threshold selection
 // method from gray-level histograms", 1979), and sky is what is bright and connected to the picture's upper edge. What
 // is not, and is connected to the surface below, is surface too, so that trees and houses keep their outlines instead
-// of ending at the sensor's last row. Beside what was measured the even sky comes up to it. The classes are told apart if the bright one is at least 1.5 times as bright as
+// of ending at the sensor's last row. The classes are told apart if the bright one is at least 1.5 times as bright as
 // the dark one, neither holds less than 2 % of the pixels, and the measured surfaces are not brighter than the bright
-// one. Walls that look so are told from it by given/sky_walls.hpp.
+// one. Walls that look so are told from it by given/sky_walls.hpp. Beside what was measured the sky comes up to it, as
+// far as it is even and nothing was measured above in the column.
 // A deep blue sky, or a dark one of clouds, is not the brightest. What the sensor looked at without an answer, below
 // its topmost rows nearby, tells: where less than a tenth of that is in the bright class, or there is none, the classes
 // are of how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one, and
-// blue or at least half as bright as the mean of the measured surfaces. Where neither way tells them apart, all above is sky.
+// blue or at least half as bright as the mean of the measured surfaces (not asked of dense maps and of stereo). Where
+// neither way tells them apart, all above is sky.
 // A dense depth map, such as a network's, has nothing above: its sky is far. Of what lies beyond kFarSky_m the picture
 // decides in the same way, with all of it where even its darker class is much brighter than what is near. Sky is what
 // looks so and is connected to the upper edge, and what looks so elsewhere and is as far. Where nothing is told apart

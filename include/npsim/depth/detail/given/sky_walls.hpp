@@ -231,13 +231,6 @@ inline void number_even_pieces(ImageView<const Rgb8> image, ImageView<const std:
     const Rgb8 c = image(x, y);
     p.other += static_cast<int>(darkest_channel(c)) > whitest || c.b < least_blue ? 1U : 0U;
   });
-#ifdef SKDBG
-  printf("open %g in pieces %.3f largest %g\n", open, in_pieces / open, largest ? (double)largest->pixels : 0.);
-  for (auto& p : pieces.pixels())
-    if (p.pixels > crumb / 2)
-      printf("  px %.4f of largest %.2f seams %u edges %u other %.2f\n", (double)p.pixels / shape.pixels(),
-             largest ? (double)p.pixels / largest->pixels : 0., p.seams, p.edges, (double)p.other / p.pixels);
-#endif
   const bool crumbs = in_pieces < kLeastEven * open;
   each([&](int x, int y, const SkyPiece& p) {
     const bool other = 2.0 * p.other > p.pixels && p.pixels < kSmaller * largest->pixels;
