@@ -25,6 +25,7 @@
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
@@ -66,7 +67,8 @@ struct SkyPiece {
 
 [[nodiscard]] constexpr std::size_t drop_walls_workspace_bytes(Shape shape) noexcept {
   return allocation_bytes<std::uint32_t>(shape.pixels()) + allocation_bytes<SkyPiece>(shape.pixels()) +
-         allocation_bytes<std::uint8_t>(shape.pixels());
+         allocation_bytes<std::uint8_t>(shape.pixels()) +
+         allocation_bytes<Vec3f>(2 * static_cast<std::size_t>(shape.width));
 }
 
 [[nodiscard]] inline int luma(const Rgb8& c) noexcept { return (c.r + 2 * c.g + c.b) / 4; }
@@ -105,21 +107,27 @@ struct SkyValues {
   std::uint8_t unlike;
 };
 
-// piece: the index of the first pixel of each pixel's piece. links: scratch.
+// piece: the index of the first pixel of each pixel's piece. means: two rows. links: scratch.
 inline void number_even_pieces(ImageView<const Rgb8> image, ImageView<const std::uint8_t> map, std::uint8_t like,
-                               ImageView<std::uint8_t> links, ImageView<std::uint32_t> piece) noexcept {
+                               Span<Vec3f> means, ImageView<std::uint8_t> links,
+                               ImageView<std::uint32_t> piece) noexcept {
   constexpr std::uint8_t kLeft = 1;
   constexpr std::uint8_t kUp = 2;
   const Shape shape = map.shape();
-  const auto even = [&](int x, int y, int to_x, int to_y) {
-    return map.contains(to_x, to_y) && map(x, y) == like && map(to_x, to_y) == like &&
-           largest_difference(mean_colour(image, x, y, 1, 1), mean_colour(image, to_x, to_y, 1, 1)) <= kEvenMeans;
+  const auto mean_at = [&](int x, int y) -> Vec3f& {
+    return means[static_cast<std::size_t>(y % 2 * shape.width) + static_cast<std::size_t>(x)];
   };
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
-      links(x, y) = static_cast<std::uint8_t>((even(x, y, x - 1, y) ? kLeft : 0) | (even(x, y, x, y - 1) ? kUp : 0));
       piece(x, y) =
           static_cast<std::uint32_t>(y) * static_cast<std::uint32_t>(shape.width) + static_cast<std::uint32_t>(x);
+      links(x, y) = 0;
+      if (map(x, y) != like) continue;
+      const Vec3f mean = mean_colour(image, x, y, 1, 1);
+      mean_at(x, y) = mean;
+      const bool left = x > 0 && map(x - 1, y) == like && largest_difference(mean, mean_at(x - 1, y)) <= kEvenMeans;
+      const bool up = y > 0 && map(x, y - 1) == like && largest_difference(mean, mean_at(x, y - 1)) <= kEvenMeans;
+      links(x, y) = static_cast<std::uint8_t>((left ? kLeft : 0) | (up ? kUp : 0));
     }
   }
   bool changed = true;
@@ -156,15 +164,14 @@ inline void number_even_pieces(ImageView<const Rgb8> image, ImageView<const std:
   ImageView<std::uint32_t> piece;
   ImageView<SkyPiece> pieces;  // at their first pixels
   ImageView<std::uint8_t> links;
+  Span<Vec3f> means;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, piece));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, pieces));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, links));
-  number_even_pieces(image, map, values.like, links, piece);
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(2 * static_cast<std::size_t>(shape.width), means));
+  number_even_pieces(image, map, values.like, means, links, piece);
   for (SkyPiece& p : pieces.pixels()) p = {};
-  const auto width = static_cast<std::uint32_t>(shape.width);
-  const auto piece_at = [&](int x, int y) -> SkyPiece& {
-    return pieces(static_cast<int>(piece(x, y) % width), static_cast<int>(piece(x, y) / width));
-  };
+  const auto piece_at = [&](int x, int y) -> SkyPiece& { return pieces.pixels()[piece(x, y)]; };
   const auto each = [&](const auto& f) {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
