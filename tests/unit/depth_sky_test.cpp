@@ -434,6 +434,30 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("a pale front that is measured stays between the laser's columns, though the sky above is as pale and even") {
+  for (const int every : {2, 3, 5, 7}) {
+    Wide v([](int x, int y) {
+      const auto tone = static_cast<std::uint8_t>(y < 40 ? 222 : 208 + (x + 2 * y) % 5);
+      return y >= 80 || x < 20 ? kHedge : Rgb8{tone, tone, tone};
+    });
+    for (int y = 0; y < 100; ++y) {
+      for (int x = 0; x < 140; ++x) {
+        v.depth(x, y) = y >= 40 && y % 6 == 0 && (x + y / 6 * 2) % every == 0 ? 20.0F : 0.0F;
+      }
+    }
+    CAPTURE(every);
+    CHECK(v.sky(48, 80, [](int x) { return x >= 10 && x < 130; }) == 0.0);
+  }
+}
+
+TEST_CASE("a wall that fades into the dark at the picture's upper edge, all of it going on, is none of the sky") {
+  Wide v([](int, int y) {
+    const auto grey = static_cast<std::uint8_t>(y < 35 ? 60 + 4 * y : y < 75 ? 200 : 60);
+    return Rgb8{grey, grey, grey};
+  });
+  CHECK(v.sky(36, 100, [](int) { return true; }) == 0.0);
+}
+
 TEST_CASE("a front of tiles as bright as a sky, whose upper half is not measured, is in crumbs and none") {
   Wide v([](int x, int y) {
     const auto tone = static_cast<std::uint8_t>(150 + (x / 4 * 7 + y / 4 * 5) % 4 * 25);

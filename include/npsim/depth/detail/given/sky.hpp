@@ -9,7 +9,7 @@
 // of ending at the sensor's last row. The classes are told apart if the bright one is at least 1.5 times as bright as
 // the dark one, neither holds less than 2 % of the pixels, and the measured surfaces are not brighter than the bright
 // one. Walls that look so are told from it by given/sky_walls.hpp. Beside what was measured the sky comes up to it, as
-// far as it is even and nothing was measured above in the column.
+// far as it is even and nothing was measured above in the column or to one side.
 // A deep blue sky, or a dark one of clouds, is not the brightest. What the sensor looked at without an answer, below
 // its topmost rows nearby, tells: where less than a tenth of that is in the bright class, or there is none, the classes
 // are of how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one, and
@@ -34,6 +34,7 @@
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
@@ -270,7 +271,7 @@ template <class Far>
 }  // namespace depth_detail
 
 [[nodiscard]] constexpr std::size_t find_sky_workspace_bytes(Shape shape) noexcept {
-  return depth_detail::drop_walls_workspace_bytes(shape);
+  return depth_detail::drop_walls_workspace_bytes(shape) + allocation_bytes<int>(static_cast<std::size_t>(shape.width));
 }
 
 // surface: 1 where there is one, 0 for the sky. All of one shape. stereo: depth is that of a pair of cameras.
@@ -291,13 +292,22 @@ template <class Far>
   constexpr int kReach = 8;
   constexpr double kDarkestSky = 0.5;
   const Shape shape = surface.shape();
+  const WorkspaceScope scope(workspace);
+  Span<int> topmost;  // measurement of each column
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(shape.width), topmost));
   for (int x = 0; x < shape.width; ++x) {
+    int& top = topmost[static_cast<std::size_t>(x)];
+    for (top = 0; top < shape.height && !is_valid_depth(depth(x, top));) ++top;
+  }
+  const auto topmost_in = [&](int from, int to) {
     int top = shape.height;
-    for (int i = max_of(0, x - kReach); i < shape.width && i <= x + kReach; ++i) {
-      int y = 0;
-      while (y < top && !is_valid_depth(depth(i, y))) ++y;
-      top = y;
+    for (int i = max_of(0, from); i < shape.width && i <= to; ++i) {
+      top = std::min(top, topmost[static_cast<std::size_t>(i)]);
     }
+    return top;
+  };
+  for (int x = 0; x < shape.width; ++x) {
+    const int top = topmost_in(x - kReach, x + kReach);
     for (int y = 0; y < shape.height; ++y) surface(x, y) = y >= top ? kSurface : kSky;
   }
   const SkyLook look = sky_look(image, surface, kDarkestSky);
@@ -307,9 +317,10 @@ template <class Far>
       if (surface(x, y) != kSurface) surface(x, y) = look.of(image(x, y)) ? kLike : kUnlike;
     }
   }
-  NPSIM_RETURN_IF_ERROR(drop_walls(image, depth, {kSurface, kLike, kUnlike}, surface, workspace));
+  NPSIM_RETURN_IF_ERROR(drop_walls(image, topmost, {kSurface, kLike, kUnlike}, surface, workspace));
   for (int x = 0; x < shape.width; ++x) {
-    for (int y = 0; y < shape.height && !is_valid_depth(depth(x, y)); ++y) {
+    const int open = max_of(topmost_in(x - kReach, x), topmost_in(x, x + kReach));  // to one side at least
+    for (int y = 0; y < open; ++y) {
       if (surface(x, y) == kSurface && look.of(image(x, y))) surface(x, y) = kBeside;
     }
     if (surface(x, 0) == kLike) surface(x, 0) = kSky;

@@ -155,10 +155,10 @@ inline void number_even_pieces(ImageView<const Rgb8> image, ImageView<const std:
   return true;
 }
 
-// Makes those pieces unlike the sky that are walls.
-[[nodiscard]] inline Status drop_walls(ImageView<const Rgb8> image, ImageView<const float> depth,
-                                       const SkyValues& values, ImageView<std::uint8_t> map,
-                                       Workspace& workspace) noexcept {
+// Makes those pieces unlike the sky that are walls. topmost: the row of each column's topmost measurement, the height
+// where it has none.
+[[nodiscard]] inline Status drop_walls(ImageView<const Rgb8> image, Span<const int> topmost, const SkyValues& values,
+                                       ImageView<std::uint8_t> map, Workspace& workspace) noexcept {
   const Shape shape = map.shape();
   const WorkspaceScope scope(workspace);
   ImageView<std::uint32_t> piece;
@@ -179,15 +179,10 @@ inline void number_even_pieces(ImageView<const Rgb8> image, ImageView<const std:
       }
     }
   };
-  const auto topmost = [&](int x) {
-    int y = 0;
-    while (y < shape.height && !is_valid_depth(depth(x, y))) ++y;
-    return y;
-  };
   int last_row = shape.height;  // of the sensor
-  for (int x = 0; x < shape.width; ++x) last_row = std::min(last_row, topmost(x));
+  for (const int top : topmost) last_row = std::min(last_row, top);
   for (int x = 0; x < shape.width; ++x) {
-    const int top = topmost(x);
+    const int top = topmost[static_cast<std::size_t>(x)];
     int begin = top;
     while (begin > 0 && map(x, begin - 1) == values.surface) --begin;
     int above = begin - 1;
@@ -240,7 +235,7 @@ inline void number_even_pieces(ImageView<const Rgb8> image, ImageView<const std:
   });
   const bool crumbs = in_pieces < kLeastEven * open;
   each([&](int x, int y, const SkyPiece& p) {
-    const bool other = 2.0 * p.other > p.pixels && p.pixels < kSmaller * largest->pixels;
+    const bool other = largest != nullptr && 2.0 * p.other > p.pixels && p.pixels < kSmaller * largest->pixels;
     if (crumbs || p.goes_on() || other) map(x, y) = values.unlike;
   });
   return {};

@@ -84,16 +84,18 @@ inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera,
 }
 
 // Joins neighbouring points along a laser's lines (detail/fill/scan_lines.hpp), which lie farther apart than pixels do:
-// in the columns between them nothing would bar what is asked for. along: how much of 1/z neighbours may differ by.
-[[nodiscard]] inline Status join_lines(float along, ImageView<float> depth, Workspace& workspace) {
+// in the columns between them nothing would bar what is asked for. Gaps of a fence narrower than that are closed too.
+// along: how much of 1/z neighbours may differ by. depth: as measured, and gets what lies between.
+[[nodiscard]] inline Status join_lines(float along, ImageView<const float> measured, ImageView<float> depth,
+                                       Workspace& workspace) {
   const WorkspaceScope scope(workspace);
   ImageView<std::int32_t> steps;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(depth.shape(), steps));
   for (int y = 0; y < depth.height(); ++y) {
     for (int x = 0; x < depth.width(); ++x) {
-      const bool given = is_valid_depth(depth(x, y));
+      const bool given = is_valid_depth(measured(x, y));
       steps(x, y) = given ? 0 : 1;
-      depth(x, y) = given ? 1.0F / depth(x, y) : 0.0F;
+      depth(x, y) = given ? 1.0F / measured(x, y) : 0.0F;
     }
   }
   for (int y = 0; y < depth.height(); ++y) {
@@ -101,7 +103,12 @@ inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera,
       if (steps(x, y) == 0) depth_detail::join_along_line(along, ObjectMap{}, x, y, depth, steps);
     }
   }
-  for (float& z : depth.pixels()) z = z > 0.0F ? 1.0F / z : 0.0F;
+  for (int y = 0; y < depth.height(); ++y) {
+    for (int x = 0; x < depth.width(); ++x) {
+      float& z = depth(x, y);
+      z = is_valid_depth(measured(x, y)) ? measured(x, y) : (z > 0.0F ? 1.0F / z : 0.0F);
+    }
+  }
   return {};
 }
 
@@ -169,7 +176,7 @@ inline constexpr float kFarGround_m = 100.0F;
   ImageView<float> lines;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(measured.shape(), lines));
   copy_pixels(ImageView<const float>(measured), lines);
-  if (along > 0.0F) NPSIM_RETURN_IF_ERROR(join_lines(along, lines, workspace));
+  if (along > 0.0F) NPSIM_RETURN_IF_ERROR(join_lines(along, measured, lines, workspace));
   Span<float> scale;  // measured depth over the plane's, per column; 0: no ground there
   NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(width), scale));
   const auto down = [&](int x, int y) { return fall_of_ray(ground, camera, x, y); };
