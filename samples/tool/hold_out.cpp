@@ -79,7 +79,7 @@ enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut, kNeither };  // neither g
   return roles;
 }
 
-// All pixels of one role whose label belongs to the set.
+// All pixels of one role that are in the group.
 [[nodiscard]] io::Image<std::uint8_t> mask_of(const SceneView& scene, const io::Image<std::uint8_t>& roles, Role role,
                                               std::size_t group) {
   io::Image<std::uint8_t> mask(roles.shape());

@@ -38,6 +38,7 @@
 #include "npsim/depth/detail/fill/orphans.hpp"
 #include "npsim/depth/detail/fill/scan_lines.hpp"
 #include "npsim/depth/detail/fill/second_order.hpp"
+#include "npsim/depth/detail/grow.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -307,13 +308,8 @@ enum class FillReach { same_object, any_surface, anything };
 // Nearest valid pixel along paths, by raster passes to and fro until nothing changes, at most 16 times. Pixels in
 // windings that 16 passes do not reach count as unreached, which is a worse start and not an error.
 inline void spread(FillState& state, FillReach reach) noexcept {
-  bool changed = true;
-  for (int pass = 0; pass < 16 && changed; ++pass) {
-    changed = false;
-    sweep_to_and_fro(state.w.shape(), [&](int x, int y, int from_x, int from_y) {
-      if (relax(state, reach, x, y, from_x, from_y)) changed = true;
-    });
-  }
+  settle(state.w.shape(),
+         [&](int x, int y, int from_x, int from_y) { return relax(state, reach, x, y, from_x, from_y); });
 }
 
 // A start value for every pixel: from its region, else from its class' plane, else from what it is a part of

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Spreads a value through a map of bytes to what may take it and touches it.
+// Spreads what pixels have to their neighbours: passes until nothing changes, and a value through a map of bytes.
 #ifndef NPSIM_DEPTH_DETAIL_GROW_HPP
 #define NPSIM_DEPTH_DETAIL_GROW_HPP
 
@@ -12,19 +12,27 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 namespace depth_detail {
 
-// Turns (x, y) into `to` where it may, may(x, y, from_x, from_y), become what its neighbour (from_x, from_y) is, by
-// raster passes to and fro; at most 16, which leaves only windings.
-template <class May>
-void grow_from(ImageView<std::uint8_t> map, std::uint8_t to, May&& may) noexcept {
+// Passes over the image to and fro, step(x, y, from_x, from_y) for each pixel and its neighbours behind it, until no
+// step says that it changed anything; at most 16 times, which leaves only windings.
+template <class Step>
+void settle(Shape shape, Step&& step) noexcept {
   bool changed = true;
   for (int pass = 0; pass < 16 && changed; ++pass) {
     changed = false;
-    sweep_to_and_fro(map.shape(), [&](int x, int y, int from_x, int from_y) {
-      if (map(x, y) == to || map(from_x, from_y) != to || !may(x, y, from_x, from_y)) return;
-      map(x, y) = to;
-      changed = true;
+    sweep_to_and_fro(shape, [&](int x, int y, int from_x, int from_y) {
+      if (step(x, y, from_x, from_y)) changed = true;
     });
   }
+}
+
+// Turns (x, y) into `to` where it may, may(x, y, from_x, from_y), become what its neighbour (from_x, from_y) is.
+template <class May>
+void grow_from(ImageView<std::uint8_t> map, std::uint8_t to, May&& may) noexcept {
+  settle(map.shape(), [&](int x, int y, int from_x, int from_y) {
+    if (map(x, y) == to || map(from_x, from_y) != to || !may(x, y, from_x, from_y)) return false;
+    map(x, y) = to;
+    return true;
+  });
 }
 
 // The same by the value alone: may(value).

@@ -38,63 +38,13 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/detail/given/sky_map.hpp"
 #include "npsim/depth/detail/given/sky_walls.hpp"
 #include "npsim/depth/detail/grow.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
 namespace depth_detail {
-
-inline constexpr std::uint8_t kSky = 0;
-inline constexpr std::uint8_t kSurface = 1;
-inline constexpr std::uint8_t kLike = 2;    // looks like the sky
-inline constexpr std::uint8_t kUnlike = 3;  // does not
-inline constexpr std::uint8_t kBeside = 4;  // does, above all of its column, though beside what was measured
-
-using ByteHistogram = std::array<double, 256>;
-
-// Two classes of bytes: below `level`, and from there on. level 256: one would hold less than 2 %.
-struct TwoClasses {
-  int level = 256;
-  double low_mean = 0;
-  double high_mean = 0;
-};
-[[nodiscard]] inline TwoClasses two_classes(const ByteHistogram& histogram) noexcept {
-  double sum = 0;
-  double count = 0;
-  for (int l = 0; l < 256; ++l) {
-    sum += histogram[static_cast<std::size_t>(l)] * l;
-    count += histogram[static_cast<std::size_t>(l)];
-  }
-  TwoClasses best;
-  double best_spread = 0;
-  double low = 0;
-  double low_sum = 0;
-  for (int l = 1; l < 256; ++l) {
-    low += histogram[static_cast<std::size_t>(l - 1)];
-    low_sum += histogram[static_cast<std::size_t>(l - 1)] * (l - 1);
-    const double high = count - low;
-    if (low < 0.02 * count || high < 0.02 * count || !(low > 0) || !(high > 0)) continue;
-    const double low_mean = low_sum / low;
-    const double high_mean = (sum - low_sum) / high;
-    const double spread = low * high * (high_mean - low_mean) * (high_mean - low_mean);
-    if (!(spread > best_spread)) continue;
-    best_spread = spread;
-    best = {l, low_mean, high_mean};
-  }
-  return best;
-}
-
-[[nodiscard]] inline int quantile_of(const ByteHistogram& histogram, double share) noexcept {
-  double count = 0;
-  for (const double n : histogram) count += n;
-  double below = 0;
-  for (int l = 0; l < 256; ++l) {
-    below += histogram[static_cast<std::size_t>(l)];
-    if (below >= share * count) return l;
-  }
-  return 255;
-}
 
 // The rows where the sensor's field of view begins: the topmost measurement in a sixteenth of the width and in the one
 // to either side.
@@ -317,7 +267,7 @@ template <class Far>
       if (surface(x, y) != kSurface) surface(x, y) = look.of(image(x, y)) ? kLike : kUnlike;
     }
   }
-  NPSIM_RETURN_IF_ERROR(drop_walls(image, topmost, {kSurface, kLike, kUnlike}, surface, workspace));
+  NPSIM_RETURN_IF_ERROR(drop_walls(image, topmost, surface, workspace));
   for (int x = 0; x < shape.width; ++x) {
     const int open = max_of(topmost_in(x - kReach, x), topmost_in(x, x + kReach));  // to one side at least
     for (int y = 0; y < open; ++y) {

@@ -17,7 +17,6 @@
 #define NPSIM_DEPTH_DETAIL_GIVEN_SKY_WALLS_HPP
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -29,6 +28,8 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/detail/given/sky_map.hpp"
+#include "npsim/depth/detail/grow.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -71,13 +72,6 @@ struct SkyPiece {
          allocation_bytes<Vec3f>(2 * static_cast<std::size_t>(shape.width));
 }
 
-[[nodiscard]] inline int luma(const Rgb8& c) noexcept { return (c.r + 2 * c.g + c.b) / 4; }
-
-[[nodiscard]] inline int difference(const Rgb8& a, const Rgb8& b) noexcept {
-  const auto off = [](int u, int v) { return u > v ? u - v : v - u; };
-  return max_of(off(a.r, b.r), off(a.g, b.g), off(a.b, b.b));
-}
-
 [[nodiscard]] inline std::size_t darkest_channel(const Rgb8& c) noexcept {
   return static_cast<std::size_t>(std::min({c.r, c.g, c.b}));
 }
@@ -100,17 +94,9 @@ struct SkyPiece {
   return max_of(std::fabs(a.x - b.x), std::fabs(a.y - b.y), std::fabs(a.z - b.z));
 }
 
-// Values of a map of what is sky: below the topmost measurements; looks like the sky; does not.
-struct SkyValues {
-  std::uint8_t surface;
-  std::uint8_t like;
-  std::uint8_t unlike;
-};
-
 // piece: the index of the first pixel of each pixel's piece. means: two rows. links: scratch.
-inline void number_even_pieces(ImageView<const Rgb8> image, ImageView<const std::uint8_t> map, std::uint8_t like,
-                               Span<Vec3f> means, ImageView<std::uint8_t> links,
-                               ImageView<std::uint32_t> piece) noexcept {
+inline void number_even_pieces(ImageView<const Rgb8> image, ImageView<const std::uint8_t> map, Span<Vec3f> means,
+                               ImageView<std::uint8_t> links, ImageView<std::uint32_t> piece) noexcept {
   constexpr std::uint8_t kLeft = 1;
   constexpr std::uint8_t kUp = 2;
   const Shape shape = map.shape();
@@ -122,26 +108,21 @@ inline void number_even_pieces(ImageView<const Rgb8> image, ImageView<const std:
       piece(x, y) =
           static_cast<std::uint32_t>(y) * static_cast<std::uint32_t>(shape.width) + static_cast<std::uint32_t>(x);
       links(x, y) = 0;
-      if (map(x, y) != like) continue;
+      if (map(x, y) != kLike) continue;
       const Vec3f mean = mean_colour(image, x, y, 1, 1);
       mean_at(x, y) = mean;
-      const bool left = x > 0 && map(x - 1, y) == like && largest_difference(mean, mean_at(x - 1, y)) <= kEvenMeans;
-      const bool up = y > 0 && map(x, y - 1) == like && largest_difference(mean, mean_at(x, y - 1)) <= kEvenMeans;
+      const bool left = x > 0 && map(x - 1, y) == kLike && largest_difference(mean, mean_at(x - 1, y)) <= kEvenMeans;
+      const bool up = y > 0 && map(x, y - 1) == kLike && largest_difference(mean, mean_at(x, y - 1)) <= kEvenMeans;
       links(x, y) = static_cast<std::uint8_t>((left ? kLeft : 0) | (up ? kUp : 0));
     }
   }
-  bool changed = true;
-  for (int pass = 0; pass < 16 && changed; ++pass) {
-    changed = false;
-    sweep_to_and_fro(shape, [&](int x, int y, int from_x, int from_y) {
-      if (piece(from_x, from_y) >= piece(x, y)) return;
-      const bool linked =
-          from_x != x ? (links(max_of(x, from_x), y) & kLeft) != 0 : (links(x, max_of(y, from_y)) & kUp) != 0;
-      if (!linked) return;
-      piece(x, y) = piece(from_x, from_y);
-      changed = true;
-    });
-  }
+  settle(shape, [&](int x, int y, int from_x, int from_y) {
+    if (piece(from_x, from_y) >= piece(x, y)) return false;
+    const bool linked =
+        from_x != x ? (links(max_of(x, from_x), y) & kLeft) != 0 : (links(x, max_of(y, from_y)) & kUp) != 0;
+    if (linked) piece(x, y) = piece(from_x, from_y);
+    return linked;
+  });
 }
 
 // Whether from the measurement in row `top` up to the row `above` of a piece the picture goes on.
@@ -155,9 +136,30 @@ inline void number_even_pieces(ImageView<const Rgb8> image, ImageView<const std:
   return true;
 }
 
-// Makes those pieces unlike the sky that are walls. topmost: the row of each column's topmost measurement, the height
-// where it has none.
-[[nodiscard]] inline Status drop_walls(ImageView<const Rgb8> image, Span<const int> topmost, const SkyValues& values,
+// The columns' votes. topmost: the row of each column's topmost measurement, the height where it has none.
+// piece_at(x, y): the piece of a pixel that looks like the sky.
+template <class PieceAt>
+void vote_for_seams(ImageView<const Rgb8> image, Span<const int> topmost, ImageView<const std::uint8_t> map,
+                    const PieceAt& piece_at) noexcept {
+  const Shape shape = map.shape();
+  int last_row = shape.height;  // of the sensor
+  for (const int top : topmost) last_row = std::min(last_row, top);
+  for (int x = 0; x < shape.width; ++x) {
+    const int top = topmost[static_cast<std::size_t>(x)];
+    int begin = top;
+    while (begin > 0 && map(x, begin - 1) == kSurface) --begin;
+    int above = begin - 1;
+    while (above >= 0 && map(x, above) != kLike) --above;
+    above -= kSeamRows;  // beyond what an edge mixes
+    if (top == shape.height || top - begin > kSeamNear || above < 0 || map(x, above) != kLike) continue;
+    const bool at_last_row = top - last_row <= kLastRow * std::fabs(0.5 * shape.height - last_row);
+    SkyPiece& p = piece_at(x, above);
+    ++(at_last_row && is_seam(image, x, top, above) ? p.seams : p.edges);
+  }
+}
+
+// Makes those pieces unlike the sky that are walls. topmost: as above.
+[[nodiscard]] inline Status drop_walls(ImageView<const Rgb8> image, Span<const int> topmost,
                                        ImageView<std::uint8_t> map, Workspace& workspace) noexcept {
   const Shape shape = map.shape();
   const WorkspaceScope scope(workspace);
@@ -169,74 +171,48 @@ inline void number_even_pieces(ImageView<const Rgb8> image, ImageView<const std:
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, pieces));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, links));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(2 * static_cast<std::size_t>(shape.width), means));
-  number_even_pieces(image, map, values.like, means, links, piece);
+  number_even_pieces(image, map, means, links, piece);
   for (SkyPiece& p : pieces.pixels()) p = {};
   const auto piece_at = [&](int x, int y) -> SkyPiece& { return pieces.pixels()[piece(x, y)]; };
   const auto each = [&](const auto& f) {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
-        if (map(x, y) == values.like) f(x, y, piece_at(x, y));
+        if (map(x, y) == kLike) f(x, y, piece_at(x, y));
       }
     }
   };
-  int last_row = shape.height;  // of the sensor
-  for (const int top : topmost) last_row = std::min(last_row, top);
-  for (int x = 0; x < shape.width; ++x) {
-    const int top = topmost[static_cast<std::size_t>(x)];
-    int begin = top;
-    while (begin > 0 && map(x, begin - 1) == values.surface) --begin;
-    int above = begin - 1;
-    while (above >= 0 && map(x, above) != values.like) --above;
-    above -= kSeamRows;  // beyond what an edge mixes
-    if (top == shape.height || top - begin > kSeamNear || above < 0 || map(x, above) != values.like) continue;
-    const bool at_last_row = top - last_row <= kLastRow * std::fabs(0.5 * shape.height - last_row);
-    SkyPiece& p = piece_at(x, above);
-    ++(at_last_row && is_seam(image, x, top, above) ? p.seams : p.edges);
-  }
-  for (int x = 0; x < shape.width; ++x) {
-    if (map(x, 0) == values.like) ++piece_at(x, 0).pixels;
-  }
-  for (int x = 0; x < shape.width; ++x) {
-    SkyPiece& p = piece_at(x, 0);
-    p.at_whole_edge = p.at_whole_edge || p.pixels >= kWholeEdge * shape.width;
-    p.pixels = 0;
-  }
-  const SkyPiece* largest = nullptr;
-  double open = 0;  // pixels of what does not go on
-  each([&](int, int, SkyPiece& p) {
+  vote_for_seams(image, topmost, map, piece_at);
+  each([&](int, int y, SkyPiece& p) {
     ++p.pixels;
-    if (p.goes_on()) return;
-    open += 1;
-    if (largest == nullptr || p.pixels > largest->pixels) largest = &p;
+    if (y == 0 && p.pixels >= kWholeEdge * shape.width) p.at_whole_edge = true;
   });
+  const SkyPiece* largest = nullptr;
+  double open = 0;       // pixels of what does not go on
   double in_pieces = 0;  // of these
   const double crumb = kLeastPiece * static_cast<double>(shape.pixels());
-  std::array<std::uint32_t, 256> darkest{};
-  std::array<std::uint32_t, 256> blue{};
-  each([&](int x, int y, const SkyPiece& p) {
-    if (!p.goes_on() && p.pixels >= crumb) in_pieces += 1;
-    if (&p != largest) return;
-    ++darkest[darkest_channel(image(x, y))];
-    ++blue[image(x, y).b];
+  each([&](int, int, const SkyPiece& p) {
+    if (p.goes_on()) return;
+    open += 1;
+    if (p.pixels >= crumb) in_pieces += 1;
+    if (largest == nullptr || p.pixels > largest->pixels) largest = &p;
   });
-  const auto quantile = [&](const std::array<std::uint32_t, 256>& histogram, double share) {
-    int code = 0;
-    double below = histogram[0];
-    while (largest != nullptr && code < 255 && below < share * largest->pixels) {
-      below += histogram[static_cast<std::size_t>(++code)];
-    }
-    return code;
-  };
-  const int whitest = quantile(darkest, 1 - kExtreme) + kOtherThanSky;
-  const int least_blue = quantile(blue, kExtreme) - kOtherThanSky;
+  const bool crumbs = in_pieces < kLeastEven * open;
+  ByteHistogram darkest{};
+  ByteHistogram blue{};
+  each([&](int x, int y, const SkyPiece& p) {
+    if (&p != largest) return;
+    darkest[darkest_channel(image(x, y))] += 1;
+    blue[image(x, y).b] += 1;
+  });
+  const int whitest = quantile_of(darkest, 1 - kExtreme) + kOtherThanSky;
+  const int least_blue = quantile_of(blue, kExtreme) - kOtherThanSky;
   each([&](int x, int y, SkyPiece& p) {
     const Rgb8 c = image(x, y);
     p.other += static_cast<int>(darkest_channel(c)) > whitest || c.b < least_blue ? 1U : 0U;
   });
-  const bool crumbs = in_pieces < kLeastEven * open;
   each([&](int x, int y, const SkyPiece& p) {
     const bool other = largest != nullptr && 2.0 * p.other > p.pixels && p.pixels < kSmaller * largest->pixels;
-    if (crumbs || p.goes_on() || other) map(x, y) = values.unlike;
+    if (crumbs || p.goes_on() || other) map(x, y) = kUnlike;
   });
   return {};
 }

@@ -85,7 +85,7 @@ inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera,
 
 // Joins neighbouring points along a laser's lines (detail/fill/scan_lines.hpp), which lie farther apart than pixels do:
 // in the columns between them nothing would bar what is asked for. Gaps of a fence narrower than that are closed too.
-// along: how much of 1/z neighbours may differ by. depth: as measured, and gets what lies between.
+// along: how much of 1/z neighbours may differ by. depth: gets what was measured and what lies between.
 [[nodiscard]] inline Status join_lines(float along, ImageView<const float> measured, ImageView<float> depth,
                                        Workspace& workspace) {
   const WorkspaceScope scope(workspace);
@@ -175,8 +175,11 @@ inline constexpr float kFarGround_m = 100.0F;
   const WorkspaceScope scope(workspace);
   ImageView<float> lines;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(measured.shape(), lines));
-  copy_pixels(ImageView<const float>(measured), lines);
-  if (along > 0.0F) NPSIM_RETURN_IF_ERROR(join_lines(along, measured, lines, workspace));
+  if (along > 0.0F) {
+    NPSIM_RETURN_IF_ERROR(join_lines(along, measured, lines, workspace));
+  } else {
+    copy_pixels(ImageView<const float>(measured), lines);
+  }
   Span<float> scale;  // measured depth over the plane's, per column; 0: no ground there
   NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(width), scale));
   const auto down = [&](int x, int y) { return fall_of_ray(ground, camera, x, y); };
