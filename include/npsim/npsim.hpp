@@ -11,6 +11,7 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/core/circle.hpp"
 #include "npsim/core/config.hpp"
+#include "npsim/core/disjoint_sets.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/observe.hpp"

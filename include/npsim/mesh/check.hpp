@@ -39,6 +39,7 @@
 
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
+#include "npsim/core/disjoint_sets.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
@@ -46,7 +47,6 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
-#include "npsim/mesh/detail/components.hpp"
 #include "npsim/mesh/interpolate_rows.hpp"
 
 namespace npsim {

@@ -19,6 +19,7 @@
 
 #include "npsim/core/bits.hpp"
 #include "npsim/core/config.hpp"
+#include "npsim/core/disjoint_sets.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
@@ -62,25 +63,6 @@ namespace mesh_detail {
   NPSIM_RETURN_IF_ERROR(allocate_bits(shape, workspace, links.member));
   NPSIM_RETURN_IF_ERROR(allocate_bits(shape, workspace, links.left));
   return allocate_bits(shape, workspace, links.above);
-}
-
-// Root of i; halves the path on the way. Parents never exceed their children, so this ends after at most i steps.
-[[nodiscard]] inline std::uint32_t find_root(Span<std::uint32_t> parent, std::uint32_t i) noexcept {
-  while (parent[i] != i) {
-    parent[i] = parent[parent[i]];
-    i = parent[i];
-  }
-  return i;
-}
-
-inline void unite(Span<std::uint32_t> parent, std::uint32_t i, std::uint32_t j) noexcept {
-  const std::uint32_t a = find_root(parent, i);
-  const std::uint32_t b = find_root(parent, j);
-  if (a < b) {
-    parent[b] = a;
-  } else {
-    parent[a] = b;
-  }
 }
 
 // Follows the first pixel of the run that a pixel lies in, along one row.
