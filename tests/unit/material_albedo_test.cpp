@@ -320,6 +320,34 @@ TEST_CASE("a white roof that faces the sky stays white beside dark panes; on a d
   }
 }
 
+TEST_CASE("a pane's border is that of the picture: bonnet and doors that reach into the band of panes stay paint") {
+  // A red car of 100 x 60 px: roof, a pane that mirrors the sky, and a bonnet that is brighter than the doors, as it
+  // faces the sky, and reaches above the lower border of the band.
+  Picture p = street({1, 1, 1});
+  p.instances.assign(p.shape.pixels(), 0);
+  for (int y = 160; y < 220; ++y) {
+    for (int x = 280; x < 380; ++x) {
+      const std::size_t i = p.i(x, y);
+      p.labels[i] = label::car;
+      p.instances[i] = 26001;
+      const bool pane = y >= 163 && y < 177 && x < 330;
+      const bool seam = pane && (y == 163 || y == 176 || x == 329);
+      const float slope = static_cast<float>(y - 160) / 60.0F;  // from 1.9 of the doors' light to .9
+      const Vec3f paint = Vec3f{0.3F, 0.06F, 0.05F} * (y < 200 ? 1.9F - 1.2F * slope : 1.1F);
+      const Vec3f seen = seam ? Vec3f{0.01F, 0.01F, 0.01F} : pane ? Vec3f{0.55F, 0.6F, 0.65F} : paint;
+      p.day[i] = {encode(seen.x), encode(seen.y), encode(seen.z)};
+    }
+  }
+  REQUIRE(p.run().ok());
+  CHECK(mean(p, 285, 325, 166, 174) < 0.06);
+  const double doors = mean(p, 290, 370, 195, 205);
+  for (int y = 178; y < 195; ++y) {
+    INFO("row " << y);
+    CHECK(mean(p, 290, 370, y, y + 1) > 0.9 * doors);
+    CHECK(mean(p, 290, 370, y, y + 1) == doctest::Approx(mean(p, 290, 370, y + 1, y + 2)).epsilon(0.08));
+  }
+}
+
 TEST_CASE("a car whose doors a railing hides is not taken for glass and rubber") {
   Picture p = street({1, 1, 1});
   p.instances.assign(p.shape.pixels(), 0);
@@ -352,8 +380,8 @@ struct Ground {
       }
     }
   }
-  Status run(Picture& p) const {
-    AlbedoScene scene = p.scene(false);
+  Status run(Picture& p, bool with_labels = false) const {
+    AlbedoScene scene = p.scene(with_labels);
     scene.depth = ImageView<const float>(depth.data(), p.shape);
     scene.normals = ImageView<const Vec3f>(normals.data(), p.shape);
     scene.camera = {400, 400, 240, 120};
@@ -364,6 +392,73 @@ struct Ground {
                            serial);
   }
 };
+
+TEST_CASE("markings and rails on a cloudy day, slightly yellow in a picture with a cast, are no sun on the road") {
+  Picture p(480, 270);
+  // Four lines along the street .3 m wide, dashes of another, 1.2 m to 4 m beside the camera; a bar across, .5 m deep.
+  const auto painted = [](int x, int y) {
+    const float z = 1.5F * 400.0F / (static_cast<float>(y) + 0.5F - 120.0F);
+    const float across = (static_cast<float>(x) + 0.5F - 240.0F) / 400.0F * z;
+    for (const float line : {-1.6F, -1.1F, 1.2F, 1.9F}) {
+      if (std::fabs(across - line) < 0.15F) return true;
+    }
+    return std::fabs(z - 7.0F) < 0.25F || (std::fabs(across) < 0.15F && std::fmod(z, 3.0F) < 1.5F);
+  };
+  for (int y = 0; y < 270; ++y) {
+    for (int x = 0; x < 480; ++x) {
+      RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * 480 + x), 0);
+      const bool road = y >= 135;
+      const Vec3f colour = road && painted(x, y) ? Vec3f{0.26F, 0.25F, 0.23F} : Vec3f{0.072F, 0.075F, 0.075F};
+      const float v = road ? 0.9F + 0.2F * r.uniform() : 6.0F;
+      p.labels[p.i(x, y)] = road ? label::road : label::sky;
+      p.day[p.i(x, y)] = {encode(colour.x * v), encode(colour.y * v), encode(colour.z * v)};
+    }
+  }
+  REQUIRE(Ground().run(p, true).ok());
+  CHECK(!p.report.shadow);
+  double paint = 0, bare = 0, n_paint = 0, n_bare = 0;
+  for (int y = 170; y < 265; ++y) {
+    for (int x = 5; x < 475; ++x) {
+      const bool marked = painted(x, y);
+      (marked ? paint : bare) += static_cast<double>(luminance(p.albedo[p.i(x, y)]));
+      (marked ? n_paint : n_bare) += 1;
+    }
+  }
+  CHECK((paint / n_paint) / (bare / n_bare) > 2.5);  // of 3.4 by day
+}
+
+TEST_CASE("the dark joints beside rails are no shadow, though they are bluer than the road") {
+  Picture p(480, 270);
+  const auto joint = [](int x, int y) {
+    const float z = 1.5F * 400.0F / (static_cast<float>(y) + 0.5F - 120.0F);
+    const float across = (static_cast<float>(x) + 0.5F - 240.0F) / 400.0F * z;
+    for (const float line : {-2.0F, -0.6F, 0.9F, 2.3F}) {
+      if (std::fabs(across - line) < 0.08F) return true;
+    }
+    return false;
+  };
+  for (int y = 0; y < 270; ++y) {
+    for (int x = 0; x < 480; ++x) {
+      RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * 480 + x), 0);
+      const bool road = y >= 135;
+      const Vec3f colour = road && joint(x, y) ? Vec3f{0.028F, 0.031F, 0.037F} : Vec3f{0.11F, 0.11F, 0.11F};
+      const float v = road ? 0.9F + 0.2F * r.uniform() : 6.0F;
+      p.labels[p.i(x, y)] = road ? label::road : label::sky;
+      p.day[p.i(x, y)] = {encode(colour.x * v), encode(colour.y * v), encode(colour.z * v)};
+    }
+  }
+  REQUIRE(Ground().run(p, true).ok());
+  CHECK(p.report.ratio.y == 1.0F);
+  double dark = 0, bare = 0, n_dark = 0, n_bare = 0;
+  for (int y = 200; y < 265; ++y) {
+    for (int x = 5; x < 475; ++x) {
+      const bool in_joint = joint(x, y);
+      (in_joint ? dark : bare) += static_cast<double>(luminance(p.albedo[p.i(x, y)]));
+      (in_joint ? n_dark : n_bare) += 1;
+    }
+  }
+  CHECK((dark / n_dark) / (bare / n_bare) < 0.5);  // of .28 by day
+}
 
 TEST_CASE("without labels paint is brighter than the road that it is on, with and without a known ground") {
   Picture p = street({1, 1, 1});

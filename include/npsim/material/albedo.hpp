@@ -7,9 +7,9 @@
 // 3. Scale: asphalt in the sun meets the prior of detail/class_priors.hpp. All other ground, vehicles, people and things
 //    share this scale, so that a black car stays black; facades and plants, whose light differs by direction, meet
 //    their own priors.
-// 4. Standing things: detail/daylight/standing_light.hpp. On cars panes and tyres are told from paint by where they are
-//    and how they differ. What is brighter than panes_limit times an object's median is half drawn in, because much of
-//    it is the sky that paint and panes show.
+// 4. Standing things: detail/daylight/standing_light.hpp. On cars panes (detail/daylight/panes.hpp) and tyres are told
+//    from paint by where they are and how they differ. What is brighter than panes_limit times an object's median is
+//    half drawn in, because much of it is the sky that paint and panes show.
 // 5. Colour: the road's cast is divided out to the share that `cast_removal` states. What is saturated (a channel at or
 //    above saturated_level) or dark has no trustworthy colour and becomes grey; no channel leaves the bounds of paint.
 // 6. Bounds: a pixel further from its class's level than a factor of `free_ratio` is drawn in, by a slope, not cut, so
@@ -39,6 +39,7 @@
 #include "npsim/material/albedo_scene.hpp"
 #include "npsim/material/detail/class_priors.hpp"
 #include "npsim/material/detail/daylight/ground_light.hpp"
+#include "npsim/material/detail/daylight/panes.hpp"
 #include "npsim/material/detail/daylight/picture.hpp"
 #include "npsim/material/detail/daylight/standing_light.hpp"
 
@@ -90,6 +91,7 @@ struct Context {
   float cast[3] = {};  // log2 of the sun's channels over its luminance
   Plane light;         // log2 of luminance over albedo
   Plane sun;           // share of the sun
+  Plane pane;          // where cars may have panes, 0..1
 
   [[nodiscard]] Label label_at(int x, int y) const noexcept {
     if (scene.labels.empty()) return label::unlabeled;
@@ -206,12 +208,12 @@ Status light_objects(const StandingLightParams& p, Context& c, Workspace& worksp
 
 // Of four working pixels around a pixel of the photograph, those of its own region.
 struct Light {
-  float level, sun;
+  float level, sun, pane;
 };
 
 [[nodiscard]] inline Light light_at(const Context& c, int x, int y, std::uint8_t region) noexcept {
   const Picture& picture = c.picture;
-  if (picture.factor == 1) return {c.light(x, y), c.sun(x, y)};
+  if (picture.factor == 1) return {c.light(x, y), c.sun(x, y), c.pane(x, y)};
   const float inverse = 1.0F / static_cast<float>(picture.factor);
   const float fx = (static_cast<float>(x) + 0.5F) * inverse - 0.5F;
   const float fy = (static_cast<float>(y) + 0.5F) * inverse - 0.5F;
@@ -228,32 +230,30 @@ struct Light {
       const float w = wx * wy * (picture.region(u, v) == region ? 1.0F : 1e-4F);
       sum.level += w * c.light(u, v);
       sum.sun += w * c.sun(u, v);
+      sum.pane += w * c.pane(u, v);
       weight += w;
     }
   }
-  return {sum.level / weight, sum.sun / weight};
+  return {sum.level / weight, sum.sun / weight, sum.pane / weight};
 }
 
-// log2 albedo of a vehicle's pixel, told apart into paint, glass and tyres. What is darker than the paint is glass in
-// the panes' band and rubber at the bottom. What is brighter in that band is what a pane mirrors of the sky, less and
-// less from paint of half of kMirrored on; on paint brighter than that it is a white roof or tailgate.
-[[nodiscard]] inline float paint_or_glass(float log_albedo, float paint, float down) noexcept {
+// log2 albedo of a vehicle's pixel, told apart into paint, glass and tyres. What is darker than the paint is glass
+// where panes may be, and rubber towards the bottom. What is brighter in panes is what they mirror of the sky, less
+// and less from paint of half of kMirrored on; on paint brighter than that it is a white roof or tailgate.
+[[nodiscard]] inline float paint_or_glass(float log_albedo, float paint, float down, float pane) noexcept {
   constexpr float kDarkParts = -4.6F;  // log2 of .04
   constexpr float kMirrored = -1.4F;   // log2 of .38
   constexpr float kAlike = 0.3F, kUnlike = 0.7F;
   const float off = log_albedo - paint;
-  const bool in_panes = down > kPanesFrom && down < kPanesTo;
-  float w = 0.0F;
-  if (in_panes || down > kTyresFrom) w = clamp_to((-off - kAlike) / (kUnlike - kAlike), 0.0F, 1.0F);
-  if (in_panes && off > 0.0F) {
-    w = clamp_to((off - kAlike) / (kUnlike - kAlike), 0.0F, 1.0F) * clamp_to(kMirrored - paint, 0.0F, 1.0F);
-  }
+  const float unlike = clamp_to((std::fabs(off) - kAlike) / (kUnlike - kAlike), 0.0F, 1.0F);
+  const float tyres = clamp_to((down - kTyresFrom) / (1.0F - kTyresFrom), 0.0F, 1.0F);
+  const float w = unlike * (off > 0.0F ? pane * clamp_to(kMirrored - paint, 0.0F, 1.0F) : std::max(pane, tyres));
   return log_albedo + w * (std::min(kDarkParts, paint) - log_albedo);
 }
 
 // Steps 5 and 6 on one pixel whose luminance is free of light.
 [[nodiscard]] inline Vec3f bounded_albedo(const Context& c, Vec3f a, const Rgb8& seen, float trust, Label label,
-                                          std::size_t object, float down) {
+                                          std::size_t object, float down, float pane) {
   const AlbedoParams& p = c.params;
   // Codes below kDark are noise and compression more than colour.
   constexpr float kDark = 40.0F;
@@ -281,7 +281,7 @@ struct Light {
   float log_albedo = log2_of(lum);
   const float paint = object != 0 ? c.objects.median[object] : Objects::kNoMedian;
   if (p.remove_light && paint < Objects::kNoMedian) {
-    if (label == label::car) log_albedo = paint_or_glass(log_albedo, paint, down);
+    if (label == label::car) log_albedo = paint_or_glass(log_albedo, paint, down, pane);
     const float over = log_albedo - paint - log2_of(p.panes_limit);
     if (over > 0.0F) log_albedo -= (1.0F - kObjectSlope) * over;
   }
@@ -359,7 +359,7 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
     const float trust = region < kGroundRegions ? std::fabs(2.0F * light.sun - 1.0F) : (at_sky ? kTrustAtSky : 1.0F);
     const std::size_t object = c.objects.of(s, x, y);
     const float row = (static_cast<float>(y) + 0.5F) / static_cast<float>(f) - 0.5F;
-    out.albedo(x, y) = bounded_albedo(c, a, seen, trust, label, object, c.objects.down(object, row));
+    out.albedo(x, y) = bounded_albedo(c, a, seen, trust, label, object, c.objects.down(object, row), light.pane);
     if (!out.sun.empty()) out.sun(x, y) = light.sun;
   });
 }
@@ -397,7 +397,8 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
   using namespace daylight_detail;
   const Shape working = working_shape(shape);
   constexpr std::size_t kPlanes = kPicturePlanes + 2 + kGroundLightPlanes;
-  return kPlanes * allocation_bytes<float>(working.pixels()) + allocation_bytes<std::uint8_t>(working.pixels()) +
+  static_assert(2 + 1 + kPanePlanes <= kGroundLightPlanes);  // the ground's result, and where panes may be
+  return kPlanes * allocation_bytes<float>(working.pixels()) + 2 * allocation_bytes<std::uint8_t>(working.pixels()) +
          allocation_bytes<std::uint32_t>(static_cast<std::size_t>(kCellsY * kCellsC)) +
          allocation_bytes<LightCell>(static_cast<std::size_t>(kCellsY * kCellsC)) + kObjectsBytes +
          allocation_bytes<std::uint32_t>(4096) + kWorkspaceAlignment;
@@ -427,12 +428,14 @@ Status estimate_albedo(const AlbedoParams& p, const AlbedoScene& scene, Workspac
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.sun));
   GroundLightParams ground;
   ground.enabled = p.remove_light;
-  NPSIM_RETURN_IF_ERROR(find_ground_light(ground, c.picture, workspace, c.ground, executor));
+  NPSIM_RETURN_IF_ERROR(find_ground_light(ground, c.scene, c.picture, workspace, c.ground, executor));
   find_scale(c, histogram);
 
   const StandingLightParams standing;
   NPSIM_RETURN_IF_ERROR(place_sun(standing, c.picture, c.ground, workspace, c.sun, executor));
   NPSIM_RETURN_IF_ERROR(light_objects(standing, c, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.pane));
+  NPSIM_RETURN_IF_ERROR(find_panes({}, c.scene, c.picture, c.objects, workspace, c.pane));
   NPSIM_RETURN_IF_ERROR(light_classes(standing, c, histogram, workspace, executor));
   for_pixels(c.picture.shape(), executor, [&](int x, int y) {
     if (c.picture.region(x, y) == kNone) c.light(x, y) = c.scale;

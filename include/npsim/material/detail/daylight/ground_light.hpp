@@ -2,8 +2,9 @@
 // Sun and shadow on the ground, from the photograph alone: what casts the shadow is often no part of the picture.
 //
 // 1. Luminance and colour, smoothed within edges (guided filter), are fitted by a mixture of two lights: road first,
-//    then each other kind of ground with the same ratio of lights (light_mixture.hpp). No shadow found: the ground is
-//    left as it is, so that overcast scenes do not change.
+//    then each other kind of ground with the same ratio of lights (light_mixture.hpp). Stripes have no say: markings
+//    on a cloudy day are not the sun (stripes.hpp). No shadow found: the ground is left as it is, so that overcast
+//    scenes do not change.
 // 2. Posterior of each pixel, then mean field: neighbours that no edge of the picture separates share their light.
 // 3. The ratio of lights, per channel, is measured where it shows best: means on either side of shadows' edges, the
 //    median over all edges of the road.
@@ -29,9 +30,11 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/material/albedo_scene.hpp"
 #include "npsim/material/detail/daylight/light_mixture.hpp"
 #include "npsim/material/detail/daylight/picture.hpp"
 #include "npsim/material/detail/daylight/planes.hpp"
+#include "npsim/material/detail/daylight/stripes.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -40,6 +43,7 @@ namespace daylight_detail {
 struct GroundLightParams {
   bool enabled = true;
   LightMixtureParams mixture;
+  StripeParams stripes;
   float smooth_px = 4.0F;  // lengths are for 960 px width
   float smooth_epsilon = 0.02F;
   float field_px = 6.0F;
@@ -53,7 +57,8 @@ struct GroundLightParams {
   float paint_step = 0.6F;           // log2 of paint over what it is painted on, at least
   float paint_step_in_shade = 1.0F;  // where leaves let more or less of the sky through
   float contact_px = 30.0F;
-  float min_edge_drop = 0.75F;        // of the mixture's drop, measured at edges
+  float min_edge_drop = 0.85F;        // of the mixture's drop, measured at edges
+  float min_edge_bluer = 0.05F;       // log2(blue / red), measured at edges
   float min_drop_of_pavement = 1.0F;  // pavements are of several materials: weak light is not told from them
 };
 
@@ -118,12 +123,14 @@ static_assert(kGuidedFilterPlanes == 6 && kWindowMeanPlanes == 2);
 inline constexpr float kUsualStep[kGroundRegions] = {0.0F, 0.6F, 0.8F, 0.4F};
 
 // Step 1. The lights are looked for on the road, and on the pavement where all of the road lies in one of them.
-inline void fit_lights(const GroundLightParams& p, const Picture& picture, Plane smooth_y, Plane smooth_c,
-                       Span<std::uint32_t> histogram, Span<LightCell> cells, GroundLight& out) {
+inline void fit_lights(const GroundLightParams& p, const Picture& picture, ImageView<const std::uint8_t> stripe,
+                       Plane smooth_y, Plane smooth_c, Span<std::uint32_t> histogram, Span<LightCell> cells,
+                       GroundLight& out) {
   constexpr float kFewest = 200.0F;  // pixels
   const auto fit = [&](int kind, int lead) {
     const auto inside = [&](int x, int y) { return picture.region(x, y) == kind; };
-    const Span<LightCell> found = cells.sub(0, light_cells(inside, smooth_y, smooth_c, histogram, cells));
+    const auto plain = [&](int x, int y) { return inside(x, y) && stripe(x, y) == 0; };
+    const Span<LightCell> found = cells.sub(0, light_cells(plain, smooth_y, smooth_c, histogram, cells));
     LightMixture m;
     float n = 0.0F;
     for (const LightCell& c : found) n += c.count;
@@ -136,7 +143,6 @@ inline void fit_lights(const GroundLightParams& p, const Picture& picture, Plane
     if (lead < 0) {
       m = best_mixture(p.mixture, found, quantile(smooth_y, 0.3F), quantile(smooth_y, 0.6F), quantile(smooth_y, 0.9F),
                        quantile(smooth_c, 0.1F), colour);
-      if (!m.shadow) m.sun_y = middle;
     } else {
       const float levels[3] = {quantile(smooth_y, 0.2F), middle, quantile(smooth_y, 0.8F)};
       m = same_lights(p, out.mixture[lead], kUsualStep[kind] - kUsualStep[lead], found, levels, colour);
@@ -193,8 +199,8 @@ Status shadow_field(const GroundLightParams& p, const Picture& picture, Plane sm
 
 // Step 3.
 template <class Executor>
-Status measure_ratio(const GroundLightParams& p, const Picture& picture, Span<std::uint32_t> histogram,
-                     Workspace& workspace, GroundLight& out, Executor& executor) {
+Status measure_ratio(const GroundLightParams& p, const Picture& picture, ImageView<const std::uint8_t> stripe,
+                     Span<std::uint32_t> histogram, Workspace& workspace, GroundLight& out, Executor& executor) {
   const WorkspaceScope scope(workspace);
   const Shape shape = picture.shape();
   Plane pure, rows, lit_n, shade_n, lit, shade;
@@ -208,7 +214,7 @@ Status measure_ratio(const GroundLightParams& p, const Picture& picture, Span<st
       window_mean(is_lead, out.sun, picture.radius(p.edge_near_px), 0.0F, 0.5F, workspace, pure, executor));
   // Asphalt, not paint.
   const auto plain = [&](int x, int y, float level) {
-    return picture.region(x, y) == out.lead && std::fabs(picture.log_y(x, y) - level) < 1.0F;
+    return picture.region(x, y) == out.lead && stripe(x, y) == 0 && std::fabs(picture.log_y(x, y) - level) < 1.0F;
   };
   const auto is_lit = [&](int x, int y) { return pure(x, y) > 0.95F && plain(x, y, lead.sun_y) ? 1.0F : 0.0F; };
   const auto is_shade = [&](int x, int y) {
@@ -219,6 +225,7 @@ Status measure_ratio(const GroundLightParams& p, const Picture& picture, Span<st
   window_sum(is_shade, reach, rows, shade_n, executor);
   const float fewest = 0.1F * static_cast<float>((2 * reach + 1) * (2 * reach + 1));
   const auto both = [&](int x, int y) { return lit_n(x, y) > fewest && shade_n(x, y) > fewest; };
+  constexpr std::uint64_t kFewestPairs = 50;
   std::uint64_t pairs = 0;
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) pairs += both(x, y) ? 1U : 0U;
@@ -232,14 +239,14 @@ Status measure_ratio(const GroundLightParams& p, const Picture& picture, Span<st
   // Of the mixture, where no edge has both sides: colours by its drop and a blueness that is shared by the channels.
   out.ratio_y = lead.drop;
   out.ratio = {lead.drop + 0.6F * lead.bluer, lead.drop, lead.drop - 0.4F * lead.bluer};
-  if (pairs < 50) return {};
-  const float y = measure(picture.log_y);
-  out.ratio_y = y;
+  if (pairs < kFewestPairs) return {};
+  out.ratio_y = measure(picture.log_y);
   out.ratio = {measure(picture.log_rgb[0]), measure(picture.log_rgb[1]), measure(picture.log_rgb[2])};
   return {};
 }
 
-// Two lights without edges between them are one that changes slowly, such as the sky's gloss on a distant road.
+// One light, in which each kind of ground has its median. Two lights without edges between them are one that changes
+// slowly, such as the sky's gloss on a distant road.
 inline void forget_shadow(const Picture& picture, Plane smooth_y, Span<std::uint32_t> histogram, GroundLight& out) {
   out.shadow = false;
   out.ratio = {};
@@ -420,8 +427,8 @@ Status lift_contacts(const GroundLightParams& p, const Picture& picture, Plane s
 }
 
 template <class Executor>
-Status find_ground_light(const GroundLightParams& p, const Picture& picture, Workspace& workspace, GroundLight& out,
-                         Executor& executor) {
+Status find_ground_light(const GroundLightParams& p, const AlbedoScene& scene, const Picture& picture,
+                         Workspace& workspace, GroundLight& out, Executor& executor) {
   const Shape shape = picture.shape();
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.sun));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.level));
@@ -444,12 +451,17 @@ Status find_ground_light(const GroundLightParams& p, const Picture& picture, Wor
       guided_filter(ground, picture.log_y, picture.colour, radius, p.smooth_epsilon, workspace, smooth_c, executor));
   NPSIM_RETURN_IF_ERROR(
       guided_filter(ground, picture.log_y, picture.log_y, radius, p.smooth_epsilon, workspace, smooth_y, executor));
-  fit_lights(p, picture, smooth_y, smooth_c, histogram, cells, out);
+  ImageView<std::uint8_t> stripe;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, stripe));
+  NPSIM_RETURN_IF_ERROR(find_stripes(p.stripes, scene, picture, smooth_y, workspace, stripe, executor));
+  fit_lights(p, picture, stripe, smooth_y, smooth_c, histogram, cells, out);
   if (out.shadow) {
     NPSIM_RETURN_IF_ERROR(shadow_field(p, picture, smooth_y, smooth_c, workspace, out, executor));
-    NPSIM_RETURN_IF_ERROR(measure_ratio(p, picture, histogram, workspace, out, executor));
-    if (out.ratio_y < p.min_edge_drop * out.mixture[out.lead].drop) forget_shadow(picture, smooth_y, histogram, out);
+    NPSIM_RETURN_IF_ERROR(measure_ratio(p, picture, stripe, histogram, workspace, out, executor));
+    out.shadow =
+        out.ratio_y >= p.min_edge_drop * out.mixture[out.lead].drop && out.ratio.x - out.ratio.z >= p.min_edge_bluer;
   }
+  if (!out.shadow) forget_shadow(picture, smooth_y, histogram, out);
   if (out.shadow) NPSIM_RETURN_IF_ERROR(soften_edges(p, picture, smooth_c, workspace, out, executor));
   NPSIM_RETURN_IF_ERROR(level_layers(p, picture, workspace, out, executor));
   if (out.shadow) calm_edges(picture, out, executor);

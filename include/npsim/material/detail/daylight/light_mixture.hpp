@@ -31,7 +31,8 @@ struct LightMixtureParams {
   float min_drop = 0.7F;     // log2: the sun gives at least 1.6 times what the sky does
   float min_bluer = 0.08F;   // log2(blue / red)
   float max_bluer = 1.4F;    // of the drop: a sun of 3000 K under a sky of 15000 K. What is yellower is paint
-  float min_share = 0.005F;  // of the pixels, in sun and in shadow
+  float min_shade = 0.005F;  // of the pixels
+  float min_sunlit = 0.02F;  // of the pixels. Less is told from what is left of paint by nothing
   float min_gain = 1.0F;     // bits that two lights save over one, for each pixel of the rarer light
   float min_sigma_y = 0.2F, max_sigma_y = 0.6F;
   float min_sigma_c = 0.05F, max_sigma_c = 0.25F;
@@ -195,9 +196,8 @@ inline void improve(const LightMixtureParams& p, Span<const LightCell> cells, bo
         m.bluer = c.bluer;
         m.sunlit = 0.5F;
         for (int i = 0; i < kRounds; ++i) improve(p, cells, false, m);
-        const float rarer = std::min(m.sunlit, 1.0F - m.sunlit);
-        m.shadow =
-            m.drop >= p.min_drop && m.bluer >= p.min_bluer && m.bluer <= p.max_bluer * m.drop && rarer >= p.min_share;
+        m.shadow = m.drop >= p.min_drop && m.bluer >= p.min_bluer && m.bluer <= p.max_bluer * m.drop &&
+                   m.sunlit >= p.min_sunlit && 1.0F - m.sunlit >= p.min_shade;
         if (m.shadow != best.shadow ? m.shadow : m.fit > best.fit) best = m;
       }
     }
