@@ -215,6 +215,59 @@ TEST_CASE(
   CHECK(out == depth);
 }
 
+TEST_CASE("border spill: the ground under a car takes not its depth, wherever it lies and however high it is") {
+  constexpr Shape kShape{40, 160};
+  constexpr int kFoot = 60;   // the car's lowest row is above
+  constexpr int kUnder = 21;  // three reaches
+  constexpr float kCar_m = 10.0F;
+  for (const float raised_m : {0.0F, 0.12F}) {  // a road that lies over the plane of the whole
+    SpillView view;
+    view.camera = {500, 500, 20, 10};
+    view.ground.camera_height_m = 1.2F;
+    view.ground.inlier_share = 0.9F;
+    view.focal_baseline_px_m = 470.0F;
+    Image<float> depth(kShape);
+    Image<Label> labels(kShape, label::road);
+    const auto road_m = [&](int x, int y) {
+      return (1.2F - raised_m) / -dot(view.ground.up, unproject_pixel(view.camera, x, y, 1.0F));
+    };
+    const auto spilled = [&](int x, int y) { return x >= 10 && x < 30 && y >= kFoot && y < kFoot + 15; };
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        if (y < kFoot) labels(x, y) = label::car;
+        const float noise_px = 0.2F * static_cast<float>((x + y) % 3 - 1);
+        const float disparity = 470.0F / (y < kFoot ? kCar_m : road_m(x, y)) + noise_px;
+        depth(x, y) = 470.0F / (spilled(x, y) ? disparity + 1.5F : disparity);
+      }
+    }
+    const auto kept = [&](const SpillView& seen, const BorderSpillParams& params = {}) {
+      Image<float> out = depth;
+      const SerialExecutor executor;
+      REQUIRE(drop_border_spill(params, depth.view(), ObjectMap{labels.cview(), {}}, seen, out.view(), executor).ok());
+      return out;
+    };
+    const Image<float> out = kept(view);
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        CAPTURE(x);
+        CAPTURE(y);
+        CHECK(out(x, y) == (spilled(x, y) ? 0.0F : depth(x, y)));
+      }
+    }
+    BorderSpillParams off;
+    off.under_reaches = 0;
+    CHECK(kept(view, off) == depth);
+    SpillView unknown = view;
+    unknown.ground.inlier_share = 0.0F;
+    CHECK(kept(unknown) == depth);
+    // Of little road between a car and a kerb nothing is known.
+    for (int y = kFoot + kUnder + 10; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) labels(x, y) = label::sidewalk;
+    }
+    CHECK(kept(view) == depth);
+  }
+}
+
 TEST_CASE("border spill: one pixel, nothing measured, parameters and sizes out of range") {
   const SerialExecutor executor;
   Image<float> one({1, 1}, 3.0F);

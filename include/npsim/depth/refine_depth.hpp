@@ -217,7 +217,9 @@ namespace refine_detail {
 
 [[nodiscard]] constexpr BorderSpillParams scaled_spill(const RefineDepthParams& params, Shape shape) noexcept {
   BorderSpillParams spill = params.spill;
-  const float reach = static_cast<float>(spill.reach_px) * reference_scale(params, shape) + 0.5F;
+  const float scale = reference_scale(params, shape);
+  spill.under_px *= scale;
+  const float reach = static_cast<float>(spill.reach_px) * scale + 0.5F;
   spill.reach_px = static_cast<int>(reach < 128.0F ? reach : 128.0F);
   return spill;
 }

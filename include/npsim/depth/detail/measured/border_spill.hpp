@@ -15,11 +15,17 @@
 // on. Where the first is more than `contrast` times the second, samples of the far object within the reach, or in the
 // band, that lie nearer to the near object than to their own are spilled. Objects of which six reaches hold less than
 // half of these samples are left.
+// Down a column, below what stands on it, the ground is dark, and matching carries the depth of a bumper or a foot
+// further down: there the ground goes on in parallel to the ground plane, through the median of one reach of samples
+// farther down, and what is nearer than that by more than `under_px` within `under_reaches` is spilled. (On
+// three photographs by a stereo camera of .17 px of noise the excess is 1.5 to 3.4 px at the upper quartile and is gone
+// after 20 to 30 rows.)
 // Cost: about 15 ns per pixel; where near things stand side by side before a house, the widest band for each. Memory:
 // 1 KiB of stack.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_BORDER_SPILL_HPP
 #define NPSIM_DEPTH_DETAIL_MEASURED_BORDER_SPILL_HPP
 
+#include <algorithm>
 #include <cstddef>
 
 #include "npsim/core/algorithm.hpp"
@@ -38,14 +44,19 @@ inline namespace NPSIM_ABI {
 struct BorderSpillParams {
   int reach_px = 7;  // half a window of the matching; 0 switches the step off; at most 128
   float contrast = 1.2F;
+  int under_reaches = 3;  // below what stands on the ground; 0 switches that off
+  float under_px = 0.7F;  // of disparity, nearer than the ground farther down
   LabelSet ground = kGroundLabels;
   LabelSet paved = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground);  // lies in the plane
   LabelSet behind = kHouseLabels;  // go on behind what stands before them
 };
 
 [[nodiscard]] inline Status validate(const BorderSpillParams& p) noexcept {
-  if (p.reach_px >= 0 && p.reach_px <= 128 && p.contrast >= 1.0F) return {};
-  return {StatusCode::invalid_argument, "border spill: reach in 0..128, contrast at least 1"};
+  const bool good = p.reach_px >= 0 && p.reach_px <= 128 && p.contrast >= 1.0F && p.under_reaches >= 0 &&
+                    p.under_reaches <= 16 && p.under_px >= 0.0F;  // false for NaN
+  if (good) return {};
+  return {StatusCode::invalid_argument,
+          "border spill: reach in 0..128, contrast at least 1, reaches under things in 0..16, their px not negative"};
 }
 
 // How the scene was seen.
@@ -178,6 +189,26 @@ struct SpillLine {
     }
   }
 
+  // Ground begins at i, below what stands on it.
+  void drop_under(int i) const noexcept {
+    if (!(view.focal_baseline_px_m > 0.0F)) return;
+    const int reach = std::min(params.under_reaches * params.reach_px, 128);
+    const Continued plane = ground(i, 1);
+    float some[128];
+    int count = 0;
+    for (int k = reach; k < 3 * reach && count < reach && same(i + k, i); ++k) {
+      if (is_valid_depth(depth(i + k)) && plane(k) > 0.0F) some[count++] = 1.0F / (depth(i + k) * plane(k));
+    }
+    if (2 * count < reach || count == 0) return;
+    select_nth(some, some + count / 2, some + count);
+    const float ratio = some[count / 2];  // of the plane's height below the camera to the ground's
+    const float least = params.under_px / view.focal_baseline_px_m;
+    for (int k = 0; k < reach && same(i + k, i); ++k) {
+      const float z = depth(i + k);
+      if (is_valid_depth(z) && 1.0F / z - ratio * plane(k) > least) kept(x(i + k), y(i + k)) = 0.0F;
+    }
+  }
+
   void drop_all() const noexcept {
     const bool knows_ground = view.ground.inlier_share > 0.0F && view.ground.camera_height_m > 1e-3F;
     for (int i = 1; i < size(); ++i) {
@@ -186,6 +217,7 @@ struct SpillLine {
       const bool ground_after = is_ground(i);
       if (!ground_before && (!ground_after || (knows_ground && is_paved(i)))) drop(i, 1);
       if (!ground_after && (!ground_before || (knows_ground && is_paved(i - 1)))) drop(i - 1, -1);
+      if (column && knows_ground && !ground_before && is_paved(i)) drop_under(i);
     }
   }
 };
