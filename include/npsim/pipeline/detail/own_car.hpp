@@ -123,8 +123,9 @@ inline Status show_own_car(const SceneView& scene, float f0, ImageView<Vec3f> ni
     const int first = bonnet[static_cast<std::size_t>(x)];
     for (int y = std::max(first, 1); y < shape.height; ++y) {
       const auto below = static_cast<float>(y - first);
-      const float from = rows_above(below, scene.camera.fy);
-      const float to = rows_above(below + 1.0F, scene.camera.fy);
+      const auto rows = static_cast<float>(shape.height);
+      const float from = std::min(rows_above(below, scene.camera.fy), rows);
+      const float to = std::min(rows_above(below + 1.0F, scene.camera.fy), rows);
       const float away = 1.0F - std::min(0.25F * (from + to) / scene.camera.fy, 1.0F);
       const float reflectance = f0 + (1.0F - f0) * away * away * away * away * away;
       // The rows that are pressed together in this one.

@@ -187,7 +187,7 @@ inline void improve(const LightMixtureParams& p, Span<const LightCell> cells, bo
   const Colours colours[] = {{middle_c - 0.05F, 0.1F}, {middle_c - 0.2F, 0.4F}, {low_c, 1.0F}};
   LightMixture best;
   for (const float sun_y : {low_y, middle_y, high_y}) {
-    for (const float drop : {1.0F, 1.8F, 2.8F}) {
+    for (const float drop : {1.0F, 1.8F, 2.8F, 4.0F}) {
       for (const Colours& c : colours) {
         LightMixture m;
         m.sun_y = sun_y;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where a car may have panes: pieces of its picture, bounded by edges, that lie where panes do.
 //
-// Below the panes paint goes on, over doors, bonnet and boot; above them lies the roof. So a piece of even brightness
+// Below the panes paint goes on, over doors, bonnet and boot; above them lies the roof. So a piece without edges in it
 // that leaves the band of panes downwards, or lies above it for the most part, is paint as a whole, and what stays in
 // the band is a pane, or a part of what a pane mirrors, if it differs from the paint. The borders of pieces are those
 // of the picture: no straight line parts a door from its window.
@@ -15,6 +15,7 @@
 
 #include "npsim/core/config.hpp"
 #include "npsim/core/disjoint_sets.hpp"
+#include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
@@ -29,11 +30,12 @@ inline namespace NPSIM_ABI {
 namespace daylight_detail {
 
 struct PaneParams {
-  float even = 0.12F;         // log2 of luminance and of blue over red from pixel to pixel, within a piece
+  float edge = 0.3F;  // log2 of luminance or of blue over red, at least, over edge_height of the car
+  float edge_height = 0.04F;
   float leaves_band = 0.15F;  // of what lies in the band: as much as a pane may reach down
 };
 
-inline constexpr std::size_t kPanePlanes = 4;
+inline constexpr std::size_t kPanePlanes = 5;  // the last one of bytes
 
 // pane(x, y): 1 where a car may have a pane, else 0.
 inline Status find_panes(const PaneParams& p, const AlbedoScene& s, const Picture& picture, const Objects& objects,
@@ -43,6 +45,8 @@ inline Status find_panes(const PaneParams& p, const AlbedoScene& s, const Pictur
   Span<std::uint32_t> piece, roof, band, below;
   for (Span<std::uint32_t>* v : {&piece, &roof, &band, &below})
     NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), *v));
+  ImageView<std::uint8_t> edge;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, edge));
   const auto width = static_cast<std::size_t>(shape.width);
   const auto index = [&](int x, int y) { return static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x); };
   // 0: no car, or none of those that are told apart.
@@ -52,9 +56,18 @@ inline Status find_panes(const PaneParams& p, const AlbedoScene& s, const Pictur
     if (s.labels.empty() || s.labels(u, v) != label::car) return std::size_t{0};
     return objects.of(s, u, v);
   };
-  const auto even = [&](int x, int y, int u, int v) {
-    return std::fabs(picture.log_y(x, y) - picture.log_y(u, v)) < p.even &&
-           std::fabs(picture.colour(x, y) - picture.colour(u, v)) < p.even;
+  const auto is_edge = [&](int x, int y, std::size_t object) {
+    const auto rows = static_cast<float>(objects.bottom[object] - objects.top[object] + 1);
+    const int reach = 1 + static_cast<int>(0.5F * p.edge_height * rows);
+    const auto differs = [&](int dx, int dy) {
+      const int x0 = x - dx, y0 = y - dy, x1 = x + dx, y1 = y + dy;
+      if (!pane.contains(x0, y0) || !pane.contains(x1, y1) || car(x0, y0) != object || car(x1, y1) != object) {
+        return false;
+      }
+      return std::fabs(picture.log_y(x1, y1) - picture.log_y(x0, y0)) > p.edge ||
+             std::fabs(picture.colour(x1, y1) - picture.colour(x0, y0)) > p.edge;
+    };
+    return differs(reach, 0) || differs(0, reach);
   };
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
@@ -62,9 +75,10 @@ inline Status find_panes(const PaneParams& p, const AlbedoScene& s, const Pictur
       piece[own] = own;
       roof[own] = band[own] = below[own] = 0;
       const std::size_t object = car(x, y);
-      if (object == 0) continue;
-      if (x > 0 && car(x - 1, y) == object && even(x, y, x - 1, y)) unite(piece, own - 1, own);
-      if (y > 0 && car(x, y - 1) == object && even(x, y, x, y - 1)) {
+      edge(x, y) = object != 0 && is_edge(x, y, object) ? 1 : 0;
+      if (object == 0 || edge(x, y) != 0) continue;
+      if (x > 0 && car(x - 1, y) == object && edge(x - 1, y) == 0) unite(piece, own - 1, own);
+      if (y > 0 && car(x, y - 1) == object && edge(x, y - 1) == 0) {
         unite(piece, static_cast<std::uint32_t>(index(x, y - 1)), own);
       }
     }
