@@ -35,6 +35,7 @@
 #include "npsim/io/raw_picture.hpp"
 #include "npsim/io/scene_doubts.hpp"
 #include "npsim/io/scene_resize.hpp"
+#include "npsim/light/emitter.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "options.hpp"
 #include "outputs.hpp"
@@ -435,6 +436,14 @@ int run_night(const NightOptions& options) {
   }
   for (const std::string& doubt : doubts) {
     if (!options.quiet) std::fprintf(stderr, "  doubt: %s\n", doubt.c_str());
+  }
+  const bool dark =
+      options.assume_lamps_m <= 0 && std::none_of(scene.lights.begin(), scene.lights.end(),
+                                                  [](const LightMark& mark) { return is_street_lamp(mark.cls); });
+  if (dark && !options.quiet) {
+    std::fprintf(stderr,
+                 "  note: no street lamp is marked, so what headlamps do not reach stays dark; mark them, or "
+                 "--assume-lamps 8 lights a road of 8 m\n");
   }
   NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
   params.seed = options.seed;

@@ -3,10 +3,11 @@
 //
 // Markings, rails and the joints beside them are .1 to .5 m wide and metres long. Light and shadow hardly ever are:
 // flecks of the sun are short as well. Stripes say nothing of the lights that the ground lies in: white paint in one
-// light is as far above asphalt as the sun is above its shadow. The shadow of a pole is taken for a joint where it is as
-// narrow as one.
+// light is as far above asphalt as the sun is above its shadow. The shadow of a pole is taken for a joint where it is
+// as narrow as one.
 // A pixel is a stripe where the span until the ground differs by `step` is at most width_m, across the picture or away
-// from the camera, and at least length_m in some direction on the ground. Beyond the picture nothing is known to differ.
+// from the camera, and at least length_m in some direction on the ground. Beyond the picture nothing is known to
+// differ.
 // Cost: at most 64 samples a pixel of the road, and 600 where it is narrow. The same bits for any thread count.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_STRIPES_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_STRIPES_HPP
