@@ -194,14 +194,12 @@ struct SpillLine {
     if (!(view.focal_baseline_px_m > 0.0F)) return;
     const int reach = std::min(params.under_reaches * params.reach_px, 128);
     const Continued plane = ground(i, 1);
-    float some[128];
-    int count = 0;
-    for (int k = reach; k < 3 * reach && count < reach && same(i + k, i); ++k) {
-      if (is_valid_depth(depth(i + k)) && plane(k) > 0.0F) some[count++] = 1.0F / (depth(i + k) * plane(k));
-    }
-    if (2 * count < reach || count == 0) return;
-    select_nth(some, some + count / 2, some + count);
-    const float ratio = some[count / 2];  // of the plane's height below the camera to the ground's
+    int k0 = reach;
+    float farther_k = 0.0F;
+    const float farther = median(depth_m, i, 1, k0, 3 * reach, reach, farther_k);
+    const float there = plane.at + plane.slope * farther_k;
+    if (!(farther > 0.0F && there > 0.0F)) return;
+    const float ratio = farther / there;  // of the plane's height below the camera to the ground's
     const float least = params.under_px / view.focal_baseline_px_m;
     for (int k = 0; k < reach && same(i + k, i); ++k) {
       const float z = depth(i + k);

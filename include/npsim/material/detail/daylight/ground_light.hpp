@@ -461,8 +461,11 @@ Status find_ground_light(const GroundLightParams& p, const AlbedoScene& scene, c
     out.shadow =
         out.ratio_y >= p.min_edge_drop * out.mixture[out.lead].drop && out.ratio.x - out.ratio.z >= p.min_edge_bluer;
   }
-  if (!out.shadow) forget_shadow(picture, smooth_y, histogram, out);
-  if (out.shadow) NPSIM_RETURN_IF_ERROR(soften_edges(p, picture, smooth_c, workspace, out, executor));
+  if (out.shadow) {
+    NPSIM_RETURN_IF_ERROR(soften_edges(p, picture, smooth_c, workspace, out, executor));
+  } else {
+    forget_shadow(picture, smooth_y, histogram, out);
+  }
   NPSIM_RETURN_IF_ERROR(level_layers(p, picture, workspace, out, executor));
   if (out.shadow) calm_edges(picture, out, executor);
   return lift_contacts(p, picture, smooth_y, workspace, out, executor);

@@ -35,7 +35,7 @@ struct PaneParams {
   float leaves_band = 0.15F;  // of what lies in the band: as much as a pane may reach down
 };
 
-inline constexpr std::size_t kPanePlanes = 5;  // the last one of bytes
+inline constexpr std::size_t kPanePlanes = 5;  // the last one as two of bytes
 
 // pane(x, y): 1 where a car may have a pane, else 0.
 inline Status find_panes(const PaneParams& p, const AlbedoScene& s, const Picture& picture, const Objects& objects,
@@ -45,18 +45,21 @@ inline Status find_panes(const PaneParams& p, const AlbedoScene& s, const Pictur
   Span<std::uint32_t> piece, roof, band, below;
   for (Span<std::uint32_t>* v : {&piece, &roof, &band, &below})
     NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), *v));
-  ImageView<std::uint8_t> edge;
+  ImageView<std::uint8_t> car, edge;  // car: its object; 0: no car, or none of those that are told apart
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, car));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, edge));
   const auto width = static_cast<std::size_t>(shape.width);
   const auto index = [&](int x, int y) { return static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x); };
-  // 0: no car, or none of those that are told apart.
-  const auto car = [&](int x, int y) {
-    const int u = picture.middle_x(x, s.image.width());
-    const int v = picture.middle_y(y, s.image.height());
-    if (s.labels.empty() || s.labels(u, v) != label::car) return std::size_t{0};
-    return objects.of(s, u, v);
-  };
-  const auto is_edge = [&](int x, int y, std::size_t object) {
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const int u = picture.middle_x(x, s.image.width());
+      const int v = picture.middle_y(y, s.image.height());
+      const bool is_car = !s.labels.empty() && s.labels(u, v) == label::car;
+      car(x, y) = is_car ? static_cast<std::uint8_t>(objects.of(s, u, v)) : std::uint8_t{0};
+    }
+  }
+  const auto is_edge = [&](int x, int y) {
+    const std::uint8_t object = car(x, y);
     const auto rows = static_cast<float>(objects.bottom[object] - objects.top[object] + 1);
     const int reach = 1 + static_cast<int>(0.5F * p.edge_height * rows);
     const auto differs = [&](int dx, int dy) {
@@ -74,8 +77,8 @@ inline Status find_panes(const PaneParams& p, const AlbedoScene& s, const Pictur
       const auto own = static_cast<std::uint32_t>(index(x, y));
       piece[own] = own;
       roof[own] = band[own] = below[own] = 0;
-      const std::size_t object = car(x, y);
-      edge(x, y) = object != 0 && is_edge(x, y, object) ? 1 : 0;
+      const std::uint8_t object = car(x, y);
+      edge(x, y) = object != 0 && is_edge(x, y) ? 1 : 0;
       if (object == 0 || edge(x, y) != 0) continue;
       if (x > 0 && car(x - 1, y) == object && edge(x - 1, y) == 0) unite(piece, own - 1, own);
       if (y > 0 && car(x, y - 1) == object && edge(x, y - 1) == 0) {
@@ -85,7 +88,7 @@ inline Status find_panes(const PaneParams& p, const AlbedoScene& s, const Pictur
   }
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
-      const std::size_t object = car(x, y);
+      const std::uint8_t object = car(x, y);
       if (object == 0) continue;
       const std::uint32_t root = find_root(piece, static_cast<std::uint32_t>(index(x, y)));
       const float down = objects.down(object, static_cast<float>(y));

@@ -135,13 +135,11 @@ Status find_stripes(const StripeParams& p, const AlbedoScene& s, const Picture& 
     }
   });
   const WorkspaceScope scope(workspace);
-  Plane near;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), near));
-  const auto one = [](int, int) { return 1.0F; };
+  Plane rows, near;
+  for (Plane* plane : {&rows, &near}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), *plane));
   const auto is_stripe = [&](int x, int y) { return stripe(x, y) != 0 ? 1.0F : 0.0F; };
-  NPSIM_RETURN_IF_ERROR(
-      window_mean(one, is_stripe, picture.radius(p.border_px), 0.0F, 0.0F, workspace, near, executor));
-  for_pixels(picture.shape(), executor, [&](int x, int y) { stripe(x, y) = near(x, y) > 1e-3F ? 1 : 0; });
+  window_sum(is_stripe, picture.radius(p.border_px), rows, near, executor);
+  for_pixels(picture.shape(), executor, [&](int x, int y) { stripe(x, y) = near(x, y) > 0.5F ? 1 : 0; });
   return {};
 }
 
