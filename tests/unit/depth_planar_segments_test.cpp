@@ -329,6 +329,24 @@ TEST_CASE("planar segments: a gap in a small oriel keeps its fill, not the far w
   CHECK(s.of(120, 100) != s.of(120, 60));
 }
 
+TEST_CASE(
+    "planar segments: above what was measured a wall goes on, but not where the fill knows something much nearer") {
+  Street s;
+  s.wall(kFront, 25.0F, 0, 480);
+  s.measure();
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      s.measured(x, y) = 0.0F;
+      s.depth(x, y) = x >= 200 && x < 230 ? 8.0F : (x < 100 ? 17.5F : 33.0F);
+    }
+  }
+  REQUIRE(s.run().ok());
+  CHECK(s.depth(215, 30) == 8.0F);
+  CHECK(s.at(215, 30) == nullptr);
+  CHECK(s.depth(50, 30) == doctest::Approx(25.0F).epsilon(0.01));
+  CHECK(s.depth(300, 30) == doctest::Approx(25.0F).epsilon(0.01));
+}
+
 TEST_CASE("planar segments: the same bits in any order of work, and twice") {
   Street a = corner();
   a.measure();

@@ -28,16 +28,20 @@ namespace planes_detail {
 }
 
 // Of the same object's planes in the squares around the largest that the pixel lies on but for the noise; else the one
-// of its own cell where that fits, else the one that fits best, else none.
+// of its own cell where that fits, else the one that fits best, else none. Where nothing was measured it is the cell's,
+// unless that lies half as far again as what was made up there: seen at a grazing angle it runs off to its horizon, and
+// the cell holds something nearer as well.
 template <class PlaneOf, class Support>
 [[nodiscard]] std::uint16_t nearest_plane(const CellInput& in, const Grid& grid, Span<const Cell> cells,
                                           ImageView<const std::uint8_t> slots, const PlaneOf& plane_of,
                                           const Support& support, float inlier, int x, int y) noexcept {
   constexpr float kNoise = 1.5F;
+  constexpr float kRunsOff = 1.5F;
   const int column = x / grid.cell_px;
   const int row = y / grid.cell_px;
   const Cell* own = slots(x, y) != 0 ? &cells[grid.cell(column, row, slots(x, y) - 1)] : nullptr;
-  if (own != nullptr && own->blind && own->plane != kNoPlane && plane_of_ray(in, plane_of(own->plane), x, y) > 0.0F) {
+  if (own != nullptr && own->blind && own->plane != kNoPlane &&
+      plane_of_ray(in, plane_of(own->plane), x, y) * in.depth(x, y) > 1.0F / kRunsOff) {
     return own->plane;
   }
   std::uint16_t nearest = kNoPlane;
