@@ -37,6 +37,7 @@ struct Street {
     for (int y = 20; y < 36; ++y) {
       for (int x = 120; x < 136; ++x) plane_of(x, y) = 1;
     }
+    plane.support_px = 3000.0F;  // 2.7 m2
   }
   void put(int x0, int y0, int x1, int y1, Label label) {
     for (int y = y0; y < y1; ++y) {
@@ -102,6 +103,19 @@ TEST_CASE("street furniture: a sign is level and faces the camera; a wide column
         REQUIRE(s.normals(x, y) == before(x, y));
         REQUIRE(s.surface(x, y) == s.depth(x, y));
       }
+    }
+  }
+}
+
+TEST_CASE("street furniture: a small sign is one plate, also where parts of it lie on planes of noise") {
+  Street s;
+  s.plane.support_px = 900.0F;  // .8 m2
+  SerialExecutor serial;
+  REQUIRE(s.run(serial).ok());
+  for (int y = 20; y < 36; ++y) {
+    for (int x = 120; x < 136; ++x) {
+      REQUIRE(std::fabs(s.surface(x, y) - kPole_m) < 0.6F);
+      REQUIRE(s.normals(x, y).y == 0.0F);
     }
   }
 }

@@ -8,8 +8,10 @@
 //   Depth: the median of 1/z of the thing's pixels within reach_m along it, so as far as a straight pole keeps its depth.
 //   Normal of what is round: that of a cylinder across the shorter run: over the run it turns from side to side.
 //   Normal of a plate: level, towards the camera, for signs and signals face the traffic that sees them.
-// Invariant: pixels of other labels, what lies on a plane of its own and what is round but wider than max_width_m are
-// not touched. No pixel's new depth is outside of those around it on its thing. Deterministic. Cost: for each run of
+// Of a plate smaller than plane_m2 a plane of its own says little: at its outline matching bends it, and parts that lie on
+// no plane or on another one stand before it by more than noise, so that headlamps cast their shadows on it.
+// Invariant: pixels of other labels, what lies on a larger plane of its own and what is round but wider than max_width_m
+// are not touched. No pixel's new depth is outside of those around it on its thing. Deterministic. Cost: for each run of
 // such things the pixels within reach, at most kMaxSamples, and for each pixel its runs, at most kLongest_px long.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_STREET_FURNITURE_HPP
 #define NPSIM_DEPTH_DETAIL_MEASURED_STREET_FURNITURE_HPP
@@ -39,10 +41,11 @@ struct StreetFurnitureParams {
   LabelSet plates = LabelSet::of(label::traffic_sign, label::traffic_light);
   float reach_m = 1.5F;      // along the thing, to either side
   float max_width_m = 1.0F;  // of what is round: columns and groups have a shape that can be measured
+  float plane_m2 = 2.0F;     // of the plane of a plate: a larger one has the angle that was measured
 };
 
 [[nodiscard]] inline Status validate(const StreetFurnitureParams& p) noexcept {
-  const bool good = p.reach_m > 0.0F && std::isfinite(p.reach_m) && p.max_width_m > 0.0F;
+  const bool good = p.reach_m > 0.0F && std::isfinite(p.reach_m) && p.max_width_m > 0.0F && p.plane_m2 >= 0.0F;
   return good ? Status() : Status(StatusCode::invalid_argument, "street furniture: a parameter lies outside its range");
 }
 
@@ -116,6 +119,10 @@ template <class Executor>
         static_cast<int>(clamp_to(reach_px, 1.0F, static_cast<float>(stands ? shape.height : shape.width)));
     return typical_w(depth, objects, x, y, stands, across, reach);
   };
+  const auto is_small = [&](const PlanarSegment& plane, int x, int y) {
+    const float px_m2 = camera.fx * camera.fy / (depth(x, y) * depth(x, y));
+    return plane.support_px < params.plane_m2 * px_m2;
+  };
   const auto write = [&](int x, int y, bool plate, bool stands, const Run& across, float w) {
     const float focal = stands ? camera.fx : camera.fy;
     if (!(w > 0.0F) || (!plate && static_cast<float>(across.length()) > params.max_width_m * focal * w)) return;
@@ -140,7 +147,9 @@ template <class Executor>
         const bool person =
             params.persons.contains(label) && !objects.instances.empty() && objects.instances(x, y) != 0;
         if (!(plate || pole || person) || !is_valid_depth(depth(x, y))) continue;
-        if (planes.at(x, y) != nullptr) continue;
+        if (const PlanarSegment* plane = planes.at(x, y); plane != nullptr && !(plate && is_small(*plane, x, y))) {
+          continue;
+        }
         const Run row = run_along(objects, x, y, 1, 0);
         const Run column = run_along(objects, x, y, 0, 1);
         if (pole && column.length() < row.length()) {
