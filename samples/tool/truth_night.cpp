@@ -208,7 +208,7 @@ void add_unseen_lamps(const TrueLamps& lamps, std::vector<DrawnLamp>& drawn) {
   Workspace workspace(memory.data(), memory.size());
   SerialExecutor serial;
   const Status found =
-      find_retroreflectors({}, 0.0F, {}, scene.labels.view(), scene.albedo.view(), out.view(), workspace, serial);
+      find_retroreflectors({}, 0.0F, scene.labels.view(), scene.albedo.view(), out.view(), workspace, serial);
   return found.ok() ? out : io::Image<Retroreflector>(scene.shape());
 }
 

@@ -214,7 +214,7 @@ TEST_CASE("plant outlines: of what is given to a wall the leaves' depth is dropp
   }
   Image<float> kept = depth;
   SerialExecutor serial;
-  drop_depth_of_plants(Bush::wide(), drawn.cview(), now.cview(), depth.cview(), kept.view(), serial);
+  drop_depth_of_outlines(Bush::wide(), drawn.cview(), now.cview(), depth.cview(), kept.view(), serial);
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       const bool dropped = x == 20 || x == 22 || x == 23 || x == 30;

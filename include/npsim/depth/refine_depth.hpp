@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Section 3.4: the depth refinement kernel, from the depth as given to one that a mesh can be built on.
 //
-//   clear outlines of plants -> find the source -> fit the ground plane -> drop outliers, fill -> sharpen edges
+//   clear outlines of plants, signs -> find the source -> fit the ground plane -> drop outliers, fill -> sharpen edges
 //     -> anchor ground -> cross-bilateral filter (3.2) -> uncertain map (3.3) -> normal-guided refinement (3.6 - 3.9)
 //     -> faces of kerbs, or surfaces without the noise that was measured
 // The thesis has neither sharpening nor anchoring, and no kerbs. The first two, and the filter, mend what networks do
@@ -37,6 +37,7 @@
 #include "npsim/depth/detail/fill/fill_confidence.hpp"
 #include "npsim/depth/detail/given/outliers.hpp"
 #include "npsim/depth/detail/given/plant_outlines.hpp"
+#include "npsim/depth/detail/given/sign_outlines.hpp"
 #include "npsim/depth/detail/given/sky.hpp"
 #include "npsim/depth/detail/given/unlabelled_ground.hpp"
 #include "npsim/depth/detail/ground_contact.hpp"
@@ -82,6 +83,7 @@ struct RefineDepthParams {
   bool use_source = true;  // false: all depth is taken for a network's
   DepthSourceParams source;
   PlantOutlinesParams outlines;
+  bool sign_outlines = true;
   bool drop_outliers = true;
   OutlierParams outliers;
   FillParams fill;
@@ -124,6 +126,7 @@ struct RefineDepthParams {
     RefineDepthParams params;
     params.use_source = false;
     params.outlines.reach_px = 0;
+    params.sign_outlines = false;
     params.drop_outliers = false;
     params.sharpen.radius_px = 0;
     params.anchor.enabled = false;
@@ -149,12 +152,13 @@ struct RefineDepthParams {
 };
 
 struct RefinedDepth {
-  ImageView<float> depth;             // m; 0 where there is no surface
-  ImageView<float> mesh_depth;        // what a mesh is made of, where it is not that: of measured depth without its
-                                      // sensor's noise, of a network's with plants as they were given, of all with
-                                      // feet above the ground
-  ImageView<const Label> labels;      // the scene's, plants without what is behind them; without any, ground near its
-                                      // plane, else one class
+  ImageView<float> depth;       // m; 0 where there is no surface
+  ImageView<float> mesh_depth;  // what a mesh is made of, where it is not that: of measured depth without its
+                                // sensor's noise, of a network's with plants as they were given, of all with
+                                // feet above the ground
+  ImageView<const Label>
+      labels;  // the scene's, plants and signs without what is behind them; without any, ground near its
+               // plane, else one class
   ImageView<std::uint8_t> surface;    // 1 where the pixel shows a surface of the scene
   ImageView<std::uint8_t> uncertain;  // U of (3.3)
   ImageView<Vec3f> normals;           // that guided the refinement: given or derived, smoothed, the ground's made plain
@@ -292,7 +296,7 @@ namespace refine_detail {
       anchor_ground_workspace_bytes(shape),
       allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(pixels) + allocation_bytes<std::uint16_t>(pixels) +
           refine_detail::filter_workspace_bytes(params, shape),
-      plant_outlines_workspace_bytes(params.outlines, shape),
+      plant_outlines_workspace_bytes(params.outlines, shape), sign_outlines_workspace_bytes(shape),
       allocation_bytes<float>(pixels) + place_beyond_range_workspace_bytes(shape),
       planar_segments_workspace_bytes(params.planes, shape), uncertainty_workspace_bytes(params.uncertainty, shape),
       guiding_normals_workspace_bytes(params.normals, shape),
@@ -312,14 +316,18 @@ namespace refine_detail {
   return params.planes.enabled && scene.normals.empty() && !scene.labels.empty();
 }
 
-// labels: those of the scene with plants cut to their leaves, or of one class where the scene has none.
+// labels: those of the scene with plants cut to their leaves and signs to their plates, or of one class where the scene
+// has none.
 template <class Executor>
 [[nodiscard]] Status own_labels(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace,
                                 Executor& executor, ImageView<Label>& labels) {
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), labels));
   if (!scene.labels.empty()) {
-    return clear_plant_outlines(params.outlines, scene.image, scene.labels, scene.light_index, labels, workspace,
-                                executor);
+    NPSIM_RETURN_IF_ERROR(clear_plant_outlines(params.outlines, scene.image, scene.labels, scene.light_index, labels,
+                                               workspace, executor));
+    return params.sign_outlines
+               ? clear_sign_outlines(scene.image, scene.instances, scene.light_index, labels, workspace)
+               : Status();
   }
   for (Label& l : labels.pixels()) l = label::unlabeled;
   return {};
@@ -387,7 +395,7 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
   NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, out.ground));
   NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, objects, out, measured, executor));
-  if (!drawn.empty()) drop_depth_of_plants(params.outlines, drawn, scene.labels, scene.depth, measured, executor);
+  if (!drawn.empty()) drop_depth_of_outlines(params.outlines, drawn, scene.labels, scene.depth, measured, executor);
   const bool continued = scene.labels.empty() && out.ground.inlier_share > 0.0F;
   FillParams fill = params.fill;
   if (out.noise.power == 0) fill.edge_inverse += 1.2F * out.noise.amplitude;

@@ -25,7 +25,6 @@
 #ifndef NPSIM_MATERIAL_RETROREFLECTION_HPP
 #define NPSIM_MATERIAL_RETROREFLECTION_HPP
 
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -37,7 +36,6 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/material/detail/sign_rims.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -114,10 +112,10 @@ inline constexpr float kGrainWidth = 15.0F * kDegree;
   return value > 0.0F ? value : 0.0F;
 }
 
-// Memory: fourteen bytes a pixel.
+// Memory: nine bytes a pixel.
 [[nodiscard]] constexpr std::size_t find_retroreflectors_workspace_bytes(Shape shape) noexcept {
-  return 2 * allocation_bytes<std::uint32_t>(shape.pixels()) + allocation_bytes<float>(shape.pixels()) +
-         2 * allocation_bytes<std::uint8_t>(shape.pixels()) + kWorkspaceAlignment;
+  return allocation_bytes<std::uint32_t>(shape.pixels()) + allocation_bytes<float>(shape.pixels()) +
+         allocation_bytes<std::uint8_t>(shape.pixels()) + kWorkspaceAlignment;
 }
 
 namespace retro_detail {
@@ -232,10 +230,9 @@ void find_ground(const RetroreflectionParams& p, float wetness, ImageView<const 
   });
 }
 
-// Rims of more than half of a sign are none: it is as bright as the wall.
-[[nodiscard]] inline Status find_signs(const RetroreflectionParams& p, ImageView<const Rgb8> picture,
-                                       ImageView<const Label> labels, ImageView<const Vec3f> albedo,
-                                       ImageView<Retroreflector> out, Workspace& workspace) noexcept {
+[[nodiscard]] inline Status find_signs(const RetroreflectionParams& p, ImageView<const Label> labels,
+                                       ImageView<const Vec3f> albedo, ImageView<Retroreflector> out,
+                                       Workspace& workspace) noexcept {
   const Shape shape = out.shape();
   const WorkspaceScope scope(workspace);
   Span<std::uint32_t> list;
@@ -244,10 +241,6 @@ void find_ground(const RetroreflectionParams& p, float wetness, ImageView<const 
   NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), list));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), strongest));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, open));
-  ImageView<std::uint32_t> from;
-  ImageView<std::uint8_t> rim;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, from));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, rim));
   const auto width = static_cast<std::uint32_t>(shape.width);
   const auto is_sign = [&](int x, int y) { return labels.contains(x, y) && labels(x, y) == label::traffic_sign; };
   const auto is_inner = [&](std::uint32_t pixel) {
@@ -258,23 +251,10 @@ void find_ground(const RetroreflectionParams& p, float wetness, ImageView<const 
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) open(x, y) = is_sign(x, y) ? 1 : 0;
   }
-  const auto in_rim = [&](std::uint32_t pixel) {
-    return rim(static_cast<int>(pixel % width), static_cast<int>(pixel / width)) != 0;
-  };
-  if (picture.empty()) {
-    for (std::uint8_t& r : rim.pixels()) r = 0;
-  } else {
-    find_rims(picture, is_sign, list, from, rim);
-  }
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       if (open(x, y) == 0) continue;
-      std::size_t count = take_sign(open, x, y, list);
-      std::size_t kept = 0;
-      for (std::size_t i = 0; i < count; ++i) kept += in_rim(list[i]) ? 0U : 1U;
-      if (2 * kept >= count) {
-        count = static_cast<std::size_t>(std::remove_if(list.data(), list.data() + count, in_rim) - list.data());
-      }
+      const std::size_t count = take_sign(open, x, y, list);
       const Span<const std::uint32_t> pixels(list.data(), count);
       const float white = white_of_sign(albedo, pixels, is_inner, strongest);
       if (!(white > 0.0F)) continue;
@@ -288,23 +268,21 @@ void find_ground(const RetroreflectionParams& p, float wetness, ImageView<const 
 }  // namespace retro_detail
 
 // What each pixel shows. `wetness` as in roughness.hpp. `labels` may be empty or of one class: nothing is told apart.
-// `picture` (sRGB) tells signs from what is behind them within their outlines; empty: the outlines are exact.
 // Signs: by pieces of their label, because front and back are one object each.
 template <class Executor>
-Status find_retroreflectors(const RetroreflectionParams& p, float wetness, ImageView<const Rgb8> picture,
-                            ImageView<const Label> labels, ImageView<const Vec3f> albedo, ImageView<Retroreflector> out,
-                            Workspace& workspace, Executor& executor) {
+Status find_retroreflectors(const RetroreflectionParams& p, float wetness, ImageView<const Label> labels,
+                            ImageView<const Vec3f> albedo, ImageView<Retroreflector> out, Workspace& workspace,
+                            Executor& executor) {
   using namespace retro_detail;
   NPSIM_RETURN_IF_ERROR(validate(p));
   const Shape shape = out.shape();
-  if (albedo.shape() != shape || (!labels.empty() && labels.shape() != shape) ||
-      (!picture.empty() && picture.shape() != shape)) {
-    return Status(StatusCode::shape_mismatch, "retroreflection: picture, labels, albedo and output must have one size");
+  if (albedo.shape() != shape || (!labels.empty() && labels.shape() != shape)) {
+    return Status(StatusCode::shape_mismatch, "retroreflection: labels, albedo and output must have one size");
   }
   for (Retroreflector& r : out.pixels()) r = Retroreflector{};
   if (!p.on || labels.empty()) return {};
   find_ground(p, wetness, labels, albedo, out, executor);
-  return find_signs(p, picture, labels, albedo, out, workspace);
+  return find_signs(p, labels, albedo, out, workspace);
 }
 
 }  // namespace NPSIM_ABI

@@ -386,13 +386,13 @@ template <class Executor>
   return {};
 }
 
-// Drops the depth of what was given to a wall where it is the leaves': nearer to the mean of the first leaves to the
-// left, right, above and below than to that of the wall there, within twice the reach; without a wall there in any
-// case. drawn: the labels before. kept: depth, changed in place.
+// Drops the depth of what was given to a wall where it is that of the leaves or the sign before it: nearer to the mean
+// of the first of these to the left, right, above and below than to that of the wall there, within twice the reach;
+// without a wall there in any case. drawn: the labels before. kept: depth, changed in place.
 template <class Executor>
-void drop_depth_of_plants(const PlantOutlinesParams& params, ImageView<const Label> drawn,
-                          ImageView<const Label> labels, ImageView<const float> depth, ImageView<float> kept,
-                          Executor& executor) noexcept {
+void drop_depth_of_outlines(const PlantOutlinesParams& params, ImageView<const Label> drawn,
+                            ImageView<const Label> labels, ImageView<const float> depth, ImageView<float> kept,
+                            Executor& executor) noexcept {
   const int reach = 2 * depth_detail::PlantScale(params, depth.width()).reach;
   const auto first = [&](int x, int y, Label before, Label now) {  // mean of 1/z, 0: none
     constexpr int kSides[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
@@ -416,10 +416,10 @@ void drop_depth_of_plants(const PlantOutlinesParams& params, ImageView<const Lab
       const Label now = labels(x, y);
       if (drawn(x, y) == now || !is_valid_depth(depth(x, y))) continue;
       const float w = 1.0F / depth(x, y);
-      const float leaves = first(x, y, drawn(x, y), drawn(x, y));
+      const float before = first(x, y, drawn(x, y), drawn(x, y));
       const float wall = first(x, y, now, now);
-      const bool of_leaves = leaves > 0.0F && std::fabs(w - leaves) < std::fabs(w - wall);
-      if (!(wall > 0.0F) || of_leaves) kept(x, y) = 0.0F;
+      const bool in_front = before > 0.0F && std::fabs(w - before) < std::fabs(w - wall);
+      if (!(wall > 0.0F) || in_front) kept(x, y) = 0.0F;
     }
   });
 }

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+// Gives back what the outlines of signs have taken of what is behind them.
+//
+// Labels are drawn as polygons around signs, a little too wide or some pixels beside them. By day nobody sees it; at
+// night a sign shines by its sheeting, and the wall within its outline shines as a border that no sign has. So an
+// outline is walked from outside inwards for as long as the picture shows the colour of the pixel outside at which the
+// walk began, at most kReach of the picture's width, and what is walked over is of that pixel's class. A white border
+// before a white wall is lost with it; where half of a sign would go, or more, it keeps its outline.
+// Invariant: labels of other classes, signs with numbers of their own (which are drawn exactly) and pixels of marked
+// lamps stay. Deterministic.
+// Cost: some operations per pixel of signs. Memory: sign_outlines_workspace_bytes().
+#ifndef NPSIM_DEPTH_DETAIL_GIVEN_SIGN_OUTLINES_HPP
+#define NPSIM_DEPTH_DETAIL_GIVEN_SIGN_OUTLINES_HPP
+
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/algorithm.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/labels/cityscapes.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+
+[[nodiscard]] constexpr std::size_t sign_outlines_workspace_bytes(Shape shape) noexcept {
+  return 2 * allocation_bytes<std::uint32_t>(shape.pixels()) + allocation_bytes<std::uint8_t>(shape.pixels()) +
+         kWorkspaceAlignment;
+}
+
+namespace depth_detail {
+
+inline constexpr LabelSet kBehindSigns = LabelSet::of(label::building, label::wall, label::vegetation, label::sky);
+
+class SignOutlines {
+ public:
+  SignOutlines(ImageView<const Rgb8> picture, ImageView<const std::uint16_t> instances,
+               ImageView<const std::uint16_t> marks, ImageView<Label> labels) noexcept
+      : picture_(picture),
+        instances_(instances),
+        marks_(marks),
+        labels_(labels),
+        width_(static_cast<std::uint32_t>(labels.width())),
+        reach_px_(clamp_to(static_cast<int>(kReach * static_cast<float>(labels.width()) + 0.5F), 1, kFarthest)) {}
+
+  [[nodiscard]] Status allocate(Workspace& workspace) noexcept {
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(labels_.shape().pixels(), list_));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(labels_.shape(), from_));
+    return workspace.allocate_image(labels_.shape(), steps_);
+  }
+
+  void run() noexcept {
+    walk();
+    for (int y = 0; y < labels_.height(); ++y) {
+      for (int x = 0; x < labels_.width(); ++x) {
+        if (is_sign(x, y) && steps_(x, y) < kSeen) clear_sign(x, y);
+      }
+    }
+  }
+
+ private:
+  static constexpr float kReach = 1.0F / 160.0F;
+  static constexpr int kFarthest = 120;
+  static constexpr std::uint8_t kSeen = 128;  // added to the steps of what a sign was found to have
+  static constexpr int kNoise = 12;           // of 8 bits: sensor, compression, the wall's own grain
+  static constexpr int kX[4] = {1, -1, 0, 0};
+  static constexpr int kY[4] = {0, 0, 1, -1};
+
+  [[nodiscard]] bool is_sign(int x, int y) const noexcept {
+    if (!labels_.contains(x, y) || labels_(x, y) != label::traffic_sign) return false;
+    return (instances_.empty() || instances_(x, y) == 0) && (marks_.empty() || marks_(x, y) == 0);
+  }
+  [[nodiscard]] std::uint32_t pixel(int x, int y) const noexcept {
+    return static_cast<std::uint32_t>(y) * width_ + static_cast<std::uint32_t>(x);
+  }
+  [[nodiscard]] int x_of(std::uint32_t p) const noexcept { return static_cast<int>(p % width_); }
+  [[nodiscard]] int y_of(std::uint32_t p) const noexcept { return static_cast<int>(p / width_); }
+
+  [[nodiscard]] static bool near(std::uint8_t a, std::uint8_t b) noexcept { return (a > b ? a - b : b - a) <= kNoise; }
+  // From `outside` on, a step further.
+  void reach(int x, int y, std::uint32_t outside, int steps) noexcept {
+    const Rgb8 a = picture_(x, y);
+    const Rgb8 b = picture_(x_of(outside), y_of(outside));
+    if (steps_(x, y) != 0 || !near(a.r, b.r) || !near(a.g, b.g) || !near(a.b, b.b)) return;
+    steps_(x, y) = static_cast<std::uint8_t>(steps);
+    from_(x, y) = outside;
+    list_[count_++] = pixel(x, y);
+  }
+  void walk() noexcept {
+    for (std::uint8_t& s : steps_.pixels()) s = 0;
+    count_ = 0;
+    for (int y = 0; y < labels_.height(); ++y) {
+      for (int x = 0; x < labels_.width(); ++x) {
+        if (!is_sign(x, y)) continue;
+        for (int k = 0; k < 4; ++k) {
+          const int u = x + kX[k];
+          const int v = y + kY[k];
+          if (labels_.contains(u, v) && kBehindSigns.contains(labels_(u, v))) reach(x, y, pixel(u, v), 1);
+        }
+      }
+    }
+    for (std::size_t next = 0; next < count_; ++next) {
+      const int x = x_of(list_[next]);
+      const int y = y_of(list_[next]);
+      if (steps_(x, y) >= reach_px_) continue;
+      for (int k = 0; k < 4; ++k) {
+        if (is_sign(x + kX[k], y + kY[k])) reach(x + kX[k], y + kY[k], from_(x, y), steps_(x, y) + 1);
+      }
+    }
+  }
+
+  // Of the pixels that hang together with (x, y), which none was seen of.
+  void clear_sign(int x, int y) noexcept {
+    count_ = 0;
+    std::size_t walked = 0;
+    const auto see = [&](int u, int v) {
+      if (!is_sign(u, v) || steps_(u, v) >= kSeen) return;
+      walked += steps_(u, v) > 0 ? 1U : 0U;
+      steps_(u, v) = static_cast<std::uint8_t>(steps_(u, v) + kSeen);
+      list_[count_++] = pixel(u, v);
+    };
+    see(x, y);
+    for (std::size_t next = 0; next < count_; ++next) {
+      for (int k = 0; k < 4; ++k) see(x_of(list_[next]) + kX[k], y_of(list_[next]) + kY[k]);
+    }
+    if (2 * walked >= count_) return;
+    for (std::size_t i = 0; i < count_; ++i) {
+      const int u = x_of(list_[i]);
+      const int v = y_of(list_[i]);
+      if (steps_(u, v) > kSeen) labels_(u, v) = labels_(x_of(from_(u, v)), y_of(from_(u, v)));
+    }
+  }
+
+  ImageView<const Rgb8> picture_;
+  ImageView<const std::uint16_t> instances_;
+  ImageView<const std::uint16_t> marks_;
+  ImageView<Label> labels_;
+  std::uint32_t width_;
+  int reach_px_;
+  Span<std::uint32_t> list_;
+  std::size_t count_ = 0;
+  ImageView<std::uint32_t> from_;  // the pixel outside
+  ImageView<std::uint8_t> steps_;  // from it; 0: not walked over
+};
+
+}  // namespace depth_detail
+
+// labels: in place. instances, marks of lamps: 0: none; may be empty.
+[[nodiscard]] inline Status clear_sign_outlines(ImageView<const Rgb8> picture, ImageView<const std::uint16_t> instances,
+                                                ImageView<const std::uint16_t> marks, ImageView<Label> labels,
+                                                Workspace& workspace) noexcept {
+  const Shape shape = labels.shape();
+  const auto fits = [&](ImageView<const std::uint16_t> plane) { return plane.empty() || plane.shape() == shape; };
+  if (picture.shape() != shape || !fits(instances) || !fits(marks)) {
+    return {StatusCode::shape_mismatch, "sign outlines: all planes must have one shape"};
+  }
+  const WorkspaceScope scope(workspace);
+  NPSIM_RETURN_IF_ERROR(workspace.ensure(sign_outlines_workspace_bytes(shape)));
+  depth_detail::SignOutlines outlines(picture, instances, marks, labels);
+  NPSIM_RETURN_IF_ERROR(outlines.allocate(workspace));
+  outlines.run();
+  return {};
+}
+
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_DEPTH_DETAIL_GIVEN_SIGN_OUTLINES_HPP

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "npsim/depth/detail/given/sign_outlines.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cstdint>
+
+#include "fixture.hpp"
+
+using namespace npsim;
+using npsim_test::Image;
+
+namespace {
+
+constexpr Shape kShape{480, 60};  // a walk of three pixels
+constexpr Rgb8 kBlue{20, 40, 130};
+
+struct Wall {
+  Image<Rgb8> picture{kShape, Rgb8{120, 115, 100}};
+  Image<Label> labels{kShape, label::building};
+  Image<std::uint16_t> instances{kShape};
+  Image<std::uint16_t> marks{kShape};
+
+  Wall() {
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) picture(x, y).g = static_cast<std::uint8_t>(111 + (7 * x + 3 * y) % 9);
+    }
+  }
+  // A sign whose outline is drawn `rim` pixels too far to the left and below.
+  void sign(int x0, int size, int rim, const Rgb8& colour) {
+    for (int y = 10; y < 10 + size; ++y) {
+      for (int x = x0; x < x0 + size; ++x) {
+        labels(x, y) = label::traffic_sign;
+        if (x >= x0 + rim && y < 10 + size - rim) picture(x, y) = colour;
+      }
+    }
+  }
+  [[nodiscard]] Status clear() {
+    npsim_test::Scratch scratch(sign_outlines_workspace_bytes(kShape));
+    return clear_sign_outlines(picture.cview(), instances.cview(), marks.cview(), labels.view(), scratch.workspace());
+  }
+  [[nodiscard]] bool is_sign(int x, int y) const { return labels(x, y) == label::traffic_sign; }
+};
+
+}  // namespace
+
+TEST_CASE("sign outlines: what a loose outline takes of a grainy wall or of the sky is theirs again") {
+  Wall s;
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 300; x < kShape.width; ++x) {
+      s.picture(x, y) = {230, 235, 240};
+      s.labels(x, y) = label::sky;
+    }
+  }
+  s.sign(20, 30, 3, kBlue);
+  for (int y = 20; y < 30; ++y) {
+    for (int x = 30; x < 40; ++x) s.picture(x, y) = {120, 115, 100};  // a symbol of the wall's colour within it
+  }
+  s.sign(100, 30, 6, kBlue);  // more than an outline is ever off
+  for (int y = 10; y < 40; ++y) {
+    for (int x = 340; x < 370; ++x) {
+      s.labels(x, y) = label::traffic_sign;
+      if (x >= 343) s.picture(x, y) = kBlue;
+    }
+  }
+  REQUIRE(s.clear().ok());
+  for (int y = 10; y < 40; ++y) {
+    for (int x = 20; x < 50; ++x) CHECK(s.is_sign(x, y) == (x >= 23 && y < 37));
+    for (int x = 100; x < 127 && y >= 13; ++x) CHECK(s.is_sign(x, y) == (x >= 103 && y < 37));
+    for (int x = 340; x < 370; ++x) CHECK(s.labels(x, y) == (x < 343 ? label::sky : label::traffic_sign));
+  }
+}
+
+TEST_CASE("sign outlines: signs like the wall, with numbers, with lamps, or before a car keep their outline") {
+  Wall s;
+  s.sign(20, 8, 0, {120, 115, 100});
+  s.sign(60, 30, 3, kBlue);
+  s.sign(120, 30, 3, kBlue);
+  s.sign(180, 30, 3, kBlue);
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (x < 100 && x >= 60) s.instances(x, y) = s.is_sign(x, y) ? 1 : 0;
+      if (x < 160 && x >= 120) s.marks(x, y) = s.is_sign(x, y) ? 1 : 0;
+      if (x >= 170 && !s.is_sign(x, y)) s.labels(x, y) = label::car;
+    }
+  }
+  const Image<Label> before = s.labels;
+  REQUIRE(s.clear().ok());
+  CHECK(s.labels == before);
+  s.instances = Image<std::uint16_t>({4, 4});
+  CHECK(s.clear().code() == StatusCode::shape_mismatch);
+}
