@@ -71,7 +71,8 @@ TEST_CASE("sign outlines: what a loose outline takes of a grainy wall or of the 
   }
 }
 
-TEST_CASE("sign outlines: signs like the wall, with numbers, with lamps, or before a car keep their outline") {
+TEST_CASE(
+    "sign outlines: signs like the wall, with numbers, with lamps, before a car, or drawn exactly keep their outline") {
   Wall s;
   s.sign(20, 8, 0, {120, 115, 100});
   s.sign(60, 30, 3, kBlue);
@@ -83,6 +84,12 @@ TEST_CASE("sign outlines: signs like the wall, with numbers, with lamps, or befo
       if (x < 160 && x >= 120) s.marks(x, y) = s.is_sign(x, y) ? 1 : 0;
       if (x >= 170 && !s.is_sign(x, y)) s.labels(x, y) = label::car;
     }
+  }
+  s.sign(240, 30, 0, kBlue);
+  for (int y = 10; y < 40; ++y) {
+    s.labels(239, y) = s.labels(270, y) = label::building;
+    for (const int x : {236, 237, 238, 271, 272}) s.labels(x, y) = label::building;
+    s.picture(239, y) = s.picture(270, y) = {26, 46, 124};  // a blend with the wall
   }
   const Image<Label> before = s.labels;
   REQUIRE(s.clear().ok());

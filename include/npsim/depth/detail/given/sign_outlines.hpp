@@ -3,9 +3,9 @@
 //
 // Labels are drawn as polygons around signs, a little too wide or some pixels beside them. By day nobody sees it; at
 // night a sign shines by its sheeting, and the wall within its outline shines as a border that no sign has. So an
-// outline is walked from outside inwards for as long as the picture shows the colour of the pixel outside at which the
-// walk began, at most kReach of the picture's width, and what is walked over is of that pixel's class. A white border
-// before a white wall is lost with it; where half of a sign would go, or more, it keeps its outline.
+// outline is walked from outside inwards for as long as the picture shows the colour that it has a little further
+// outside of where the walk began, at most kReach of the picture's width; what is walked over is of the class there. A
+// white border before a white wall is lost with it; where half of a sign would go, or more, it keeps its outline.
 // Invariant: labels of other classes, signs with numbers of their own (which are drawn exactly) and pixels of marked
 // lamps stay. Deterministic.
 // Cost: some operations per pixel of signs. Memory: sign_outlines_workspace_bytes().
@@ -34,7 +34,7 @@ inline namespace NPSIM_ABI {
 
 namespace depth_detail {
 
-inline constexpr LabelSet kBehindSigns = LabelSet::of(label::building, label::wall, label::vegetation, label::sky);
+inline constexpr LabelSet kBehindSigns = LabelSet::of(label::building, label::wall, label::sky);
 
 class SignOutlines {
  public:
@@ -45,6 +45,7 @@ class SignOutlines {
         marks_(marks),
         labels_(labels),
         width_(static_cast<std::uint32_t>(labels.width())),
+        apart_px_(clamp_to(static_cast<int>(kApart * static_cast<float>(labels.width()) + 0.5F), 2, kFarthest)),
         reach_px_(clamp_to(static_cast<int>(kReach * static_cast<float>(labels.width()) + 0.5F), 1, kFarthest)) {}
 
   [[nodiscard]] Status allocate(Workspace& workspace) noexcept {
@@ -64,6 +65,7 @@ class SignOutlines {
 
  private:
   static constexpr float kReach = 1.0F / 160.0F;
+  static constexpr float kApart = 1.0F / 400.0F;  // beside an outline that is exact lies a blend of both
   static constexpr int kFarthest = 120;
   static constexpr std::uint8_t kSeen = 128;  // added to the steps of what a sign was found to have
   static constexpr int kNoise = 12;           // of 8 bits: sensor, compression, the wall's own grain
@@ -99,7 +101,11 @@ class SignOutlines {
         for (int k = 0; k < 4; ++k) {
           const int u = x + kX[k];
           const int v = y + kY[k];
-          if (labels_.contains(u, v) && kBehindSigns.contains(labels_(u, v))) reach(x, y, pixel(u, v), 1);
+          if (!labels_.contains(u, v) || !kBehindSigns.contains(labels_(u, v))) continue;
+          const int far_u = x + apart_px_ * kX[k];
+          const int far_v = y + apart_px_ * kY[k];
+          if (!labels_.contains(far_u, far_v) || labels_(far_u, far_v) != labels_(u, v)) continue;
+          reach(x, y, pixel(far_u, far_v), 1);
         }
       }
     }
@@ -140,6 +146,7 @@ class SignOutlines {
   ImageView<const std::uint16_t> marks_;
   ImageView<Label> labels_;
   std::uint32_t width_;
+  int apart_px_;
   int reach_px_;
   Span<std::uint32_t> list_;
   std::size_t count_ = 0;
