@@ -16,8 +16,8 @@ function(npsim_own_target target)
   endif()
 endfunction()
 
-# For code whose time to compile counts, in place of the build type's -O3 (seconds on one core of an AMD EPYC, g++ 12):
-# -O2 takes two thirds of it for programs that run 5 % longer, -O1 half, -Og a third. Results are the same bits at every
+# For code whose time to compile counts, in place of the build type's level (one core of an AMD EPYC, g++ 12): -O2
+# takes two thirds of -O3's for programs that run 5 % longer, -O1 half, -Og a third. Results are the same bits at every
 # level: floating point is strict.
 function(npsim_optimise target level)
   if(CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")

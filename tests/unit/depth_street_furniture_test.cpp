@@ -37,6 +37,8 @@ struct Street {
     for (int y = 20; y < 36; ++y) {
       for (int x = 120; x < 136; ++x) plane_of(x, y) = 1;
     }
+    plane.q = {0, 0, 1.0F / kPole_m};
+    plane.normal = {0, 0, -1};
     plane.support_px = 3000.0F;  // 2.7 m2
   }
   void put(int x0, int y0, int x1, int y1, Label label) {
@@ -109,7 +111,8 @@ TEST_CASE("street furniture: a sign is level and faces the camera; a wide column
 
 TEST_CASE("street furniture: a small sign is one plate, also where parts of it lie on planes of noise") {
   Street s;
-  s.plane.support_px = 900.0F;  // .8 m2
+  s.plane.support_px = 1900.0F;                                    // 1.7 m2
+  for (int y = 20; y < 36; ++y) s.depth(120, y) = 1.2F * kPole_m;  // matching bends its rim
   SerialExecutor serial;
   REQUIRE(s.run(serial).ok());
   for (int y = 20; y < 36; ++y) {
@@ -118,6 +121,17 @@ TEST_CASE("street furniture: a small sign is one plate, also where parts of it l
       REQUIRE(s.normals(x, y).y == 0.0F);
     }
   }
+}
+
+TEST_CASE("street furniture: a large sign that is turned away keeps its plane") {
+  Street s;
+  s.plane.normal = normalized(Vec3f{-0.866F, 0, -0.5F});
+  s.plane.q = s.plane.normal * (-1.0F / (kPole_m * 0.5F));
+  s.plane.support_px = 2100.0F;  // at 12 m it would be 1.9 m2
+  const Image<Vec3f> before = s.normals;
+  SerialExecutor serial;
+  REQUIRE(s.run(serial).ok());
+  for (int y = 20; y < 36; ++y) REQUIRE(s.normals(121, y) == before(121, y));
 }
 
 TEST_CASE("street furniture: no pixel leaves what its thing measured, in any order of work; bad input is refused") {

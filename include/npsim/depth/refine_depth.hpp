@@ -152,13 +152,12 @@ struct RefineDepthParams {
 };
 
 struct RefinedDepth {
-  ImageView<float> depth;       // m; 0 where there is no surface
-  ImageView<float> mesh_depth;  // what a mesh is made of, where it is not that: of measured depth without its
-                                // sensor's noise, of a network's with plants as they were given, of all with
-                                // feet above the ground
-  ImageView<const Label>
-      labels;  // the scene's, plants and signs without what is behind them; without any, ground near its
-               // plane, else one class
+  ImageView<float> depth;             // m; 0 where there is no surface
+  ImageView<float> mesh_depth;        // what a mesh is made of, where it is not that: of measured depth without its
+                                      // sensor's noise, of a network's with plants as they were given, of all with
+                                      // feet above the ground
+  ImageView<const Label> labels;      // the scene's, plants and signs without what is behind them; without any, ground
+                                      // near its plane, else one class
   ImageView<std::uint8_t> surface;    // 1 where the pixel shows a surface of the scene
   ImageView<std::uint8_t> uncertain;  // U of (3.3)
   ImageView<Vec3f> normals;           // that guided the refinement: given or derived, smoothed, the ground's made plain

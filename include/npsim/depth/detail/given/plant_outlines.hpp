@@ -387,13 +387,13 @@ template <class Executor>
 }
 
 // Drops the depth of what was given to a wall where it is that of the leaves or the sign before it: nearer to the mean
-// of the first of these to the left, right, above and below than to that of the wall there, within twice the reach;
-// without a wall there in any case. drawn: the labels before. kept: depth, changed in place.
+// of the first of these to the left, right, above and below than to that of the wall there, within twice the
+// reach; without a wall there in any case. drawn: the labels before. kept: depth, changed in place.
 template <class Executor>
 void drop_depth_of_outlines(const PlantOutlinesParams& params, ImageView<const Label> drawn,
                             ImageView<const Label> labels, ImageView<const float> depth, ImageView<float> kept,
                             Executor& executor) noexcept {
-  const int reach = 2 * depth_detail::PlantScale(params, depth.width()).reach;
+  const int reach = max_of(2 * depth_detail::PlantScale(params, depth.width()).reach, depth.width() / 64);
   const auto first = [&](int x, int y, Label before, Label now) {  // mean of 1/z, 0: none
     constexpr int kSides[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
     float sum = 0;

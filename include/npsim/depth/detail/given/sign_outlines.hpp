@@ -4,11 +4,11 @@
 // Labels are drawn as polygons around signs, a little too wide or some pixels beside them. By day nobody sees it; at
 // night a sign shines by its sheeting, and the wall within its outline shines as a border that no sign has. So an
 // outline is walked from outside inwards for as long as the picture shows the colour that it has a little further
-// outside of where the walk began, at most kReach of the picture's width; what is walked over is of the class there. A
-// white border before a white wall is lost with it; where half of a sign would go, or more, it keeps its outline.
-// Invariant: labels of other classes, signs with numbers of their own (which are drawn exactly) and pixels of marked
-// lamps stay. Deterministic.
-// Cost: some operations per pixel of signs. Memory: sign_outlines_workspace_bytes().
+// outside of where the walk began, at most kReach of the picture's width; what is walked over is of the class there.
+// Where a quarter of the walks would go on, or half of a sign would go, it is as bright as the wall and keeps its
+// outline. A border of the wall's colour, or the wall's grey, within a sign that ends before that is lost.
+// Invariant: labels of other classes, signs with numbers of their own and pixels of marked lamps stay. Deterministic.
+// Cost: three passes over the labels, some operations per pixel of signs. Memory: sign_outlines_workspace_bytes().
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SIGN_OUTLINES_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SIGN_OUTLINES_HPP
 
@@ -76,6 +76,9 @@ class SignOutlines {
     if (!labels_.contains(x, y) || labels_(x, y) != label::traffic_sign) return false;
     return (instances_.empty() || instances_(x, y) == 0) && (marks_.empty() || marks_(x, y) == 0);
   }
+  [[nodiscard]] bool is_of(int x, int y, Label l) const noexcept {
+    return labels_.contains(x, y) && labels_(x, y) == l;
+  }
   [[nodiscard]] std::uint32_t pixel(int x, int y) const noexcept {
     return static_cast<std::uint32_t>(y) * width_ + static_cast<std::uint32_t>(x);
   }
@@ -102,17 +105,16 @@ class SignOutlines {
           const int u = x + kX[k];
           const int v = y + kY[k];
           if (!labels_.contains(u, v) || !kBehindSigns.contains(labels_(u, v))) continue;
-          const int far_u = x + apart_px_ * kX[k];
-          const int far_v = y + apart_px_ * kY[k];
-          if (!labels_.contains(far_u, far_v) || labels_(far_u, far_v) != labels_(u, v)) continue;
-          reach(x, y, pixel(far_u, far_v), 1);
+          int apart = 1;
+          while (apart < apart_px_ && is_of(x + (apart + 1) * kX[k], y + (apart + 1) * kY[k], labels_(u, v))) ++apart;
+          if (apart == apart_px_) reach(x, y, pixel(x + apart * kX[k], y + apart * kY[k]), 1);
         }
       }
     }
     for (std::size_t next = 0; next < count_; ++next) {
       const int x = x_of(list_[next]);
       const int y = y_of(list_[next]);
-      if (steps_(x, y) >= reach_px_) continue;
+      if (steps_(x, y) > reach_px_) continue;
       for (int k = 0; k < 4; ++k) {
         if (is_sign(x + kX[k], y + kY[k])) reach(x + kX[k], y + kY[k], from_(x, y), steps_(x, y) + 1);
       }
@@ -123,9 +125,13 @@ class SignOutlines {
   void clear_sign(int x, int y) noexcept {
     count_ = 0;
     std::size_t walked = 0;
+    std::size_t begun = 0;
+    std::size_t gone_on = 0;
     const auto see = [&](int u, int v) {
       if (!is_sign(u, v) || steps_(u, v) >= kSeen) return;
       walked += steps_(u, v) > 0 ? 1U : 0U;
+      begun += steps_(u, v) == 1 ? 1U : 0U;
+      gone_on += steps_(u, v) > reach_px_ ? 1U : 0U;
       steps_(u, v) = static_cast<std::uint8_t>(steps_(u, v) + kSeen);
       list_[count_++] = pixel(u, v);
     };
@@ -133,11 +139,12 @@ class SignOutlines {
     for (std::size_t next = 0; next < count_; ++next) {
       for (int k = 0; k < 4; ++k) see(x_of(list_[next]) + kX[k], y_of(list_[next]) + kY[k]);
     }
-    if (2 * walked >= count_) return;
+    if (2 * walked >= count_ || 4 * gone_on >= begun) return;
     for (std::size_t i = 0; i < count_; ++i) {
       const int u = x_of(list_[i]);
       const int v = y_of(list_[i]);
-      if (steps_(u, v) > kSeen) labels_(u, v) = labels_(x_of(from_(u, v)), y_of(from_(u, v)));
+      if (steps_(u, v) > kSeen && steps_(u, v) <= kSeen + reach_px_)
+        labels_(u, v) = labels_(x_of(from_(u, v)), y_of(from_(u, v)));
     }
   }
 
@@ -151,7 +158,7 @@ class SignOutlines {
   Span<std::uint32_t> list_;
   std::size_t count_ = 0;
   ImageView<std::uint32_t> from_;  // the pixel outside
-  ImageView<std::uint8_t> steps_;  // from it; 0: not walked over
+  ImageView<std::uint8_t> steps_;  // from it, up to one more than may be; 0: not walked over
 };
 
 }  // namespace depth_detail

@@ -120,8 +120,10 @@ template <class Executor>
     return typical_w(depth, objects, x, y, stands, across, reach);
   };
   const auto is_small = [&](const PlanarSegment& plane, int x, int y) {
-    const float px_m2 = camera.fx * camera.fy / (depth(x, y) * depth(x, y));
-    return plane.support_px < params.plane_m2 * px_m2;
+    const Vec3f ray = unproject_pixel(camera, x, y, 1.0F);
+    const float w = dot(plane.q, ray);
+    const float facing = -dot(plane.normal, normalized(ray));
+    return plane.support_px < params.plane_m2 * camera.fx * camera.fy * w * w * facing;
   };
   const auto write = [&](int x, int y, bool plate, bool stands, const Run& across, float w) {
     const float focal = stands ? camera.fx : camera.fy;

@@ -29,8 +29,8 @@ namespace planes_detail {
 
 // Of the same object's planes in the squares around the largest that the pixel lies on but for the noise; else the one
 // of its own cell where that fits, else the one that fits best, else none. Where nothing was measured it is the cell's,
-// unless that lies half as far again as what was made up there: seen at a grazing angle it runs off to its horizon, and
-// the cell holds something nearer as well.
+// unless that lies half as far again as what was made up there, and further than the noise: seen at a grazing angle it
+// runs off to its horizon, and the cell holds something nearer as well.
 template <class PlaneOf, class Support>
 [[nodiscard]] std::uint16_t nearest_plane(const CellInput& in, const Grid& grid, Span<const Cell> cells,
                                           ImageView<const std::uint8_t> slots, const PlaneOf& plane_of,

@@ -331,7 +331,13 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
 }
 
 [[nodiscard]] inline bool is_blind(const Grid& grid, Span<const Cell> cells, std::uint8_t slot, int x, int y) noexcept {
-  return cells[grid.cell(x / grid.cell_px, y / grid.cell_px, slot - 1)].blind;
+  return slot != 0 && cells[grid.cell(x / grid.cell_px, y / grid.cell_px, slot - 1)].blind;
+}
+
+// Whether a pixel that lies on none refused the plane of its square (nearest_plane()).
+[[nodiscard]] inline bool refuses(const Grid& grid, Span<const Cell> cells, std::uint8_t slot, int x, int y) noexcept {
+  return is_blind(grid, cells, slot, x, y) &&
+         cells[grid.cell(x / grid.cell_px, y / grid.cell_px, slot - 1)].plane != kNoPlane;
 }
 
 // Of one object in a square; 0 where it has no depth.
@@ -478,7 +484,7 @@ template <class Executor>
       for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
         for (int x = 0; x < shape.width; ++x) {
           to(x, y) = from(x, y);
-          if (!planar(x, y) || (slots(x, y) != 0 && is_blind(grid, cells, slots(x, y), x, y))) continue;
+          if (!planar(x, y) || is_blind(grid, cells, slots(x, y), x, y)) continue;
           to(x, y) = agreed_plane(in, plane_of, from, params.on_plane, apart_px, x, y);
         }
       }
@@ -495,13 +501,14 @@ template <class Executor>
         map.of(x, y) = nearest(x, y);
         if (!planar(x, y)) continue;
         const bool on_plane = nearest(x, y) != kNoPlane;
+        if (!on_plane && refuses(grid, cells, slots(x, y), x, y)) continue;
         int around = 0;
         bool open = true;
         const std::uint16_t plane =
             on_plane ? nearest(x, y) : surrounding_plane(in, nearest, reach_px, x, y, around, open);
         if (plane == kNoPlane) continue;
         const float off = residual_at(in, plane_of(plane), x, y);
-        const bool blind = on_plane && slots(x, y) != 0 && is_blind(grid, cells, slots(x, y), x, y);
+        const bool blind = on_plane && is_blind(grid, cells, slots(x, y), x, y);
         const float flat_z = 1.0F / plane_of_ray(in, plane_of(plane), x, y);
         const bool dent = !on_plane && noise.power != 2 && !objects.labels.empty() &&
                           std::fabs(depth(x, y) - flat_z) > params.dent_m && std::fabs(off) > params.on_plane &&
