@@ -129,7 +129,7 @@ class SignOutlines {
     std::size_t gone_on = 0;
     const auto see = [&](int u, int v) {
       if (!is_sign(u, v) || steps_(u, v) >= kSeen) return;
-      walked += steps_(u, v) > 0 ? 1U : 0U;
+      walked += steps_(u, v) > 0 && steps_(u, v) <= reach_px_ ? 1U : 0U;
       begun += steps_(u, v) == 1 ? 1U : 0U;
       gone_on += steps_(u, v) > reach_px_ ? 1U : 0U;
       steps_(u, v) = static_cast<std::uint8_t>(steps_(u, v) + kSeen);
@@ -143,8 +143,8 @@ class SignOutlines {
     for (std::size_t i = 0; i < count_; ++i) {
       const int u = x_of(list_[i]);
       const int v = y_of(list_[i]);
-      if (steps_(u, v) > kSeen && steps_(u, v) <= kSeen + reach_px_)
-        labels_(u, v) = labels_(x_of(from_(u, v)), y_of(from_(u, v)));
+      const bool walked_over = steps_(u, v) > kSeen && steps_(u, v) <= kSeen + reach_px_;
+      if (walked_over) labels_(u, v) = labels_(x_of(from_(u, v)), y_of(from_(u, v)));
     }
   }
 
