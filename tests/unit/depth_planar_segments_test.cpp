@@ -300,12 +300,13 @@ TEST_CASE("planar segments: above the topmost line of a laser a wall goes on as 
     for (int x = 0; x < kShape.width; ++x) {
       if (y >= 110 && (y % 4 == 0) && x % 2 == 0) continue;
       s.measured(x, y) = 0.0F;
-      if (y < 110) s.depth(x, y) = 30.0F;  // as a fill may guess
+      if (y < 110) s.depth(x, y) = x < 60 ? 8.0F : 30.0F;  // as a fill may guess
     }
   }
   REQUIRE(s.run().ok());
   CHECK(s.share_facing(kFront, 0, 230, 1.5F) > 0.97);
   CHECK(s.share_facing(kSide, 260, 480, 1.5F) > 0.97);
+  CHECK(s.depth(30, 60) == doctest::Approx(14.0F).epsilon(0.01));
   CHECK(s.depth(100, 10) == doctest::Approx(14.0F).epsilon(0.01));
   CHECK(s.depth(400, 10) == doctest::Approx(s.truth(400, 10)).epsilon(0.02));
 }

@@ -30,7 +30,8 @@ namespace planes_detail {
 // Of the same object's planes in the squares around the largest that the pixel lies on but for the noise; else the one
 // of its own cell where that fits, else the one that fits best, else none. Where nothing was measured it is the cell's,
 // unless that lies half as far again as what was made up there, and further than the noise: seen at a grazing angle it
-// runs off to its horizon, and the cell holds something nearer as well.
+// runs off to its horizon, and the cell holds something nearer as well. Above a laser's topmost line planes know more
+// than what is made up.
 template <class PlaneOf, class Support>
 [[nodiscard]] std::uint16_t nearest_plane(const CellInput& in, const Grid& grid, Span<const Cell> cells,
                                           ImageView<const std::uint8_t> slots, const PlaneOf& plane_of,
@@ -40,9 +41,10 @@ template <class PlaneOf, class Support>
   const int column = x / grid.cell_px;
   const int row = y / grid.cell_px;
   const Cell* own = slots(x, y) != 0 ? &cells[grid.cell(column, row, slots(x, y) - 1)] : nullptr;
-  if (own != nullptr && own->blind && own->plane != kNoPlane &&
-      plane_of_ray(in, plane_of(own->plane), x, y) * in.depth(x, y) > 1.0F / kRunsOff) {
-    return own->plane;
+  if (own != nullptr && own->blind && own->plane != kNoPlane) {
+    const bool laser = in.noise.power == 2;
+    const float times_w = plane_of_ray(in, plane_of(own->plane), x, y) * in.depth(x, y);
+    if (times_w > (laser ? 0.0F : 1.0F / kRunsOff)) return own->plane;
   }
   std::uint16_t nearest = kNoPlane;
   std::uint16_t largest = kNoPlane;
