@@ -3,8 +3,9 @@
 //
 // Left out are single pixels at random, or squares of 16 pixels of the working image that hold at least one measured
 // pixel. Only pixels whose label has a surface count. Mismatches of stereo are no truth: those in the strip at the left
-// border that one of its cameras alone sees (depth/detail/given/outliers.hpp), and the depth of near objects behind their borders
-// (depth/detail/measured/border_spill.hpp) and, of plants and signs, within their outlines. Nearest neighbour and linear interpolation of 1/z (simple_fill.hpp) stand beside the steps.
+// border that one of its cameras alone sees (depth/detail/given/outliers.hpp), and the depth of near objects behind
+// their borders (depth/detail/measured/border_spill.hpp) and, of plants and signs, within their outlines. Nearest
+// neighbour and linear interpolation of 1/z (simple_fill.hpp) stand beside the steps.
 // Of the measured pixels that were not left out it says how far each step moves them. The result depends on seed and
 // size alone, not on threads.
 #ifndef NPSIM_SAMPLES_TOOL_HOLD_OUT_HPP

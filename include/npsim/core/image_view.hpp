@@ -7,6 +7,7 @@
 #define NPSIM_CORE_IMAGE_VIEW_HPP
 
 #include <cstddef>
+#include <cstdint>
 #include <type_traits>
 
 #include "npsim/core/config.hpp"
@@ -95,6 +96,29 @@ constexpr void sweep_to_and_fro(Shape shape, F&& f) {
       if (y + 1 < shape.height) f(x, y, x, y + 1);
     }
   }
+}
+
+// Takes the pixels that hang together with (x, y), along rows and columns, from those that are not 0 in `open`: there
+// they become 0, and y * width + x of each goes to `list`, which has room for all. Returns how many there are.
+[[nodiscard]] inline std::size_t take_piece(ImageView<std::uint8_t> open, int x, int y,
+                                            Span<std::uint32_t> list) noexcept {
+  const auto width = static_cast<std::uint32_t>(open.width());
+  std::size_t count = 0;
+  const auto add = [&](int u, int v) {
+    if (!open.contains(u, v) || open(u, v) == 0) return;
+    open(u, v) = 0;
+    list[count++] = static_cast<std::uint32_t>(v) * width + static_cast<std::uint32_t>(u);
+  };
+  add(x, y);
+  for (std::size_t next = 0; next < count; ++next) {
+    const auto u = static_cast<int>(list[next] % width);
+    const auto v = static_cast<int>(list[next] / width);
+    add(u - 1, v);
+    add(u + 1, v);
+    add(u, v - 1);
+    add(u, v + 1);
+  }
+  return count;
 }
 
 }  // namespace NPSIM_ABI

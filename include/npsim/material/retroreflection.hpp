@@ -126,28 +126,6 @@ namespace retro_detail {
   return xy < c.z ? xy : c.z;
 }
 
-// The pixels of the sign that (x, y) belongs to, taken from `open`: those of its label that hang together.
-[[nodiscard]] inline std::size_t take_sign(ImageView<std::uint8_t> open, int x, int y,
-                                           Span<std::uint32_t> list) noexcept {
-  const int width = open.width();
-  std::size_t count = 0;
-  const auto add = [&](int u, int v) {
-    if (!open.contains(u, v) || open(u, v) == 0) return;
-    open(u, v) = 0;
-    list[count++] = static_cast<std::uint32_t>(v) * static_cast<std::uint32_t>(width) + static_cast<std::uint32_t>(u);
-  };
-  add(x, y);
-  for (std::size_t next = 0; next < count; ++next) {
-    const auto u = static_cast<int>(list[next] % static_cast<std::uint32_t>(width));
-    const auto v = static_cast<int>(list[next] / static_cast<std::uint32_t>(width));
-    add(u - 1, v);
-    add(u + 1, v);
-    add(u, v - 1);
-    add(u, v + 1);
-  }
-  return count;
-}
-
 // The albedo of a sign's white, or 0 where it shows its back. A face has ink of a saturated colour on a part of it, or
 // is white; a back is grey, however the light falls on it: aluminium sheet reflects .3 to .5 [default].
 template <class IsInner>
@@ -254,7 +232,7 @@ void find_ground(const RetroreflectionParams& p, float wetness, ImageView<const 
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       if (open(x, y) == 0) continue;
-      const std::size_t count = take_sign(open, x, y, list);
+      const std::size_t count = take_piece(open, x, y, list);
       const Span<const std::uint32_t> pixels(list.data(), count);
       const float white = white_of_sign(albedo, pixels, is_inner, strongest);
       if (!(white > 0.0F)) continue;

@@ -387,8 +387,9 @@ template <class Executor>
 }
 
 // Drops the depth of what was given to a wall where it is that of the leaves or the sign before it: nearer to the mean
-// of the first of these to the left, right, above and below than to that of the wall there, within twice the
-// reach; without a wall there in any case. drawn: the labels before. kept: depth, changed in place.
+// of the first of these to the left, right, above and below than to that of the wall there, within twice the reach and
+// at least a 64th of the width, for signs; without a wall there in any case. drawn: the labels before. kept: depth,
+// changed in place.
 template <class Executor>
 void drop_depth_of_outlines(const PlantOutlinesParams& params, ImageView<const Label> drawn,
                             ImageView<const Label> labels, ImageView<const float> depth, ImageView<float> kept,

@@ -8,7 +8,7 @@
 // Where a quarter of the walks would go on, or half of a sign would go, it is as bright as the wall and keeps its
 // outline. A border of the wall's colour, or the wall's grey, within a sign that ends before that is lost.
 // Invariant: labels of other classes, signs with numbers of their own and pixels of marked lamps stay. Deterministic.
-// Cost: three passes over the labels, some operations per pixel of signs. Memory: sign_outlines_workspace_bytes().
+// Cost: four passes over the labels, some operations per pixel of signs. Memory: sign_outlines_workspace_bytes().
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SIGN_OUTLINES_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SIGN_OUTLINES_HPP
 
@@ -28,7 +28,7 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 [[nodiscard]] constexpr std::size_t sign_outlines_workspace_bytes(Shape shape) noexcept {
-  return 2 * allocation_bytes<std::uint32_t>(shape.pixels()) + allocation_bytes<std::uint8_t>(shape.pixels()) +
+  return 2 * allocation_bytes<std::uint32_t>(shape.pixels()) + 2 * allocation_bytes<std::uint8_t>(shape.pixels()) +
          kWorkspaceAlignment;
 }
 
@@ -51,14 +51,18 @@ class SignOutlines {
   [[nodiscard]] Status allocate(Workspace& workspace) noexcept {
     NPSIM_RETURN_IF_ERROR(workspace.allocate(labels_.shape().pixels(), list_));
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(labels_.shape(), from_));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(labels_.shape(), open_));
     return workspace.allocate_image(labels_.shape(), steps_);
   }
 
   void run() noexcept {
     walk();
     for (int y = 0; y < labels_.height(); ++y) {
+      for (int x = 0; x < labels_.width(); ++x) open_(x, y) = is_sign(x, y) ? 1 : 0;
+    }
+    for (int y = 0; y < labels_.height(); ++y) {
       for (int x = 0; x < labels_.width(); ++x) {
-        if (is_sign(x, y) && steps_(x, y) < kSeen) clear_sign(x, y);
+        if (open_(x, y) != 0) clear(take_piece(open_, x, y, list_));
       }
     }
   }
@@ -66,9 +70,8 @@ class SignOutlines {
  private:
   static constexpr float kReach = 1.0F / 160.0F;
   static constexpr float kApart = 1.0F / 400.0F;  // beside an outline that is exact lies a blend of both
-  static constexpr int kFarthest = 120;
-  static constexpr std::uint8_t kSeen = 128;  // added to the steps of what a sign was found to have
-  static constexpr int kNoise = 12;           // of 8 bits: sensor, compression, the wall's own grain
+  static constexpr int kFarthest = 120;           // px; steps are bytes
+  static constexpr int kNoise = 12;               // of 8 bits: sensor, compression, the wall's own grain
   static constexpr int kX[4] = {1, -1, 0, 0};
   static constexpr int kY[4] = {0, 0, 1, -1};
 
@@ -97,7 +100,6 @@ class SignOutlines {
   }
   void walk() noexcept {
     for (std::uint8_t& s : steps_.pixels()) s = 0;
-    count_ = 0;
     for (int y = 0; y < labels_.height(); ++y) {
       for (int x = 0; x < labels_.width(); ++x) {
         if (!is_sign(x, y)) continue;
@@ -121,32 +123,25 @@ class SignOutlines {
     }
   }
 
-  // Of the pixels that hang together with (x, y), which none was seen of.
-  void clear_sign(int x, int y) noexcept {
-    count_ = 0;
+  // Of the sign whose pixels are the first `count` of the list.
+  void clear(std::size_t count) noexcept {
     std::size_t walked = 0;
     std::size_t begun = 0;
     std::size_t gone_on = 0;
-    const auto see = [&](int u, int v) {
-      if (!is_sign(u, v) || steps_(u, v) >= kSeen) return;
-      walked += steps_(u, v) > 0 && steps_(u, v) <= reach_px_ ? 1U : 0U;
-      begun += steps_(u, v) == 1 ? 1U : 0U;
-      gone_on += steps_(u, v) > reach_px_ ? 1U : 0U;
-      steps_(u, v) = static_cast<std::uint8_t>(steps_(u, v) + kSeen);
-      list_[count_++] = pixel(u, v);
-    };
-    see(x, y);
-    for (std::size_t next = 0; next < count_; ++next) {
-      for (int k = 0; k < 4; ++k) see(x_of(list_[next]) + kX[k], y_of(list_[next]) + kY[k]);
+    for (const std::uint32_t p : list_.sub(0, count)) {
+      const int steps = steps_(x_of(p), y_of(p));
+      walked += is_given_back(steps) ? 1U : 0U;
+      begun += steps == 1 ? 1U : 0U;
+      gone_on += steps > reach_px_ ? 1U : 0U;
     }
-    if (2 * walked >= count_ || 4 * gone_on >= begun) return;
-    for (std::size_t i = 0; i < count_; ++i) {
-      const int u = x_of(list_[i]);
-      const int v = y_of(list_[i]);
-      const bool walked_over = steps_(u, v) > kSeen && steps_(u, v) <= kSeen + reach_px_;
-      if (walked_over) labels_(u, v) = labels_(x_of(from_(u, v)), y_of(from_(u, v)));
+    if (2 * walked >= count || 4 * gone_on >= begun) return;
+    for (const std::uint32_t p : list_.sub(0, count)) {
+      const int x = x_of(p);
+      const int y = y_of(p);
+      if (is_given_back(steps_(x, y))) labels_(x, y) = labels_(x_of(from_(x, y)), y_of(from_(x, y)));
     }
   }
+  [[nodiscard]] bool is_given_back(int steps) const noexcept { return steps > 0 && steps <= reach_px_; }
 
   ImageView<const Rgb8> picture_;
   ImageView<const std::uint16_t> instances_;
@@ -156,8 +151,9 @@ class SignOutlines {
   int apart_px_;
   int reach_px_;
   Span<std::uint32_t> list_;
-  std::size_t count_ = 0;
+  std::size_t count_ = 0;          // of the list, while it is walked
   ImageView<std::uint32_t> from_;  // the pixel outside
+  ImageView<std::uint8_t> open_;   // signs that were not cleared yet
   ImageView<std::uint8_t> steps_;  // from it, up to one more than may be; 0: not walked over
 };
 

@@ -8,11 +8,12 @@
 //   Depth: the median of 1/z of the thing's pixels within reach_m along it, so as far as a straight pole keeps its depth.
 //   Normal of what is round: that of a cylinder across the shorter run: over the run it turns from side to side.
 //   Normal of a plate: level, towards the camera, for signs and signals face the traffic that sees them.
-// Of a plate smaller than plane_m2 a plane of its own says little: at its outline matching bends it, and parts that lie on
-// no plane or on another one stand before it by more than noise, so that headlamps cast their shadows on it.
-// Invariant: pixels of other labels, what lies on a larger plane of its own and what is round but wider than max_width_m
-// are not touched. No pixel's new depth is outside of those around it on its thing. Deterministic. Cost: for each run of
-// such things the pixels within reach, at most kMaxSamples, and for each pixel its runs, at most kLongest_px long.
+// Of a plate smaller than plane_m2 a plane of its own says little: at its outline matching bends it, and parts that lie
+// on no plane or on another one stand before it by more than noise, so that headlamps cast their shadows on it.
+// Invariant: pixels of other labels, what lies on a larger plane of its own and what is round but wider than
+// max_width_m are not touched. No pixel's new depth is outside of those around it on its thing. Deterministic.
+// Cost: for each run of such things the pixels within reach, at most kMaxSamples, and for each pixel its runs, at most
+// kLongest_px long.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_STREET_FURNITURE_HPP
 #define NPSIM_DEPTH_DETAIL_MEASURED_STREET_FURNITURE_HPP
 
