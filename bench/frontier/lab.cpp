@@ -10,7 +10,7 @@
 
 #include "cases.hpp"
 #include "npsim/color/chromaticity.hpp"
-#include "npsim/color/lab.hpp"
+#include "npsim/color/srgb.hpp"
 #include "opencv_peers.hpp"
 #include "scene.hpp"
 

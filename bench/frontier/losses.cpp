@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "cases.hpp"
-#include "npsim/depth/loss_gradient.hpp"
+#include "npsim/depth/refine.hpp"
 #include "scene.hpp"
 
 namespace npsim::bench {

@@ -3,7 +3,7 @@
 
 #include <utility>
 
-#include "npsim/color/lab.hpp"
+#include "npsim/color/srgb.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "street/street.hpp"

@@ -15,9 +15,8 @@
 #include <vector>
 
 #include "../host.hpp"
-#include "npsim/color/lab.hpp"
+#include "npsim/color/srgb.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
-#include "npsim/depth/loss_gradient.hpp"
 #include "npsim/depth/normals.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/uncertainty.hpp"

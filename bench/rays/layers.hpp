@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "npsim/core/camera.hpp"
-#include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/io/image.hpp"
 

@@ -6,18 +6,14 @@
 
 // what everything stands on: status, views, memory, threads, random numbers
 #include "npsim/core/algorithm.hpp"
-#include "npsim/core/annotation.hpp"
 #include "npsim/core/bits.hpp"
 #include "npsim/core/camera.hpp"
-#include "npsim/core/circle.hpp"
 #include "npsim/core/config.hpp"
-#include "npsim/core/disjoint_sets.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/observe.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/scene_view.hpp"
-#include "npsim/core/slot_pool.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
@@ -26,18 +22,15 @@
 
 // meshes, layers over the pixel grid, the ground plane
 #include "npsim/geometry/ground.hpp"
-#include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 
 // the one place that knows the instruction set
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/bytes.hpp"
-#include "npsim/simd/double.hpp"
 #include "npsim/simd/fixed.hpp"
 #include "npsim/simd/math.hpp"
 
 #include "npsim/color/chromaticity.hpp"
-#include "npsim/color/lab.hpp"
 #include "npsim/color/srgb.hpp"
 
 #include "npsim/labels/boxes.hpp"
@@ -48,22 +41,16 @@
 #include "npsim/depth/cross_bilateral.hpp"
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/fill.hpp"
-#include "npsim/depth/loss_gradient.hpp"
 #include "npsim/depth/losses.hpp"
-#include "npsim/depth/normal_convention.hpp"
 #include "npsim/depth/normals.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/refine_depth.hpp"
-#include "npsim/depth/source_noise.hpp"
 #include "npsim/depth/uncertainty.hpp"
 
 // sections 3.1, 3.3, 3.5: the layered scene mesh
 #include "npsim/mesh/check.hpp"
-#include "npsim/mesh/complete_background.hpp"
-#include "npsim/mesh/complete_foreground.hpp"
+#include "npsim/mesh/complete.hpp"
 #include "npsim/mesh/index.hpp"
-#include "npsim/mesh/interpolate_rows.hpp"
-#include "npsim/mesh/open_steps.hpp"
 #include "npsim/mesh/prune.hpp"
 #include "npsim/mesh/sheet.hpp"
 #include "npsim/mesh/simplify.hpp"
@@ -77,33 +64,25 @@
 
 // sections 3.2, 3.6: lamps
 #include "npsim/light/activation.hpp"
-#include "npsim/light/continued_rows.hpp"
 #include "npsim/light/emitter.hpp"
-#include "npsim/light/headlamps.hpp"
 #include "npsim/light/light_set.hpp"
-#include "npsim/light/luminaire_table.hpp"
 #include "npsim/light/photometry.hpp"
 #include "npsim/light/placement.hpp"
-#include "npsim/light/sky.hpp"
+#include "npsim/light/unmarked.hpp"
 
 #include "npsim/material/albedo.hpp"
-#include "npsim/material/albedo_scene.hpp"
 #include "npsim/material/bsdf.hpp"
 #include "npsim/material/retroreflection.hpp"
 #include "npsim/material/roughness.hpp"
-#include "npsim/material/wet_film.hpp"
 
 // section 3.6: light transport
 #include "npsim/render/denoise.hpp"
 #include "npsim/render/direct.hpp"
 #include "npsim/render/gather.hpp"
-#include "npsim/render/illuminance.hpp"
 #include "npsim/render/light_images.hpp"
 #include "npsim/render/mirror.hpp"
-#include "npsim/render/point_blocks.hpp"
 #include "npsim/render/preview.hpp"
 #include "npsim/render/surface_points.hpp"
-#include "npsim/render/unseen_street.hpp"
 #include "npsim/render/visibility.hpp"
 
 // section 3.6.3: the camera
@@ -113,20 +92,13 @@
 #include "npsim/sensor/isp.hpp"
 #include "npsim/sensor/motion.hpp"
 #include "npsim/sensor/noise.hpp"
-#include "npsim/sensor/noise_fit.hpp"
 #include "npsim/sensor/raw.hpp"
-#include "npsim/sensor/sharpen.hpp"
 #include "npsim/sensor/signal_masks.hpp"
-#include "npsim/sensor/starburst.hpp"
-#include "npsim/sensor/white_balance.hpp"
 
 // errors against a known truth
-#include "npsim/metrics/depth_errors.hpp"
-#include "npsim/metrics/edge_errors.hpp"
-#include "npsim/metrics/flip.hpp"
+#include "npsim/metrics/geometry_errors.hpp"
 #include "npsim/metrics/luminance_errors.hpp"
 #include "npsim/metrics/night_statistics.hpp"
-#include "npsim/metrics/normal_errors.hpp"
 #include "npsim/metrics/picture_errors.hpp"
 #include "npsim/metrics/segmentation_errors.hpp"
 
@@ -134,7 +106,6 @@
 #include "npsim/pipeline/enlarge_night.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "npsim/pipeline/photograph.hpp"
-#include "npsim/pipeline/picture_masks.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/pipeline/relight.hpp"
 

@@ -14,7 +14,7 @@
 #include "npsim/io/image.hpp"
 #include "npsim/io/png_jpeg.hpp"
 #include "npsim/io/raw_picture.hpp"
-#include "npsim/sensor/noise_fit.hpp"
+#include "npsim/sensor/noise.hpp"
 #include "options.hpp"
 
 namespace npsim::tool {

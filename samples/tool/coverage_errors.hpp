@@ -24,7 +24,7 @@
 #include "npsim/depth/refine_depth.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
-#include "npsim/metrics/normal_errors.hpp"
+#include "npsim/metrics/geometry_errors.hpp"
 #include "scene_truth.hpp"
 
 namespace npsim::tool {

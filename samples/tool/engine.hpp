@@ -14,7 +14,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/pipeline/night.hpp"
-#include "npsim/pipeline/picture_masks.hpp"
+#include "npsim/pipeline/photograph.hpp"
 
 namespace npsim::engine {
 

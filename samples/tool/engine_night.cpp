@@ -2,7 +2,7 @@
 #include "npsim/pipeline/night.hpp"
 
 #include "npsim/io/large_night.hpp"
-#include "npsim/pipeline/picture_masks.hpp"
+#include "npsim/pipeline/photograph.hpp"
 #include "tool/engine.hpp"
 
 namespace npsim::engine {

@@ -23,9 +23,7 @@
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/metrics/depth_errors.hpp"
-#include "npsim/metrics/edge_errors.hpp"
-#include "npsim/metrics/normal_errors.hpp"
+#include "npsim/metrics/geometry_errors.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "scene_truth.hpp"
 

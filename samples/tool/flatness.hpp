@@ -5,8 +5,8 @@
 
 #include <cstddef>
 
-#include "npsim/core/annotation.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/scene_view.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/labels/cityscapes.hpp"
 

@@ -7,7 +7,7 @@
 // by decades, in the forms of the preset. The appendix shows pictures; weights.csv has what it describes as figures:
 //   moved       mean |z / z before - 1| of the refinement: how far depth deviates from what it was
 //   angle_deg   mean angle between the normals of the refined depth and those that guided it
-//   gaps        share of the surface pixels at which depth jumps within one label (metrics/edge_errors.hpp)
+//   gaps        share of the surface pixels at which depth jumps within one label (metrics/geometry_errors.hpp)
 //   uncertain   share of the surface pixels that (3.3) marks on the refined depth
 // and with a truth AbsRel of depth and mean angle to the true normals, over all surface pixels. weights.svg draws them.
 #ifndef NPSIM_SAMPLES_TOOL_LOSS_REPORT_HPP

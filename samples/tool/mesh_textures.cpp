@@ -9,7 +9,7 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/io/atomic_file.hpp"
 #include "npsim/io/png_jpeg.hpp"
-#include "npsim/mesh/interpolate_rows.hpp"
+#include "npsim/mesh/complete.hpp"
 
 namespace npsim::tool {
 

@@ -14,7 +14,7 @@
 #include "npsim/labels/boxes.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/labels/light_classes.hpp"
-#include "npsim/pipeline/picture_masks.hpp"
+#include "npsim/pipeline/photograph.hpp"
 #include "pictures.hpp"
 
 namespace npsim::tool {

@@ -9,7 +9,7 @@
 #include "engine.hpp"
 #include "mesh_evaluation.hpp"
 #include "npsim/io/memory.hpp"
-#include "npsim/metrics/flip.hpp"
+#include "npsim/metrics/picture_errors.hpp"
 #include "npsim/pipeline/photograph.hpp"
 #include "transport_alone.hpp"
 

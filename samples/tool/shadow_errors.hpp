@@ -21,7 +21,7 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/exec/thread_pool.hpp"
-#include "npsim/render/illuminance.hpp"
+#include "npsim/render/direct.hpp"
 
 namespace npsim::tool {
 

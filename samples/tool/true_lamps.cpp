@@ -8,8 +8,8 @@
 #include <string>
 
 #include "npsim/core/span.hpp"
-#include "npsim/light/headlamps.hpp"
 #include "npsim/light/placement.hpp"
+#include "npsim/light/unmarked.hpp"
 
 namespace npsim::tool {
 namespace {

@@ -10,7 +10,7 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/io/truth_mesh.hpp"
 #include "npsim/light/activation.hpp"
-#include "npsim/light/sky.hpp"
+#include "npsim/light/light_set.hpp"
 #include "npsim/material/roughness.hpp"
 #include "true_lamps.hpp"
 

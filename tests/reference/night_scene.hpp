@@ -6,7 +6,7 @@
 //   I(direction) = peak * relative intensity,
 // which leaves its shape evenly: an element dA sends I dA / A, on both sides, with no cosine but the profile's own.
 // A lamp's own faces neither block its light nor receive it: they are its glass.
-// Sky: light/sky.hpp.
+// Sky: light/light_set.hpp.
 #ifndef NPSIM_TESTS_REFERENCE_NIGHT_SCENE_HPP
 #define NPSIM_TESTS_REFERENCE_NIGHT_SCENE_HPP
 
@@ -21,8 +21,8 @@
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/light/activation.hpp"
 #include "npsim/light/emitter.hpp"
+#include "npsim/light/light_set.hpp"
 #include "npsim/light/photometry.hpp"
-#include "npsim/light/sky.hpp"
 #include "npsim/material/retroreflection.hpp"
 #include "rough_dielectric.hpp"
 #include "triangle_tree.hpp"

@@ -16,7 +16,6 @@
 #include "npsim/core/random.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/trace/detail/triangle.hpp"

@@ -12,7 +12,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/mesh/complete_background.hpp"
+#include "npsim/mesh/complete.hpp"
 
 namespace npsim {
 namespace reference {

@@ -6,7 +6,7 @@
 #include <limits>
 #include <vector>
 
-#include "npsim/color/lab.hpp"
+#include "npsim/color/srgb.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "npsim/core/circle.hpp"
+#include "npsim/core/vec.hpp"
 
 namespace {
 using namespace npsim;

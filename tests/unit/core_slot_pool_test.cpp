@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/core/slot_pool.hpp"
+#include "npsim/core/executor.hpp"
 
 #include <doctest/doctest.h>
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "fixture.hpp"
-#include "npsim/color/lab.hpp"
+#include "npsim/color/srgb.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
 #include "street/street.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/loss_gradient.hpp"
+#include "npsim/depth/refine.hpp"
 
 #include <doctest/doctest.h>
 

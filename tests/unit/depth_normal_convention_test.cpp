@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/normal_convention.hpp"
+#include "npsim/depth/normals.hpp"
 
 #include <doctest/doctest.h>
 

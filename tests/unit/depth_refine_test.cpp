@@ -10,7 +10,6 @@
 
 #include "depth_refine_fixture.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/depth/loss_gradient.hpp"
 #include "npsim/depth/normals.hpp"
 
 using namespace npsim;

@@ -17,7 +17,6 @@
 #include "npsim/depth/detail/given/outliers.hpp"
 #include "npsim/depth/detail/normals/guiding_normals.hpp"
 #include "npsim/depth/fill.hpp"
-#include "npsim/depth/loss_gradient.hpp"
 #include "npsim/depth/normals.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/uncertainty.hpp"

@@ -11,7 +11,7 @@ namespace {
 
 using namespace npsim;
 
-io::Expected<io::CameraModel> read(const std::string& text) {
+io::Expected<io::CameraModel> read_camera_text(const std::string& text) {
   const std::string path = (std::filesystem::temp_directory_path() / "npsim_camera_file_test.json").string();
   std::ofstream(path) << text;
   auto result = io::read_camera(path);
@@ -20,7 +20,7 @@ io::Expected<io::CameraModel> read(const std::string& text) {
 }
 
 std::string fault(const std::string& text) {
-  const auto camera = read(text);
+  const auto camera = read_camera_text(text);
   return camera ? std::string() : camera.error().line();
 }
 
@@ -40,7 +40,7 @@ TEST_CASE("camera file: presets by name, each valid; another name is refused wit
 }
 
 TEST_CASE("camera file: every part is read, and what is not named is the preset's") {
-  const auto camera = read(R"({"preset": "dashcam",
+  const auto camera = read_camera_text(R"({"preset": "dashcam",
     "exposure": {"iso": 500, "f_number": 2.8, "time_s": 0.02},
     "glare": {"halo": 0.1, "cap": 1e5, "blades": 6, "turn_deg": 10, "apothem_mm": 2},
     "sensor": {"mosaic": "gbrg", "bits": 10, "black": 32, "row_noise": 0.2, "hot_pixels": 1e-4, "serial": 9,
@@ -85,7 +85,7 @@ TEST_CASE("camera file: motion of camera and objects, readout, flicker; presets 
     CHECK_FALSE(p.flicker.on);
   }
   const auto camera =
-      read(R"({"motion": {"velocity_m_s": [0.5, 0, 14], "rotation_rad_s": [0, 0.2, 0], "readout_s": 0.01,
+      read_camera_text(R"({"motion": {"velocity_m_s": [0.5, 0, 14], "rotation_rad_s": [0, 0.2, 0], "readout_s": 0.01,
     "objects": [[26001, -1, 0, 10], [7, 0, 0, 3]]}, "flicker": {"vehicle_hz": [100, 200], "signal_duty": 0.25}})");
   REQUIRE(camera.ok());
   const io::CameraModel copy = camera.value();
@@ -108,7 +108,8 @@ TEST_CASE("camera file: motion of camera and objects, readout, flicker; presets 
 }
 
 TEST_CASE("camera file: a noise table with the black level folded in is converted") {
-  const auto camera = read(R"({"noise": {"table": [[100, 0.141923, -8.890307]], "black": 64, "white": 1023}})");
+  const auto camera =
+      read_camera_text(R"({"noise": {"table": [[100, 0.141923, -8.890307]], "black": 64, "white": 1023}})");
   REQUIRE(camera.ok());
   const NoiseLevel level = noise_level(100.0F, camera.value().params().noise_table).value();
   CHECK(level.beta1 == doctest::Approx(1.48e-4).epsilon(1e-3));

@@ -55,6 +55,13 @@ inline void put(const std::string& path, const std::string& bytes) {
   file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
 }
 
+// The first of what stands there, which must, in place of another.
+inline std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  REQUIRE(at != std::string::npos);
+  return text.replace(at, from.size(), to);
+}
+
 // An Error in one line that names the file and says what was expected, with the given words in it.
 template <class T>
 void check_error(const npsim::io::Expected<T>& result, const std::string& file, const std::string& words = "") {

@@ -62,8 +62,9 @@ std::string panoptic(const std::string& segments_info) {
          R"("lights.png", "segments_info": [)" + segments_info + "]}]}";
 }
 
-io::Expected<io::LightAnnotation> read(const TemporaryFolder& folder, const std::string& json,
-                                       io::LightAnnotationFormat format = io::LightAnnotationFormat::segments_ai) {
+io::Expected<io::LightAnnotation> read_annotation(
+    const TemporaryFolder& folder, const std::string& json,
+    io::LightAnnotationFormat format = io::LightAnnotationFormat::segments_ai) {
   put(folder / "lights.json", json);
   return io::read_light_annotation(format, folder / "lights.json", folder / "lights.png", {20, 10});
 }
@@ -73,10 +74,10 @@ io::Expected<io::LightAnnotation> read(const TemporaryFolder& folder, const std:
 TEST_CASE("light annotation: classes, states, explicit groups, ids of three bytes, the index plane") {
   const TemporaryFolder folder;
   put_bitmap(folder / "lights.png", {{2, 2, 6, 4, 70000}, {3, 3, 1, 1, 5}, {15, 0, 2, 2, 300}});
-  const auto lights =
-      read(folder, segments(entry(5, LightClass::inferred_object, R"("group": 70000, "state": "red")") + ", " +
-                            entry(70000, LightClass::traffic_light_group, R"("note": "x")") + ", " +
-                            entry(300, LightClass::street_light_lt, R"("group": null, "state": "white/unknown")")));
+  const auto lights = read_annotation(
+      folder, segments(entry(5, LightClass::inferred_object, R"("group": 70000, "state": "red")") + ", " +
+                       entry(70000, LightClass::traffic_light_group, R"("note": "x")") + ", " +
+                       entry(300, LightClass::street_light_lt, R"("group": null, "state": "white/unknown")")));
   require_ok(lights);
   const auto& marks = lights.value().marks;
   REQUIRE(marks.size() == 3);
@@ -96,10 +97,11 @@ TEST_CASE("light annotation: classes, states, explicit groups, ids of three byte
 TEST_CASE("light annotation: COCO panoptic says the same, attributes in the segment or below it") {
   const TemporaryFolder folder;
   put_bitmap(folder / "lights.png", {{2, 2, 6, 4, 70000}, {3, 3, 1, 1, 5}});
-  const auto lights = read(folder,
-                           panoptic(R"({"id": 5, "category_id": 112, "group": "70000", "state": "green"}, )" +
-                                    entry(70000, LightClass::traffic_light_group)),
-                           io::LightAnnotationFormat::coco_panoptic);
+  const auto lights =
+      read_annotation(folder,
+                      panoptic(R"({"id": 5, "category_id": 112, "group": "70000", "state": "green"}, )" +
+                               entry(70000, LightClass::traffic_light_group)),
+                      io::LightAnnotationFormat::coco_panoptic);
   require_ok(lights);
   REQUIRE(lights.value().marks.size() == 2);
   CHECK(lights.value().marks[0].group == 2);
@@ -113,10 +115,10 @@ TEST_CASE("light annotation: a source without a group joins the compatible one t
   // car but no car can hold it; the street lamp (5) touches nothing.
   put_bitmap(folder / "lights.png",
              {{0, 0, 8, 6, 1}, {8, 0, 8, 6, 2}, {6, 2, 6, 2, 3}, {1, 1, 2, 2, 4}, {18, 8, 1, 1, 5}, {17, 0, 2, 2, 6}});
-  const auto lights =
-      read(folder, segments(entry(1, LightClass::car_group) + "," + entry(2, LightClass::truck_group) + "," +
-                            entry(3, LightClass::parked_rear) + "," + entry(4, LightClass::window_building) + "," +
-                            entry(5, LightClass::street_light_ht) + "," + entry(6, LightClass::parked_front)));
+  const auto lights = read_annotation(
+      folder, segments(entry(1, LightClass::car_group) + "," + entry(2, LightClass::truck_group) + "," +
+                       entry(3, LightClass::parked_rear) + "," + entry(4, LightClass::window_building) + "," +
+                       entry(5, LightClass::street_light_ht) + "," + entry(6, LightClass::parked_front)));
   require_ok(lights);
   CHECK(lights.value().marks[2].group == 2);
   CHECK(lights.value().marks[3].group == 0);
@@ -146,7 +148,7 @@ TEST_CASE("which group holds which source") {
 TEST_CASE("light annotation: entries without pixels are kept, with a note") {
   const TemporaryFolder folder;
   put_bitmap(folder / "lights.png", {});
-  const auto lights = read(folder, segments(entry(9, LightClass::clock)));
+  const auto lights = read_annotation(folder, segments(entry(9, LightClass::clock)));
   require_ok(lights);
   CHECK(lights.value().marks.size() == 1);
   REQUIRE_FALSE(lights.value().notes.empty());
@@ -166,7 +168,7 @@ TEST_CASE("light annotation: of several samples the one with the bitmap's name c
   put_bitmap(folder / "lights.png", {{0, 0, 2, 2, 5}});
   const std::string other = R"(, {"labels": {"auto": null, "gt": {"attributes": {"annotations": [], )"
                             R"("segmentation_bitmap": {"url": "other.png"}}}}})";
-  const auto lights = read(folder, segments(entry(5, LightClass::clock), other));
+  const auto lights = read_annotation(folder, segments(entry(5, LightClass::clock), other));
   require_ok(lights);
   CHECK(lights.value().marks.size() == 1);
   put_bitmap(folder / "third.png", {{0, 0, 2, 2, 5}});
@@ -178,7 +180,7 @@ TEST_CASE("light annotation: of several samples the one with the bitmap's name c
 TEST_CASE("light annotation: bad input ends in one line that names it") {
   const TemporaryFolder folder;
   const auto refused = [&](const std::string& json, const std::string& words) {
-    check_error(read(folder, json), "lights.", words);
+    check_error(read_annotation(folder, json), "lights.", words);
   };
   put_bitmap(folder / "lights.png", {{0, 0, 2, 2, 5}, {4, 3, 2, 2, 77}});
   refused(segments(entry(5, LightClass::clock)), "pixel (4, 3): has id 77");
@@ -219,19 +221,19 @@ TEST_CASE("light annotation: truncated at every length") {
   const TemporaryFolder folder;
   put_bitmap(folder / "lights.png", {{0, 0, 2, 2, 5}});
   const std::string whole = segments(entry(5, LightClass::clock));
-  require_ok(read(folder, whole));
+  require_ok(read_annotation(folder, whole));
   for (std::size_t length = 0; length < whole.size(); length += 7) {
-    check_error(read(folder, whole.substr(0, length)), "lights.json");
+    check_error(read_annotation(folder, whole.substr(0, length)), "lights.json");
   }
 }
 
 TEST_CASE("light annotation: a bitmap of another size or kind") {
   const TemporaryFolder folder;
   put_bitmap(folder / "lights.png", {}, {10, 10});
-  check_error(read(folder, segments(entry(5, LightClass::clock))), "lights.png", "10x10");
+  check_error(read_annotation(folder, segments(entry(5, LightClass::clock))), "lights.png", "10x10");
   io::Image<std::uint8_t> grey({20, 10});
   require_ok(io::write_png(folder / "lights.png", grey.view()));
-  check_error(read(folder, segments(entry(5, LightClass::clock))), "lights.png", "grey");
+  check_error(read_annotation(folder, segments(entry(5, LightClass::clock))), "lights.png", "grey");
 }
 
 TEST_CASE("light shapes: rectangles and polygons, the last one on top, a sliver between centres, groups by overlap") {

@@ -10,7 +10,7 @@ namespace {
 
 using namespace npsim;
 
-io::Expected<io::LightSet> read(const std::string& text, const std::string& name = "set.json") {
+io::Expected<io::LightSet> read_light_set_text(const std::string& text, const std::string& name = "set.json") {
   const io_test::TemporaryFolder folder;
   io_test::put(folder / name, text);
   io_test::put(folder / "lamp.ies", "TILT=NONE\n1 1000 1 3 1 1 2 0 0 0 1 1 50\n0 90 180\n0\n100 100 100\n");
@@ -20,7 +20,7 @@ io::Expected<io::LightSet> read(const std::string& text, const std::string& name
 }  // namespace
 
 TEST_CASE("light set: xy is taken as it is, linear sRGB ratios of white give D65 and of red its primary") {
-  const auto set = read(R"([{"class": "street_light_LT", "strength": 10000, "xy": [0.533, 0.415]},
+  const auto set = read_light_set_text(R"([{"class": "street_light_LT", "strength": 10000, "xy": [0.533, 0.415]},
                             {"class": "inferred object", "strength": 100, "rg_bg": [1, 1]},
                             {"class": "moving_rear", "strength": 10, "rg_bg": [100, 0]}])");
   REQUIRE(set.ok());
@@ -34,7 +34,7 @@ TEST_CASE("light set: xy is taken as it is, linear sRGB ratios of white give D65
 
 TEST_CASE("light set: each fault is named by its entry and key") {
   const auto fault = [](const std::string& text) {
-    const auto set = read(text);
+    const auto set = read_light_set_text(text);
     REQUIRE(!set.ok());
     CHECK(set.error().line().find('\n') == std::string::npos);
     return set.error().field;
@@ -61,7 +61,7 @@ TEST_CASE("light set: each fault is named by its entry and key") {
 }
 
 TEST_CASE("light set: a luminaire beside the file, with its own flux where no strength is given") {
-  const auto set = read(R"([{"class": "street_light_HT", "luminaire": "lamp.ies", "xy": [0.4, 0.4]},
+  const auto set = read_light_set_text(R"([{"class": "street_light_HT", "luminaire": "lamp.ies", "xy": [0.4, 0.4]},
                             {"class": "street_light_LT", "luminaire": "lamp.ies", "strength": 700,
                              "xy": [0.5, 0.4]}])");
   REQUIRE(set.ok());
@@ -75,8 +75,8 @@ TEST_CASE("light set: a luminaire beside the file, with its own flux where no st
 }
 
 TEST_CASE("light set: CSV of {s, r/g, b/g}, in linear sRGB and through a sensor's matrix") {
-  const auto plain =
-      read("# measured in May\n\nclass, s, r/g, b/g\r\nclock,3,1,1\ninferred object,100,100,0\n", "e.csv");
+  const auto plain = read_light_set_text(
+      "# measured in May\n\nclass, s, r/g, b/g\r\nclock,3,1,1\ninferred object,100,100,0\n", "e.csv");
   REQUIRE(plain.ok());
   REQUIRE(plain.value().entries.size() == 2);
   CHECK(plain.value().entries[0].cls == LightClass::clock);
@@ -84,7 +84,8 @@ TEST_CASE("light set: CSV of {s, r/g, b/g}, in linear sRGB and through a sensor'
   CHECK(plain.value().entries[0].xy.x == doctest::Approx(0.3127).epsilon(1e-3));
   CHECK(plain.value().entries[1].xy.x == doctest::Approx(0.64).epsilon(0.01));
   // A sensor that sees white as (.5, 1, .25).
-  const auto sensor = read("sensor_to_srgb,2,0,0,0,1,0,0,0,4\nclass,s,r/g,b/g\nclock,3,.5,.25\n", "e.csv");
+  const auto sensor =
+      read_light_set_text("sensor_to_srgb,2,0,0,0,1,0,0,0,4\nclass,s,r/g,b/g\nclock,3,.5,.25\n", "e.csv");
   REQUIRE(sensor.ok());
   CHECK(sensor.value().entries[0].xy.x == plain.value().entries[0].xy.x);
   CHECK(sensor.value().entries[0].xy.y == plain.value().entries[0].xy.y);
@@ -92,7 +93,7 @@ TEST_CASE("light set: CSV of {s, r/g, b/g}, in linear sRGB and through a sensor'
 
 TEST_CASE("light set: each fault of a CSV is named by its line") {
   const auto fault = [](const std::string& text) {
-    const auto set = read(text, "e.csv");
+    const auto set = read_light_set_text(text, "e.csv");
     REQUIRE(!set.ok());
     CHECK(set.error().problem.find("expected") != std::string::npos);
     return set.error().field;

@@ -70,7 +70,7 @@ std::string ldt_text(int symmetry, int around, const std::vector<double>& gammas
   return out.str();
 }
 
-io::Expected<io::Luminaire> read(const std::string& name, const std::string& text, double turn_deg = 0) {
+io::Expected<io::Luminaire> read_luminaire_text(const std::string& name, const std::string& text, double turn_deg = 0) {
   const io_test::TemporaryFolder folder;
   io_test::put(folder / name, text);
   return io::read_luminaire(folder / name, turn_deg);
@@ -89,7 +89,7 @@ double candela_at(const io::Luminaire& l, double c_deg, double gamma_deg) {
 double lambertian(double, double gamma_deg) { return 1000 / kPi * std::max(std::cos(gamma_deg * kPi / 180), 0.0); }
 
 void check_fault(const std::string& name, const std::string& text, const std::string& words) {
-  const auto result = read(name, text);
+  const auto result = read_luminaire_text(name, text);
   REQUIRE(!result.ok());
   INFO(result.error().line());
   CHECK(result.error().line().find(words) != std::string::npos);
@@ -102,8 +102,8 @@ TEST_CASE("luminaire: a Lambertian lamp of 1000 lm has 1000 lm and pi per candel
   for (const double step : {1.0, 2.5, 5.0}) {
     for (const std::string& file : {std::string("a.ies"), std::string("a.LDT")}) {
       const auto gammas = steps(0, 90, step);
-      const auto l =
-          read(file, file == "a.ies" ? ies_text(gammas, {0}, lambertian) : ldt_text(1, 1, gammas, lambertian));
+      const auto l = read_luminaire_text(
+          file, file == "a.ies" ? ies_text(gammas, {0}, lambertian) : ldt_text(1, 1, gammas, lambertian));
       REQUIRE(l.ok());
       CHECK(static_cast<double>(l.value().table.flux_lm) == doctest::Approx(1000).epsilon(1e-3));
       CHECK(static_cast<double>(l.value().table.flux_sr) == doctest::Approx(kPi).epsilon(1e-3));
@@ -116,7 +116,7 @@ TEST_CASE("luminaire: a Lambertian lamp of 1000 lm has 1000 lm and pi per candel
 
 TEST_CASE("luminaire: the flux is the integral of what is interpolated, planes at odd angles and turned too") {
   const auto gammas = std::vector<double>{0, 7, 31, 33.5, 80, 110, 180};
-  const auto l = read("a.ies", ies_text(gammas, {0, 13, 100, 101, 222, 360}, lopsided), 33.3);
+  const auto l = read_luminaire_text("a.ies", ies_text(gammas, {0, 13, 100, 101, 222, 360}, lopsided), 33.3);
   REQUIRE(l.ok());
   double sum = 0;
   const int n = 400;
@@ -146,19 +146,19 @@ TEST_CASE(
   const auto pole = [](const auto& candela) {  // straight down is one direction, whatever the plane
     return [candela](double c, double g) { return candela(g == 0 || g == 180 ? 0 : c, g); };
   };
-  compare(read("a.ies", ies_text(gammas, steps(0, 90, 15), pole(quarter))), pole(quarter));
-  compare(read("a.ies", ies_text(gammas, steps(0, 360, 15), pole(lopsided))), pole(lopsided));
-  compare(read("a.ies", ies_text(gammas, steps(0, 345, 15), pole(lopsided))), pole(lopsided));
-  compare(read("a.ies", ies_text(gammas, steps(90, 270, 15), pole(at_c90))), pole(at_c90));
+  compare(read_luminaire_text("a.ies", ies_text(gammas, steps(0, 90, 15), pole(quarter))), pole(quarter));
+  compare(read_luminaire_text("a.ies", ies_text(gammas, steps(0, 360, 15), pole(lopsided))), pole(lopsided));
+  compare(read_luminaire_text("a.ies", ies_text(gammas, steps(0, 345, 15), pole(lopsided))), pole(lopsided));
+  compare(read_luminaire_text("a.ies", ies_text(gammas, steps(90, 270, 15), pole(at_c90))), pole(at_c90));
   // Planes from 0 to 180: 0 is the road's side, where CIE has 90.
-  compare(read("a.ies", ies_text(gammas, steps(0, 180, 15), pole(at_c0))), pole(at_c90));
-  compare(read("a.ies", ies_text(gammas, steps(0, 180, 15), pole(at_c0)), -90), pole(at_c0));
-  compare(read("a.ldt", ldt_text(0, 24, gammas, pole(lopsided))), pole(lopsided));
-  compare(read("a.ldt", ldt_text(2, 24, gammas, pole(at_c0))), pole(at_c0));
-  compare(read("a.ldt", ldt_text(3, 24, gammas, pole(at_c90))), pole(at_c90));
-  compare(read("a.ldt", ldt_text(4, 24, gammas, pole(quarter))), pole(quarter));
+  compare(read_luminaire_text("a.ies", ies_text(gammas, steps(0, 180, 15), pole(at_c0))), pole(at_c90));
+  compare(read_luminaire_text("a.ies", ies_text(gammas, steps(0, 180, 15), pole(at_c0)), -90), pole(at_c0));
+  compare(read_luminaire_text("a.ldt", ldt_text(0, 24, gammas, pole(lopsided))), pole(lopsided));
+  compare(read_luminaire_text("a.ldt", ldt_text(2, 24, gammas, pole(at_c0))), pole(at_c0));
+  compare(read_luminaire_text("a.ldt", ldt_text(3, 24, gammas, pole(at_c90))), pole(at_c90));
+  compare(read_luminaire_text("a.ldt", ldt_text(4, 24, gammas, pole(quarter))), pole(quarter));
   const auto turned = [&](double c, double g) { return pole(lopsided)(c + 20, g); };
-  compare(read("a.ldt", ldt_text(0, 72, gammas, pole(lopsided)), -20), turned);
+  compare(read_luminaire_text("a.ldt", ldt_text(0, 72, gammas, pole(lopsided)), -20), turned);
 }
 
 TEST_CASE(
@@ -169,20 +169,21 @@ TEST_CASE(
     REQUIRE(l.ok());
     return candela_at(l.value(), 0, 0);
   };
-  CHECK(peak(read("a.ies", ies_text(gammas, {0}, even))) == doctest::Approx(100));
-  CHECK(peak(read("a.ies", ies_text(gammas, {0}, even, "IESNA91\nTILT=NONE\n", "2 -1 2.5"))) == doctest::Approx(250));
+  CHECK(peak(read_luminaire_text("a.ies", ies_text(gammas, {0}, even))) == doctest::Approx(100));
+  CHECK(peak(read_luminaire_text("a.ies", ies_text(gammas, {0}, even, "IESNA91\nTILT=NONE\n", "2 -1 2.5"))) ==
+        doctest::Approx(250));
   std::string text = ies_text(gammas, {0}, even, "an old lamp\nTILT=NONE\n");
   text.replace(text.find("\n1 1 100\n"), 9, "\n.5,.8 100\n");
-  CHECK(peak(read("a.ies", text)) == doctest::Approx(40));
+  CHECK(peak(read_luminaire_text("a.ies", text)) == doctest::Approx(40));
   text.replace(0, 11, "IESNA:LM-63-1995");
-  CHECK(peak(read("a.ies", text)) == doctest::Approx(50));
+  CHECK(peak(read_luminaire_text("a.ies", text)) == doctest::Approx(50));
   const std::string tilt = "IESNA:LM-63-2002\nTILT=INCLUDE\n1\n3\n0 45 90\n1 .9 .8\n";
-  CHECK(peak(read("a.ies", ies_text(gammas, {0}, even, tilt))) == doctest::Approx(100));
-  CHECK(peak(read("a.ldt", ldt_text(1, 4, gammas, even, 8500))) == doctest::Approx(850));
+  CHECK(peak(read_luminaire_text("a.ies", ies_text(gammas, {0}, even, tilt))) == doctest::Approx(100));
+  CHECK(peak(read_luminaire_text("a.ldt", ldt_text(1, 4, gammas, even, 8500))) == doctest::Approx(850));
 }
 
 TEST_CASE("luminaire: C = 90 shines over the road of a street lamp, and strength is its flux") {
-  const auto l = read("a.ldt", ldt_text(0, 72, steps(0, 180, 2.5), lopsided));
+  const auto l = read_luminaire_text("a.ldt", ldt_text(0, 72, steps(0, 180, 2.5), lopsided));
   REQUIRE(l.ok());
   Emitter e;
   e.profile = EmissionProfile::street_luminaire;
@@ -222,7 +223,7 @@ TEST_CASE("luminaire: an IES file's faults are named by line and field") {
     REQUIRE(text.find(from) != std::string::npos);
     return text.replace(text.find(from), from.size(), to);
   };
-  REQUIRE(read("a.ies", good).ok());
+  REQUIRE(read_luminaire_text("a.ies", good).ok());
   check_fault("a.ies", with("TILT=NONE\n", ""), "TILT: no line has it");
   check_fault("a.ies", with("TILT=NONE", "TILT=tilt.txt"), "TILT: is 'TILT=tilt.txt'");
   check_fault("a.ies", with("1 1000 1 3 1 1", "1 1000 1 3 1 2"), "line 4, photometric type: is 2 (B)");
@@ -251,7 +252,7 @@ TEST_CASE("luminaire: a EULUMDAT file's faults are named by line and field") {
     for (int i = 1; std::getline(in, read_line); ++i) text += (i == line ? value : read_line) + "\n";
     check_fault("a.ldt", text, words);
   };
-  REQUIRE(read("a.ldt", ldt_text(4, 8, gammas, lambertian)).ok());
+  REQUIRE(read_luminaire_text("a.ldt", ldt_text(4, 8, gammas, lambertian)).ok());
   fault(3, "7", "line 3, symmetry indicator: is 7, expected 0 to 4");
   fault(4, "6", "number of C planes: is 6, expected a multiple of 4");
   fault(4, "2000000000", "line 4, number of C planes");
@@ -272,7 +273,7 @@ TEST_CASE("luminaire: a file that ends anywhere is refused, or is whole but for 
   for (const auto& [name, text] : {std::pair(std::string("a.ies"), ies), std::pair(std::string("a.ldt"), ldt)}) {
     const std::size_t last = text.find_last_of(", \n", text.find_last_not_of(",\n"));
     for (std::size_t bytes = 1; bytes < text.size(); ++bytes) {
-      const auto l = read(name, text.substr(0, bytes));
+      const auto l = read_luminaire_text(name, text.substr(0, bytes));
       CHECK((!l.ok() || bytes > last + 1));
       if (!l.ok()) CHECK(l.error().line().find("expected") != std::string::npos);
     }

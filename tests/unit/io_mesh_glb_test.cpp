@@ -11,7 +11,6 @@
 
 using namespace io_test;
 using namespace npsim;
-using nlohmann::json;
 
 namespace {
 
@@ -27,7 +26,7 @@ struct Glb {
     const std::size_t length = word(bytes, 12);
     CHECK(length % 4 == 0);
     CHECK(bytes.substr(16, 4) == "JSON");
-    document = json::parse(bytes.substr(20, length));
+    document = nlohmann::json::parse(bytes.substr(20, length));
     const std::size_t at = 20 + length;
     CHECK(bytes.substr(at + 4, 4) == std::string("BIN\0", 4));
     CHECK(word(bytes, at) % 4 == 0);
@@ -42,8 +41,8 @@ struct Glb {
   }
   template <class T>
   std::vector<T> data(std::size_t accessor) const {
-    const json& a = document["accessors"][accessor];
-    const json& view = document["bufferViews"][a["bufferView"].get<std::size_t>()];
+    const nlohmann::json& a = document["accessors"][accessor];
+    const nlohmann::json& view = document["bufferViews"][a["bufferView"].get<std::size_t>()];
     const std::size_t offset = view["byteOffset"].get<std::size_t>();
     const std::size_t components = a["type"] == "VEC3" ? 3 : (a["type"] == "VEC2" ? 2 : 1);
     CHECK(offset % 4 == 0);
@@ -52,8 +51,8 @@ struct Glb {
     std::memcpy(values.data(), binary.data() + offset, values.size() * sizeof(T));
     return values;
   }
-  [[nodiscard]] const json& primitive(std::size_t mesh) const { return document["meshes"][mesh]["primitives"][0]; }
-  json document;
+  [[nodiscard]] const nlohmann::json& primitive(std::size_t mesh) const { return document["meshes"][mesh]["primitives"][0]; }
+  nlohmann::json document;
   std::string binary;
 };
 
@@ -86,11 +85,11 @@ TEST_CASE("a GLB holds every primitive with y up, its front where it was, and ex
   const Glb glb(contents(folder / "a.glb"));
   REQUIRE(glb.document["meshes"].size() == 2);
   CHECK(glb.document["nodes"].size() == 2);
-  CHECK(glb.document["scenes"][0]["nodes"] == json({0, 1}));
+  CHECK(glb.document["scenes"][0]["nodes"] == nlohmann::json({0, 1}));
   CHECK(glb.document["asset"]["version"] == "2.0");
   CHECK(glb.document.count("extensionsUsed") == 0);
 
-  const json& attributes = glb.primitive(0)["attributes"];
+  const nlohmann::json& attributes = glb.primitive(0)["attributes"];
   const std::size_t position = attributes["POSITION"].get<std::size_t>();
   const std::vector<float> positions = glb.data<float>(position);
   REQUIRE(positions.size() == 12);
@@ -99,16 +98,16 @@ TEST_CASE("a GLB holds every primitive with y up, its front where it was, and ex
     CHECK(positions[3 * i + 1] == -kVertices[i].y);
     CHECK(positions[3 * i + 2] == -kVertices[i].z);
   }
-  const json& accessor = glb.document["accessors"][position];
-  CHECK(accessor["min"] == json({0.0, -1.0, static_cast<double>(-10.1F)}));
-  CHECK(accessor["max"] == json({1.0, 1.5, -2.0}));
+  const nlohmann::json& accessor = glb.document["accessors"][position];
+  CHECK(accessor["min"] == nlohmann::json({0.0, -1.0, static_cast<double>(-10.1F)}));
+  CHECK(accessor["max"] == nlohmann::json({1.0, 1.5, -2.0}));
   CHECK(glb.data<float>(attributes["TEXCOORD_0"].get<std::size_t>())[7] == uv[3].y);
   CHECK(glb.data<std::uint32_t>(glb.primitive(0)["indices"].get<std::size_t>()) ==
         std::vector<std::uint32_t>{0, 2, 1, 1, 2, 3});
   CHECK(glb.document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["index"] == 0);
   CHECK(glb.document["materials"][0]["doubleSided"] == true);
   CHECK(glb.document["images"][0]["mimeType"] == "image/png");
-  const json& image = glb.document["bufferViews"][glb.document["images"][0]["bufferView"].get<std::size_t>()];
+  const nlohmann::json& image = glb.document["bufferViews"][glb.document["images"][0]["bufferView"].get<std::size_t>()];
   CHECK(glb.binary.substr(image["byteOffset"].get<std::size_t>(), sizeof kPng) ==
         std::string(reinterpret_cast<const char*>(kPng), sizeof kPng));
 
@@ -116,7 +115,7 @@ TEST_CASE("a GLB holds every primitive with y up, its front where it was, and ex
   CHECK(n[1] == -0.6F);
   CHECK(n[2] == 0.8F);
   CHECK(glb.primitive(1)["attributes"].count("TEXCOORD_0") == 0);
-  CHECK(glb.document["materials"][1]["emissiveFactor"] == json({1.0, 0.5, 0.25}));
+  CHECK(glb.document["materials"][1]["emissiveFactor"] == nlohmann::json({1.0, 0.5, 0.25}));
   CHECK(glb.document["materials"][1].count("doubleSided") == 0);
 }
 

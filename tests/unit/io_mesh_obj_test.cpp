@@ -50,7 +50,7 @@ bool same(const std::vector<Face>& a, const std::vector<Face>& b) {
          });
 }
 
-io::Expected<io::Mesh> read_text(const TemporaryFolder& folder, const std::string& text) {
+io::Expected<io::Mesh> read_obj_text(const TemporaryFolder& folder, const std::string& text) {
   put(folder / "a.obj", text);
   return io::read_obj(folder / "a.obj");
 }
@@ -155,7 +155,7 @@ TEST_CASE("random numbers and corners, in every notation, are read as they were 
       if (i % 3 == 2) text += i % 4 == 0 ? "  \n" : "\n";
       if (i % 9 == 8) text += "usemtl none\no part\n";
     }
-    const io::Expected<io::Mesh> mesh = read_text(folder, text);
+    const io::Expected<io::Mesh> mesh = read_obj_text(folder, text);
     require_ok(mesh);
     REQUIRE(mesh.value().vertices.size() == 20);
     for (std::size_t i = 0; i < 20; ++i) {
@@ -183,7 +183,7 @@ TEST_CASE("convex polygons are cut into triangles that cover them, wherever they
                   std::to_string(offset + 10 * std::sin(turn)) + "\n";
           face += " " + std::to_string(clockwise ? corners - i : i + 1);
         }
-        const io::Expected<io::Mesh> mesh = read_text(folder, text + face);
+        const io::Expected<io::Mesh> mesh = read_obj_text(folder, text + face);
         require_ok(mesh);
         REQUIRE(mesh.value().faces.size() == static_cast<std::size_t>(corners - 2));
         double area = 0;
@@ -219,7 +219,8 @@ TEST_CASE("polygons that cannot be cut are refused, never silently incomplete: s
   };
   for (const Odd& odd : {Odd{star + face, 62}, Odd{kTriangle + "v 1 1 1\nf 1 2 3 4\n", 2},
                          Odd{kTriangle + "f 1 1 1 1 1\n", 3}, Odd{kTriangle + "f 1 2 3 1 2 3 1\n", 5}}) {
-    const io::Expected<io::Mesh> mesh = read_text(folder, odd.text);  // which it is differs by tinyobjloader's version
+    const io::Expected<io::Mesh> mesh =
+        read_obj_text(folder, odd.text);  // which it is differs by tinyobjloader's version
     if (mesh) {
       CHECK(mesh.value().faces.size() == odd.triangles);
     } else {
@@ -276,18 +277,18 @@ TEST_CASE("an OBJ that lies about an index or a number is refused with its line"
   };
   for (const Bad& b : bad) {
     INFO(b.text);
-    check_error(read_text(folder, kTriangle + b.text), "a.obj", b.line);
+    check_error(read_obj_text(folder, kTriangle + b.text), "a.obj", b.line);
   }
-  check_error(read_text(folder, ""), "a.obj");
-  check_error(read_text(folder, "f 1 2 3\n"), "a.obj");
-  check_error(read_text(folder, "o nothing\n"), "a.obj", "no vertex");
-  check_error(read_text(folder, std::string("v 0 0 1\0 2\n", 11)), "a.obj", "line 1");
-  check_error(read_text(folder, "v 0 0 " + std::string(400, '0') + "1\n"), "a.obj", "line 1");
+  check_error(read_obj_text(folder, ""), "a.obj");
+  check_error(read_obj_text(folder, "f 1 2 3\n"), "a.obj");
+  check_error(read_obj_text(folder, "o nothing\n"), "a.obj", "no vertex");
+  check_error(read_obj_text(folder, std::string("v 0 0 1\0 2\n", 11)), "a.obj", "line 1");
+  check_error(read_obj_text(folder, "v 0 0 " + std::string(400, '0') + "1\n"), "a.obj", "line 1");
   check_error(io::read_obj(folder / "absent.obj"), "absent.obj");
   check_error(io::read_obj(folder.path()), folder.path());
   std::string polygon = kTriangle + "f";
   for (int i = 0; i < 1025; ++i) polygon += " 1";
-  check_error(read_text(folder, polygon), "a.obj", "1024");
+  check_error(read_obj_text(folder, polygon), "a.obj", "1024");
 }
 
 TEST_CASE("an OBJ larger than the limit is refused before it is read") {
@@ -302,21 +303,22 @@ TEST_CASE("an OBJ larger than the limit is refused before it is read") {
 
 TEST_CASE("valid but unusual OBJ is read: weights, colours, comments, other elements, no end of line") {
   const TemporaryFolder folder;
-  const io::Expected<io::Mesh> mesh = read_text(folder,
-                                                "\xEF\xBB\xBFv +1 2. .5 1.0\n  v 1 0 0 # note\nv 3.4028235e38 1e-50 "
-                                                "0#\nvp 1\nl 0 9\nvw 1 -1\nt x 9/9/9\nmtllib /\n"
-                                                "f -3 -2 -1 #");
+  const io::Expected<io::Mesh> mesh =
+      read_obj_text(folder,
+                    "\xEF\xBB\xBFv +1 2. .5 1.0\n  v 1 0 0 # note\nv 3.4028235e38 1e-50 "
+                    "0#\nvp 1\nl 0 9\nvw 1 -1\nt x 9/9/9\nmtllib /\n"
+                    "f -3 -2 -1 #");
   require_ok(mesh);
   REQUIRE(mesh.value().vertices.size() == 3);
   CHECK(mesh.value().vertices[0] == Vec3f{1, 2, 0.5F});
   CHECK(mesh.value().vertices[2] == Vec3f{std::numeric_limits<float>::max(), 0, 0});
   CHECK(mesh.value().faces.size() == 1);
   CHECK(mesh.value().colours.empty());
-  const io::Expected<io::Mesh> coloured = read_text(folder, "v 1 2 3 .1 .2 .3\nv 1 2 3 .4 .5 .6\n");
+  const io::Expected<io::Mesh> coloured = read_obj_text(folder, "v 1 2 3 .1 .2 .3\nv 1 2 3 .4 .5 .6\n");
   require_ok(coloured);
   REQUIRE(coloured.value().colours.size() == 2);
   CHECK(coloured.value().colours[1] == Vec3f{0.4F, 0.5F, 0.6F});
-  CHECK(read_text(folder, "v 1 2 3 .1 .2 .3\nv 1 2 3\n").value().colours.empty());
+  CHECK(read_obj_text(folder, "v 1 2 3 .1 .2 .3\nv 1 2 3\n").value().colours.empty());
 }
 
 TEST_CASE("published meshes are read whole: triangles, quads with indices counted back") {
@@ -364,7 +366,7 @@ TEST_CASE("random bytes and cut files never crash the OBJ reader, and give only 
       const char alphabet[] = "0123456789 -/.\nvft#e\0";
       text[random.next_u32() % text.size()] = alphabet[random.next_u32() % (sizeof alphabet - 1)];
     }
-    const io::Expected<io::Mesh> mesh = read_text(folder, text);
+    const io::Expected<io::Mesh> mesh = read_obj_text(folder, text);
     if (!mesh) {
       CHECK(mesh.error().line().find("a.obj") != std::string::npos);
       continue;

@@ -26,10 +26,11 @@ io::Scene street() {
       const bool sky = y < 12;
       const bool box = x < 150 && y > 30 && y < 84 && x % 24 < 10;
       const int grey = box ? 50 : road ? 110 : sky ? 200 : 130;
-      scene.image(x, y) = Rgb8{static_cast<std::uint8_t>(grey), static_cast<std::uint8_t>(grey),
-                               static_cast<std::uint8_t>(grey)};
-      scene.depth(x, y) = sky ? 0.0F : box ? 8.0F - 0.02F * static_cast<float>(x)
-                                           : std::min(1.5F * 146.0F / static_cast<float>(std::max(y - 54, 1)), 27.0F);
+      scene.image(x, y) =
+          Rgb8{static_cast<std::uint8_t>(grey), static_cast<std::uint8_t>(grey), static_cast<std::uint8_t>(grey)};
+      scene.depth(x, y) = sky   ? 0.0F
+                          : box ? 8.0F - 0.02F * static_cast<float>(x)
+                                : std::min(1.5F * 146.0F / static_cast<float>(std::max(y - 54, 1)), 27.0F);
       scene.labels(x, y) = box ? label::car : road ? label::road : sky ? label::sky : label::building;
     }
   }

@@ -87,15 +87,9 @@ void put_files(const TemporaryFolder& folder) {
   put(folder / "lights.json", kLights);
 }
 
-io::Expected<io::Scene> read_text(const TemporaryFolder& folder, const std::string& json) {
+io::Expected<io::Scene> read_scene_text(const TemporaryFolder& folder, const std::string& json) {
   put(folder / "scene.json", json);
   return io::read_scene(folder.path());
-}
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  REQUIRE(at != std::string::npos);
-  return text.replace(at, from.size(), to);
 }
 
 bool any_note(const io::Scene& scene, const std::string& words) {
@@ -110,7 +104,7 @@ bool any_note(const io::Scene& scene, const std::string& words) {
 TEST_CASE("scene: only image, depth and camera; the folder gives the name; folder and file are the same") {
   const TemporaryFolder folder;
   put_files(folder);
-  const auto scene = read_text(folder, kMinimal);
+  const auto scene = read_scene_text(folder, kMinimal);
   require_ok(scene);
   CHECK(scene.value().shape() == kShape);
   CHECK(scene.value().depth(5, 20) == sample_depth(5, 20));
@@ -130,7 +124,7 @@ TEST_CASE("scene: only image, depth and camera; the folder gives the name; folde
 TEST_CASE("scene: everything there is, and the convention of the normals found from depth") {
   const TemporaryFolder folder;
   put_files(folder);
-  const auto read = read_text(folder, kWhole);
+  const auto read = read_scene_text(folder, kWhole);
   require_ok(read);
   const io::Scene& scene = read.value();
   CHECK(scene.name == "corner");
@@ -163,7 +157,7 @@ TEST_CASE("scene: everything there is, and the convention of the normals found f
 TEST_CASE("scene: its view has all planes, its files are all that scene.json names, and who made it") {
   const TemporaryFolder folder;
   put_files(folder);
-  const auto read = read_text(folder, replaced(kWhole, "\"name\"", "\"generator\": \"a camera\", \"name\""));
+  const auto read = read_scene_text(folder, replaced(kWhole, "\"name\"", "\"generator\": \"a camera\", \"name\""));
   require_ok(read);
   const io::Scene& scene = read.value();
   CHECK(scene.generator == "a camera");
@@ -203,7 +197,7 @@ TEST_CASE("scene: true emitters are read in the camera's frame, those that the p
   const auto emitters = [&](const std::string& list) {
     put(folder / "emitters.json", "{\"emitters\": [" + list + "]}");
     const auto scene =
-        read_text(folder, replaced(kWhole, "\"mesh\": \"absent.obj\"", "\"emitters\": \"emitters.json\""));
+        read_scene_text(folder, replaced(kWhole, "\"mesh\": \"absent.obj\"", "\"emitters\": \"emitters.json\""));
     require_ok(scene);
     return io::read_truth_emitters(scene.value());
   };
@@ -241,7 +235,7 @@ TEST_CASE("scene: the true ground") {
   const TemporaryFolder folder;
   put_files(folder);
   const auto with = [&](const std::string& ground) {
-    return read_text(folder, replaced(kWhole, "\"mesh\": \"absent.obj\"", "\"ground\": " + ground));
+    return read_scene_text(folder, replaced(kWhole, "\"mesh\": \"absent.obj\"", "\"ground\": " + ground));
   };
   const auto read = with(R"({"camera_height_m": 1.25, "up": [0, -2, 0]})");
   require_ok(read);
@@ -256,32 +250,32 @@ TEST_CASE("scene: the true ground") {
 TEST_CASE("scene: a named convention is taken as it is") {
   const TemporaryFolder folder;
   put_files(folder);
-  const auto opengl = read_text(folder, replaced(kWhole, "\"auto\"", "\"opengl\""));
+  const auto opengl = read_scene_text(folder, replaced(kWhole, "\"auto\"", "\"opengl\""));
   require_ok(opengl);
   CHECK(opengl.value().normals(5, 20).y == -1.0F);
-  const auto canonical = read_text(folder, replaced(kWhole, "\"auto\"", "\"canonical\""));
+  const auto canonical = read_scene_text(folder, replaced(kWhole, "\"auto\"", "\"canonical\""));
   require_ok(canonical);
   CHECK(canonical.value().normals(5, 20).y == 1.0F);
   CHECK(any_note(canonical.value(), "depth suggests"));
-  check_error(read_text(folder, replaced(kWhole, "\"auto\"", "\"directx\"")), "scene.json", "normals.convention");
+  check_error(read_scene_text(folder, replaced(kWhole, "\"auto\"", "\"directx\"")), "scene.json", "normals.convention");
 }
 
 TEST_CASE("scene: absolute names, and names that leave the folder") {
   const TemporaryFolder folder;
   const TemporaryFolder elsewhere;
   put_files(elsewhere);
-  require_ok(read_text(folder, replaced(replaced(kMinimal, "image.png", elsewhere / "image.png"), "depth.pfm",
-                                        elsewhere / "depth.pfm")));
+  require_ok(read_scene_text(folder, replaced(replaced(kMinimal, "image.png", elsewhere / "image.png"), "depth.pfm",
+                                              elsewhere / "depth.pfm")));
   const std::string up = "../" + std::filesystem::path(elsewhere.path()).filename().string() + "/";
-  require_ok(
-      read_text(folder, replaced(replaced(kMinimal, "image.png", up + "image.png"), "depth.pfm", up + "depth.pfm")));
+  require_ok(read_scene_text(
+      folder, replaced(replaced(kMinimal, "image.png", up + "image.png"), "depth.pfm", up + "depth.pfm")));
 }
 
 TEST_CASE("scene: missing keys, unknown keys and wrong kinds are named with their place") {
   const TemporaryFolder folder;
   put_files(folder);
   const auto refused = [&](const std::string& json, const std::string& words) {
-    check_error(read_text(folder, json), "scene.json", words);
+    check_error(read_scene_text(folder, json), "scene.json", words);
   };
   refused("{}", "image");
   refused("[]", "object");
@@ -317,7 +311,7 @@ TEST_CASE("scene: every plane has to be of the image's size") {
     const TemporaryFolder folder;
     put_files(folder);
     require_ok(write(folder / name));
-    check_error(read_text(folder, kWhole), name, "31x24");
+    check_error(read_scene_text(folder, kWhole), name, "31x24");
   };
   refused("depth.pfm", [&](const std::string& p) { return io::write_pfm(p, io::Image<float>(wrong, 1).view()); });
   refused("normals.pfm", [&](const std::string& p) { return io::write_pfm(p, io::Image<Vec3f>(wrong).view()); });
@@ -335,13 +329,13 @@ TEST_CASE("scene: a missing, empty or unfit file behind any key is an error that
     const TemporaryFolder folder;
     put_files(folder);
     put(folder / name, "");
-    check_error(read_text(folder, kWhole), name, "empty");
+    check_error(read_scene_text(folder, kWhole), name, "empty");
     put(folder / name, "neither picture nor numbers");
-    check_error(read_text(folder, kWhole), name);
+    check_error(read_scene_text(folder, kWhole), name);
     std::filesystem::remove(folder / name);
-    check_error(read_text(folder, kWhole), name, "does not exist");
+    check_error(read_scene_text(folder, kWhole), name, "does not exist");
     std::filesystem::create_directory(folder / name);
-    check_error(read_text(folder, kWhole), name, "folder");
+    check_error(read_scene_text(folder, kWhole), name, "folder");
   }
 }
 
@@ -351,23 +345,23 @@ TEST_CASE(
   put_files(folder);
   io::Image<float> roughness(kShape, 1.5F);
   require_ok(io::write_pfm(folder / "roughness.pfm", roughness.view()));
-  const auto clamped = read_text(folder, kWhole);
+  const auto clamped = read_scene_text(folder, kWhole);
   require_ok(clamped);
   CHECK(clamped.value().roughness(0, 0) == 1.0F);
   CHECK(any_note(clamped.value(), "clamped"));
   roughness(4, 5) = std::numeric_limits<float>::quiet_NaN();
   require_ok(io::write_pfm(folder / "roughness.pfm", roughness.view()));
-  check_error(read_text(folder, kWhole), "roughness.pfm", "not finite");
+  check_error(read_scene_text(folder, kWhole), "roughness.pfm", "not finite");
   put_files(folder);
   require_ok(io::write_pfm(folder / "normals.pfm", io::Image<Vec3f>(kShape).view()));
-  check_error(read_text(folder, kWhole), "normals.pfm", "none of them");
+  check_error(read_scene_text(folder, kWhole), "normals.pfm", "none of them");
 }
 
 TEST_CASE("resize: constants stay, light is conserved, edges of depth stay sharp, intrinsics follow") {
   const TemporaryFolder folder;
   put_files(folder);
   for (const Shape to : {Shape{16, 12}, Shape{11, 7}, Shape{64, 48}, Shape{33, 23}, Shape{1, 1}}) {
-    auto read = read_text(folder, kWhole);
+    auto read = read_scene_text(folder, kWhole);
     require_ok(read);
     io::Scene& scene = read.value();
     require_ok(io::resize_scene(scene, to));
@@ -433,7 +427,7 @@ TEST_CASE("resize: no annotated source vanishes, even inside its group's last pi
   const TemporaryFolder folder;
   put_files(folder);
   for (const Shape to : {Shape{16, 12}, Shape{8, 6}, Shape{5, 4}}) {
-    auto read = read_text(folder, kWhole);
+    auto read = read_scene_text(folder, kWhole);
     require_ok(read);
     require_ok(io::resize_scene(read.value(), to));
     std::vector<int> pixels(4, 0);
@@ -452,7 +446,7 @@ TEST_CASE("resize: impossible sizes, and sizes without a valid depth, leave the 
   io::Image<float> sparse(kShape);
   sparse(3, 3) = 5;
   require_ok(io::write_pfm(folder / "depth.pfm", sparse.view()));
-  auto read = read_text(folder, kMinimal);
+  auto read = read_scene_text(folder, kMinimal);
   require_ok(read);
   io::Scene& scene = read.value();
   check_error(io::resize_scene(scene, {0, 5}), "scene.json", "0x5");
@@ -476,7 +470,7 @@ TEST_CASE("real data, where the environment names it: Cityscapes, CARLA, KITTI a
     return "{\"image\": \"" + root + image + "\", \"depth\": {\"file\": \"" + root + depth + "\", " + encoding + "}";
   };
   const std::string d = "cityscapes/dusseldorf_000020_000019";
-  auto scene = read_text(
+  auto scene = read_scene_text(
       folder, image_depth(d + "_leftImg8bit.png", d + "_disparity.png", "\"encoding\": \"cityscapes_disparity\"") +
                   ", \"camera\": {\"cityscapes\": \"" + root + d + "_camera.json\"}, \"labels\": {\"file\": \"" + root +
                   d + "_gtFine_instanceIds.png\", \"encoding\": \"cityscapes_instance_ids\"}, \"lights\": " +
@@ -487,11 +481,11 @@ TEST_CASE("real data, where the environment names it: Cityscapes, CARLA, KITTI a
   CHECK(scene.value().lights.size() == 45);
   CHECK(scene.value().baseline_m > 0.1);
 
-  scene = read_text(folder, image_depth("carla/0183_rgb.png", "carla/0183_depth_m_x256_DERIVED.png",
-                                        "\"encoding\": \"uint16\", \"scale\": 0.00390625") +
-                                camera(R"({"fx": 951.07, "fy": 951.07, "cx": 691, "cy": 256})") +
-                                ", \"labels\": {\"file\": \"" + root +
-                                "carla/0183_labelIds_DERIVED.png\", \"encoding\": \"cityscapes_label_ids\"}}");
+  scene = read_scene_text(folder, image_depth("carla/0183_rgb.png", "carla/0183_depth_m_x256_DERIVED.png",
+                                              "\"encoding\": \"uint16\", \"scale\": 0.00390625") +
+                                      camera(R"({"fx": 951.07, "fy": 951.07, "cx": 691, "cy": 256})") +
+                                      ", \"labels\": {\"file\": \"" + root +
+                                      "carla/0183_labelIds_DERIVED.png\", \"encoding\": \"cityscapes_label_ids\"}}");
   require_ok(scene);
   // The road lies 1.70 m below the camera, within 1 %: where labels say road, in the lower middle of the picture.
   double below = 0;
@@ -506,17 +500,17 @@ TEST_CASE("real data, where the environment names it: Cityscapes, CARLA, KITTI a
   REQUIRE(count > 1000);
   CHECK(below / count == doctest::Approx(1.70).epsilon(0.02));
 
-  scene = read_text(folder, image_depth("kitti/0000000050_rgb.png", "kitti/0000000050_depth.png",
-                                        "\"encoding\": \"uint16\", \"scale\": 0.00390625") +
-                                camera(R"({"fx": 707.0493, "fy": 707.0493, "cx": 604.0814, "cy": 180.5066,
+  scene = read_scene_text(folder, image_depth("kitti/0000000050_rgb.png", "kitti/0000000050_depth.png",
+                                              "\"encoding\": \"uint16\", \"scale\": 0.00390625") +
+                                      camera(R"({"fx": 707.0493, "fy": 707.0493, "cx": 604.0814, "cy": 180.5066,
                                            "pixel_centre": 0})") +
-                                "}");
+                                      "}");
   require_ok(scene);
   CHECK(any_note(scene.value(), "20.6 % valid"));
 
-  scene = read_text(folder, image_depth("rgbd/frame-000000.color.jpg", "rgbd/frame-000000.depth.png",
-                                        "\"encoding\": \"uint16\", \"scale\": 0.001") +
-                                camera(R"({"fx": 585, "fy": 585, "cx": 320, "cy": 240})") + "}");
+  scene = read_scene_text(folder, image_depth("rgbd/frame-000000.color.jpg", "rgbd/frame-000000.depth.png",
+                                              "\"encoding\": \"uint16\", \"scale\": 0.001") +
+                                      camera(R"({"fx": 585, "fy": 585, "cx": 320, "cy": 240})") + "}");
   require_ok(scene);
   CHECK(scene.value().depth(320, 240) < 10.0F);
 }

@@ -20,13 +20,8 @@ const char* const kObj =
     "f 1 2 4\ng else\nf 1 3 4\n";
 const char* const kMtl = "newmtl m0\nKd 0.1 0.2 0.3\nPr 0.5\n\nnewmtl m1\nKs 1 1 1\nPr 0.25\nKd 1 0 0\n";
 
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  REQUIRE(at != std::string::npos);
-  return text.replace(at, from.size(), to);
-}
-
-io::Expected<io::TrueMesh> read(const TemporaryFolder& folder, const std::string& obj, const std::string& mtl) {
+io::Expected<io::TrueMesh> read_true_mesh_text(const TemporaryFolder& folder, const std::string& obj,
+                                               const std::string& mtl) {
   put(folder / "street.obj", obj);
   put(folder / "street.mtl", mtl);
   io::Scene scene;
@@ -38,7 +33,7 @@ io::Expected<io::TrueMesh> read(const TemporaryFolder& folder, const std::string
 
 TEST_CASE("truth mesh: faces have the material and the emitter that stand above them") {
   const TemporaryFolder folder;
-  const auto mesh = read(folder, kObj, kMtl);
+  const auto mesh = read_true_mesh_text(folder, kObj, kMtl);
   require_ok(mesh);
   REQUIRE(mesh.value().mesh.faces.size() == 4);
   CHECK(mesh.value().face_emitter == std::vector<std::uint32_t>{0, 12, 12, 0});
@@ -52,14 +47,14 @@ TEST_CASE("truth mesh: faces have the material and the emitter that stand above 
 
 TEST_CASE("truth mesh: what is missing or wrong is named with its line") {
   const TemporaryFolder folder;
-  check_error(read(folder, replaced(kObj, "usemtl m1", "usemtl m2"), kMtl), "street.obj", "line 11");
-  check_error(read(folder, replaced(kObj, "usemtl m1", "usemtl"), kMtl), "street.obj", "line 11");
-  check_error(read(folder, replaced(kObj, "mtllib street.mtl", ""), kMtl), "street.obj", "line 7");
-  check_error(read(folder, replaced(kObj, "street.mtl", "absent.mtl"), kMtl), "absent.mtl", "");
-  check_error(read(folder, replaced(kObj, "f 2 3 4", "f 1 2 4 3"), kMtl), "street.obj", "faces");
-  check_error(read(folder, kObj, replaced(kMtl, "0.2 0.3", "0.2")), "street.mtl", "line 2");
-  check_error(read(folder, kObj, replaced(kMtl, "Pr 0.5", "Pr 1.5")), "street.mtl", "line 3");
-  check_error(read(folder, kObj, replaced(kMtl, "newmtl m0", "")), "street.mtl", "line 2");
+  check_error(read_true_mesh_text(folder, replaced(kObj, "usemtl m1", "usemtl m2"), kMtl), "street.obj", "line 11");
+  check_error(read_true_mesh_text(folder, replaced(kObj, "usemtl m1", "usemtl"), kMtl), "street.obj", "line 11");
+  check_error(read_true_mesh_text(folder, replaced(kObj, "mtllib street.mtl", ""), kMtl), "street.obj", "line 7");
+  check_error(read_true_mesh_text(folder, replaced(kObj, "street.mtl", "absent.mtl"), kMtl), "absent.mtl", "");
+  check_error(read_true_mesh_text(folder, replaced(kObj, "f 2 3 4", "f 1 2 4 3"), kMtl), "street.obj", "faces");
+  check_error(read_true_mesh_text(folder, kObj, replaced(kMtl, "0.2 0.3", "0.2")), "street.mtl", "line 2");
+  check_error(read_true_mesh_text(folder, kObj, replaced(kMtl, "Pr 0.5", "Pr 1.5")), "street.mtl", "line 3");
+  check_error(read_true_mesh_text(folder, kObj, replaced(kMtl, "newmtl m0", "")), "street.mtl", "line 2");
   const io::Scene none;
   check_error(io::read_truth_mesh(none), "", "truth.mesh");
 }

@@ -8,9 +8,9 @@
 
 #include "fixture.hpp"
 #include "npsim/light/activation.hpp"
-#include "npsim/light/continued_rows.hpp"
 #include "npsim/light/photometry.hpp"
-#include "npsim/render/illuminance.hpp"
+#include "npsim/light/unmarked.hpp"
+#include "npsim/render/direct.hpp"
 
 namespace {
 

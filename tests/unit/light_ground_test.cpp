@@ -9,7 +9,7 @@
 #include "npsim/core/random.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/light/activation.hpp"
-#include "npsim/light/headlamps.hpp"
+#include "npsim/light/unmarked.hpp"
 #include "unit/fixture.hpp"
 
 namespace {

@@ -9,7 +9,6 @@
 #include "npsim/light/activation.hpp"
 #include "npsim/light/light_set.hpp"
 #include "npsim/light/photometry.hpp"
-#include "npsim/light/sky.hpp"
 
 namespace {
 using namespace npsim;

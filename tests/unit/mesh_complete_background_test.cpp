@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/mesh/complete_background.hpp"
+#include "npsim/mesh/complete.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/mesh/open_steps.hpp"
+#include "npsim/mesh/prune.hpp"
 
 #include <doctest/doctest.h>
 

@@ -14,8 +14,7 @@
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
-#include "npsim/metrics/depth_errors.hpp"
-#include "npsim/metrics/edge_errors.hpp"
+#include "npsim/metrics/geometry_errors.hpp"
 
 namespace {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/metrics/normal_errors.hpp"
+#include "npsim/metrics/geometry_errors.hpp"
 
 #include <doctest/doctest.h>
 

@@ -12,7 +12,6 @@
 
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
-#include "npsim/metrics/flip.hpp"
 #include "npsim/metrics/luminance_errors.hpp"
 #include "reference/flip.hpp"
 

@@ -8,7 +8,6 @@
 
 #include "npsim/core/executor.hpp"
 #include "npsim/pipeline/photograph.hpp"
-#include "npsim/pipeline/picture_masks.hpp"
 #include "unit/fixture.hpp"
 
 namespace {

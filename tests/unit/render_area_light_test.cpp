@@ -10,7 +10,7 @@
 #include "npsim/core/random.hpp"
 #include "npsim/light/emitter.hpp"
 #include "npsim/light/photometry.hpp"
-#include "npsim/render/illuminance.hpp"
+#include "npsim/render/direct.hpp"
 
 namespace {
 

@@ -9,7 +9,7 @@
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/observe.hpp"
-#include "npsim/material/wet_film.hpp"
+#include "npsim/material/roughness.hpp"
 #include "npsim/render/mirror.hpp"
 #include "npsim/trace/bvh.hpp"
 

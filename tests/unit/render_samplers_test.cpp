@@ -8,8 +8,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "npsim/core/circle.hpp"
 #include "npsim/core/random.hpp"
+#include "npsim/core/vec.hpp"
 #include "npsim/light/emitter.hpp"
 #include "npsim/material/bsdf.hpp"
 #include "npsim/render/mirror.hpp"

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "npsim/color/chromaticity.hpp"
-#include "npsim/color/lab.hpp"
 #include "npsim/color/srgb.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/pipeline/photograph.hpp"

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "npsim/core/executor.hpp"
-#include "npsim/sensor/noise_fit.hpp"
+#include "npsim/sensor/noise.hpp"
 #include "npsim/sensor/raw.hpp"
 #include "unit/sensor_fixture.hpp"
 

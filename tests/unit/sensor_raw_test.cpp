@@ -12,7 +12,6 @@
 #include "npsim/sensor/detail/demosaic.hpp"
 #include "npsim/sensor/exposure.hpp"
 #include "npsim/sensor/raw.hpp"
-#include "npsim/sensor/white_balance.hpp"
 #include "unit/sensor_fixture.hpp"
 
 namespace {

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "npsim/core/executor.hpp"
-#include "npsim/sensor/starburst.hpp"
+#include "npsim/sensor/glare.hpp"
 #include "unit/sensor_fixture.hpp"
 
 namespace {

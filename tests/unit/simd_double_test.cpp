@@ -6,7 +6,7 @@
 #include <cstring>
 
 #include "npsim/core/random.hpp"
-#include "npsim/simd/double.hpp"
+#include "npsim/simd/fixed.hpp"
 
 namespace simd = npsim::simd;
 

@@ -10,7 +10,7 @@
 #include "fixture.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/exec/thread_pool.hpp"
-#include "npsim/mesh/complete_background.hpp"
+#include "npsim/mesh/complete.hpp"
 #include "npsim/mesh/sheet.hpp"
 #include "street/street.hpp"
 

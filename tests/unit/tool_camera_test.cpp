@@ -20,7 +20,7 @@ using namespace tool_test;
 
 namespace {
 
-Run night(const std::string& name, const std::string& options) {
+Run run_night(const std::string& name, const std::string& options) {
   return run_tool("night '" + fixture().street + "' -o '" + fixture().out(name) + "' --quiet " + options);
 }
 
@@ -62,8 +62,8 @@ void check_betas(const Run& run) {
 }  // namespace
 
 TEST_CASE("tool: a moving car's night is another picture of the same light, and says how it moved") {
-  REQUIRE(night("rest", "").status == 0);
-  REQUIRE(night("moving", "--speed 14 --yaw-rate 0.2 --flicker").status == 0);
+  REQUIRE(run_night("rest", "").status == 0);
+  REQUIRE(run_night("moving", "--speed 14 --yaw-rate 0.2 --flicker").status == 0);
   const std::string rest = fixture().out("rest");
   const std::string moving = fixture().out("moving");
   CHECK(bytes_of(rest + "/night_000.pfm") == bytes_of(moving + "/night_000.pfm"));
@@ -73,26 +73,26 @@ TEST_CASE("tool: a moving car's night is another picture of the same light, and 
   CHECK(motion["rotation_rad_s"][1].get<double>() == doctest::Approx(0.2));
   CHECK(motion["flicker"] == true);
   CHECK(json_of(rest + "/night_000.json")["motion"]["velocity_m_s"][2] == 0);
-  REQUIRE(night("threads", "--speed 14 --yaw-rate 0.2 --flicker --threads 3").status == 0);
+  REQUIRE(run_night("threads", "--speed 14 --yaw-rate 0.2 --flicker --threads 3").status == 0);
   CHECK(bytes_of(moving + "/night_000.png") == bytes_of(fixture().out("threads") + "/night_000.png"));
 }
 
 TEST_CASE("tool: raw pictures and JPEG are written beside the night, and go where the next run has none") {
   const std::string out = fixture().out("raw");
-  REQUIRE(night("raw", "--camera automotive-raw --raw --jpeg 80").status == 0);
+  REQUIRE(run_night("raw", "--camera automotive-raw --raw --jpeg 80").status == 0);
   const auto raw = npsim::io::read_raw(out + "/night_000.raw");
   REQUIRE(raw.ok());
   CHECK(raw.value().levels.width() == 320);
   CHECK(raw.value().white == 4095);
   CHECK(npsim::io::read_rgb8(out + "/night_000.jpg").ok());
   CHECK(fs::file_size(out + "/night_000.dng") > 320 * 180 * 2);
-  REQUIRE(night("raw", "").status == 0);
+  REQUIRE(run_night("raw", "").status == 0);
   for (const char* file : {"night_000.raw", "night_000_raw.json", "night_000.dng", "night_000.jpg"}) {
     CHECK_FALSE(fs::exists(fs::path(out) / file));
   }
   CHECK(fs::exists(out + "/night_000.png"));
   for (const char* camera : {"thesis", "automotive-hdr"}) {
-    check_refused(night("none", std::string("--raw --camera ") + camera), "--raw", fixture().out("none"));
+    check_refused(run_night("none", std::string("--raw --camera ") + camera), "--raw", fixture().out("none"));
   }
 }
 

@@ -15,8 +15,11 @@
 #include <fstream>
 #include <iterator>
 #include <string>
+#include <utility>
 
 #include <nlohmann/json.hpp>
+
+#include "npsim/io/error.hpp"
 
 namespace tool_test {
 
@@ -33,7 +36,8 @@ inline Run run_tool(const std::string& arguments) {
   std::FILE* pipe = popen(command.c_str(), "r");
   REQUIRE(pipe != nullptr);
   std::array<char, 4096> buffer{};
-  for (std::size_t n = 0; (n = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0;) run.output.append(buffer.data(), n);
+  for (std::size_t n = 0; (n = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0;)
+    run.output.append(buffer.data(), n);
   const int status = pclose(pipe);
   run.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   return run;
@@ -45,6 +49,14 @@ inline std::string bytes_of(const fs::path& path) {
 }
 
 inline nlohmann::json json_of(const fs::path& path) { return nlohmann::json::parse(bytes_of(path)); }
+inline void write_json(const fs::path& path, const nlohmann::json& json) { std::ofstream(path) << json; }
+
+// What was read, of a file that must be there.
+template <class T>
+T value_of(npsim::io::Expected<T> read) {
+  REQUIRE(read.ok());
+  return std::move(read.value());
+}
 
 // A small street that all cases share, and a folder for what they write; both go at the end.
 struct Fixture {

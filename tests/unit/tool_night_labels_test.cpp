@@ -44,12 +44,6 @@ std::string file(int variant, const std::string& ending) {
   return labelled() + "/night_00" + std::to_string(variant) + ending;
 }
 
-template <class T>
-T value_of(io::Expected<T> read) {
-  REQUIRE(read.ok());
-  return std::move(read.value());
-}
-
 struct PlainBox {
   int left = 1 << 20, top = 1 << 20, right = -1, bottom = -1;
   int pixels = 0;

@@ -28,8 +28,6 @@ std::map<std::string, std::string> contents_of(const fs::path& folder) {
   return contents;
 }
 
-void write_json(const std::string& path, const nlohmann::json& json) { std::ofstream(path) << json; }
-
 std::string in_quotes(const std::string& text) { return "'" + text + "'"; }
 
 // A scene that has a file for everything a scene can name, its camera and the textures of its true mesh included.

@@ -52,8 +52,8 @@ HeldOut held_out(const std::string& scene, const std::string& how) {
     result.moved_mean = step.at("kept_moved").at("mean");
   }
   std::printf("%-12s %-12s left out %.4f, linear %.4f, ratio %.2f; measured pixels moved by %.5f (median %.5f)\n",
-              fs::path(scene).filename().c_str(), how.c_str(), result.ours, result.linear,
-              result.ours / result.linear, result.moved_mean, result.moved_median);
+              fs::path(scene).filename().c_str(), how.c_str(), result.ours, result.linear, result.ours / result.linear,
+              result.moved_mean, result.moved_median);
   return result;
 }
 

@@ -27,7 +27,7 @@ namespace {
 namespace io = npsim::io;
 
 // A night of the street, drawn once.
-const std::string& night() {
+const std::string& night_folder() {
   static const std::string folder = [] {
     const std::string out = fixture().out("night_for_truth");
     const Run run = run_tool("night '" + fixture().street + "' -o '" + out + "' --seed 3 --quiet");
@@ -42,12 +42,10 @@ std::string truth_of(const std::string& scene, const std::string& json, const st
   return "truth '" + scene + "' '" + json + "' -o '" + output + "' --size 96x54 --quiet " + options;
 }
 
-void write_json(const std::string& path, const nlohmann::json& json) { std::ofstream(path) << json; }
-
 }  // namespace
 
 TEST_CASE("tool truth: a night in cd/m2, with its error, its direct light and its lamps") {
-  const std::string json = night() + "/night_000.json";
+  const std::string json = night_folder() + "/night_000.json";
   const std::string out = fixture().out("truth/a.pfm");
   const Run run = run_tool(truth_of(fixture().street, json, out, "--samples 40"));
   REQUIRE_MESSAGE(run.status == 0, run.output);
@@ -78,7 +76,7 @@ TEST_CASE("tool truth: a night in cd/m2, with its error, its direct light and it
 }
 
 TEST_CASE("tool truth: in two goes, on other threads, the bytes are those of one") {
-  const std::string json = night() + "/night_000.json";
+  const std::string json = night_folder() + "/night_000.json";
   const auto truth = [&](const char* name, const char* options) {
     const Run run = run_tool(truth_of(fixture().street, json, fixture().out(name), options));
     REQUIRE_MESSAGE(run.status == 0, run.output);
@@ -103,7 +101,7 @@ TEST_CASE("tool truth: a pass that is stopped half-way leaves the sums as they w
   auto scene = io::read_scene(fixture().street);
   REQUIRE(scene.ok());
   REQUIRE(io::resize_scene(scene.value(), {32, 18}).ok());
-  const auto night_of = npsim::tool::make_truth_night(scene.value(), night() + "/night_000.json");
+  const auto night_of = npsim::tool::make_truth_night(scene.value(), night_folder() + "/night_000.json");
   REQUIRE_MESSAGE(night_of.ok(), (night_of.ok() ? std::string() : night_of.error().line()));
   const npsim::tool::TruthTracer tracer(night_of.value(), {});
   struct Impatient : npsim::NullObserver {
@@ -133,12 +131,12 @@ TEST_CASE("tool truth: a pass that is stopped half-way leaves the sums as they w
 }
 
 TEST_CASE("tool truth: what cannot be right is refused, and nothing is written") {
-  const std::string json = night() + "/night_000.json";
+  const std::string json = night_folder() + "/night_000.json";
   const std::string out = fixture().out("refused_truth/a.pfm");
   const auto refused = [&](const std::string& scene, const std::string& drawn, const std::string& mentions) {
     check_refused(run_tool(truth_of(scene, drawn, out, "--samples 16")), mentions, fixture().out("refused_truth"));
   };
-  refused(fixture().street, night() + "/absent.json", "absent.json");
+  refused(fixture().street, night_folder() + "/absent.json", "absent.json");
   check_refused(run_tool(truth_of(fixture().street, json, fixture().out("refused_truth/a.png"), "")), ".pfm");
   // A night of another street, or spoilt.
   const auto spoilt = [&](const char* name, auto&& change) {

@@ -24,7 +24,7 @@ namespace {
 
 using namespace npsim;
 
-std::string night(const std::string& name, const std::string& options) {
+std::string folder_of_night(const std::string& name, const std::string& options) {
   const std::string out = fixture().out(name);
   const Run run = run_tool("night '" + fixture().street + "' -o '" + out + "' --quiet --camera automotive-raw --raw " +
                            "--labels --speed 10 --threads 2 " + options);
@@ -32,17 +32,11 @@ std::string night(const std::string& name, const std::string& options) {
   return out;
 }
 
-template <class T>
-T value_of(io::Expected<T> read) {
-  REQUIRE(read.ok());
-  return std::move(read.value());
-}
-
 }  // namespace
 
 TEST_CASE("work size: pictures, raw and labels have the photograph's size, depth the smaller; the same lamps burn") {
-  const std::string whole = night("work_size_whole", "");
-  const std::string half = night("work_size_half", "--work-size 160x90");
+  const std::string whole = folder_of_night("work_size_whole", "");
+  const std::string half = folder_of_night("work_size_half", "--work-size 160x90");
   const Shape full{320, 180};
   CHECK(value_of(io::read_rgb8(half + "/night_000.png")).shape() == full);
   CHECK(value_of(io::read_raw(half + "/night_000.raw")).levels.shape() == full);
@@ -78,8 +72,9 @@ TEST_CASE("work size: pictures, raw and labels have the photograph's size, depth
 
 TEST_CASE("work size: at half of it the road is lit as at the whole, pixel by pixel") {
   const io::Scene scene = value_of(io::read_scene(fixture().street));
-  const auto whole = value_of(io::read_pfm_rgb(night("work_size_whole", "") + "/night_000.pfm"));
-  const auto half = value_of(io::read_pfm_rgb(night("work_size_half", "--work-size 160x90") + "/night_000.pfm"));
+  const auto whole = value_of(io::read_pfm_rgb(folder_of_night("work_size_whole", "") + "/night_000.pfm"));
+  const auto half =
+      value_of(io::read_pfm_rgb(folder_of_night("work_size_half", "--work-size 160x90") + "/night_000.pfm"));
   std::vector<float> stops;
   for (std::size_t i = 0; i < scene.shape().pixels(); ++i) {
     if (scene.labels.data()[i] != label::road) continue;

@@ -1,9 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the method starts from: one daytime photograph and everything known about it, as views over caller's memory.
-//
-// Only image, depth and camera are required. Empty labels: ground and all else; empty instances: connected components of a
-// label stand for objects; empty normals, albedo, roughness: computed; empty lights: nothing is marked. An unknown depth
-// source is found from the depth.
+// One daytime photograph, how it is annotated, and everything else known about it.
 #ifndef NPSIM_CORE_SCENE_VIEW_HPP
 #define NPSIM_CORE_SCENE_VIEW_HPP
 
@@ -12,8 +8,8 @@
 #include <cstdint>
 #include <string_view>
 
-#include "npsim/core/annotation.hpp"
 #include "npsim/core/camera.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
@@ -21,6 +17,55 @@
 
 namespace npsim {
 inline namespace NPSIM_ABI {
+
+// How a photograph is annotated: the label of a pixel, and the marks of the lamps in it.
+//
+// What the numbers mean stands in labels/: cityscapes.hpp for labels, light_classes.hpp for lamps.
+
+using Label = std::uint8_t;  // a Cityscapes label id
+
+// The classes of table 3.1 by their numbers there: twelve kinds of source, nine kinds of group.
+enum class LightClass : std::uint8_t {
+  none = 0,
+  window_building,
+  window_parked,
+  parked_front,
+  parked_rear,
+  moving_front,
+  moving_rear,
+  window_transport,
+  street_light_ht,
+  street_light_lt,
+  advertisement,
+  clock,
+  inferred_object,
+  windows_group,
+  car_group,
+  truck_group,
+  bus_group,
+  bicycle_group,
+  motorcycle_group,
+  train_group,
+  traffic_light_group,
+  traffic_sign_group
+};
+
+// What a signal shows by day, where the annotator wrote it down; otherwise it is inferred from the daytime colour.
+enum class SignalState : std::uint8_t { unknown, red, amber, green };
+
+// One annotated object. A light-index plane (std::uint16_t) refers to marks by position + 1; 0 is "no light".
+struct LightMark {
+  std::uint32_t id = 0;  // as in the file
+  LightClass cls = LightClass::none;
+  SignalState state = SignalState::unknown;
+  std::uint16_t group = 0;  // position + 1 of the group's mark; 0 where the source stands alone
+};
+
+// What the method starts from: one daytime photograph and everything known about it, as views over caller's memory.
+//
+// Only image, depth and camera are required. Empty labels: ground and all else; empty instances: connected components of a
+// label stand for objects; empty normals, albedo, roughness: computed; empty lights: nothing is marked. An unknown depth
+// source is found from the depth.
 
 // How the depth came about, which tells what may be changed about it.
 enum class DepthSource : std::uint8_t {

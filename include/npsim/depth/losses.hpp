@@ -18,7 +18,7 @@
 // width (23, 57, 187 at 512, 960, 1920 px). ContinuityForm::unit_tangents divides X and Y by their lengths: the squared
 // sine between the depth map's tangent and the given surface, at most 1 a direction, the same at every resolution.
 //
-// refine.hpp minimises them; loss_gradient.hpp evaluates them once, with their gradient.
+// refine.hpp minimises them, and evaluates them once, with their gradient.
 #ifndef NPSIM_DEPTH_LOSSES_HPP
 #define NPSIM_DEPTH_LOSSES_HPP
 

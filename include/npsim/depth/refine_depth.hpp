@@ -21,7 +21,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "npsim/color/lab.hpp"
+#include "npsim/color/srgb.hpp"
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/observe.hpp"
@@ -53,7 +53,6 @@
 #include "npsim/depth/fill.hpp"
 #include "npsim/depth/losses.hpp"
 #include "npsim/depth/refine.hpp"
-#include "npsim/depth/source_noise.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Measured luminaires from files: IES LM-63 (.ies) and EULUMDAT (.ldt), told apart by the name's ending.
 //
-// The result owns the table that light/luminaire_table.hpp evaluates; see detail/ies.hpp and detail/eulumdat.hpp for
+// The result owns the table that light/emitter.hpp evaluates; see detail/ies.hpp and detail/eulumdat.hpp for
 // what of each format is read. Faults name file, line and field. Memory: a table of 1 MB and text of 4 MB at most,
 // whatever a file claims.
 #ifndef NPSIM_IO_LUMINAIRE_HPP

@@ -10,7 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "npsim/core/annotation.hpp"
+#include "npsim/core/scene_view.hpp"
 #include "npsim/core/config.hpp"
 
 namespace npsim {

@@ -10,8 +10,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "npsim/core/annotation.hpp"
 #include "npsim/core/config.hpp"
+#include "npsim/core/scene_view.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

@@ -36,7 +36,7 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/material/albedo_scene.hpp"
+#include "npsim/material/detail/albedo_scene.hpp"
 #include "npsim/material/detail/class_priors.hpp"
 #include "npsim/material/detail/daylight/ground_light.hpp"
 #include "npsim/material/detail/daylight/panes.hpp"

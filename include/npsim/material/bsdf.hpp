@@ -15,7 +15,6 @@
 
 #include <cmath>
 
-#include "npsim/core/circle.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/material/detail/specular_albedo.hpp"

@@ -39,15 +39,13 @@
 
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
-#include "npsim/core/disjoint_sets.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
-#include "npsim/mesh/interpolate_rows.hpp"
+#include "npsim/mesh/detail/rows.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The sheet: one vertex per pixel on the ray of its centre, two triangles per quad of neighbouring pixels (type:
-// geometry/sheet_layer.hpp). A quad with four vertices is cut along the diagonal with the smaller depth jump; a tie
+// geometry/triangle_mesh.hpp). A quad with four vertices is cut along the diagonal with the smaller depth jump; a tie
 // takes the one from upper left to lower right. With three it gets the one triangle they allow, with fewer none.
 //
 //   V(x, y) = [(u - cx) d / fx, (v - cy) d / fy, d],  u = x + 0.5, v = y + 0.5        equation (3.1), offsets 0

@@ -33,7 +33,6 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/mesh/detail/simplify/bound.hpp"
 #include "npsim/mesh/detail/simplify/thin.hpp"

@@ -55,7 +55,6 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/geometry/ground.hpp"
-#include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/mesh/index.hpp"

@@ -29,11 +29,10 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/refine_depth.hpp"
 #include "npsim/light/activation.hpp"
-#include "npsim/light/continued_rows.hpp"
 #include "npsim/light/emitter.hpp"
-#include "npsim/light/headlamps.hpp"
+#include "npsim/light/light_set.hpp"
 #include "npsim/light/placement.hpp"
-#include "npsim/light/sky.hpp"
+#include "npsim/light/unmarked.hpp"
 #include "npsim/pipeline/detail/body_faces.hpp"
 #include "npsim/pipeline/detail/lamp_faces.hpp"
 #include "npsim/pipeline/detail/light_groups.hpp"
@@ -51,7 +50,6 @@
 #include "npsim/render/light_images.hpp"
 #include "npsim/render/mirror.hpp"
 #include "npsim/render/surface_points.hpp"
-#include "npsim/render/unseen_street.hpp"
 #include "npsim/render/visibility.hpp"
 
 namespace npsim {

@@ -20,15 +20,14 @@
 #include <cstdint>
 
 #include "npsim/core/algorithm.hpp"
-#include "npsim/core/circle.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/light/sky.hpp"
+#include "npsim/light/light_set.hpp"
 #include "npsim/material/bsdf.hpp"
-#include "npsim/material/wet_film.hpp"
+#include "npsim/material/roughness.hpp"
 #include "npsim/render/light_images.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/trace/scene.hpp"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What light of a lamp arrives at surface points past all that stands between: the costly part of direct light.
 //
-//   illuminance(p) = V(p) E(p),  E = I_peak * illuminance_per_cd (illuminance.hpp)
+//   illuminance(p) = V(p) E(p),  E = I_peak * illuminance_per_cd (direct.hpp)
 // V is the share of the lamp that point p sees: one shadow ray for a lamp that looks small from p, else four, one per
 // quarter of its shape, and where these disagree (a penumbra) k x k more. Rays that leave below the receiver's horizon
 // do not count: what lies there is no part of E. An occluder that hides part of the lamp but none of the four rays is
@@ -40,8 +40,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/light/emitter.hpp"
-#include "npsim/render/illuminance.hpp"
-#include "npsim/render/point_blocks.hpp"
+#include "npsim/render/direct.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/trace/scene.hpp"

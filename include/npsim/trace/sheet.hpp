@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ray tracer for layers over the pixel grid (geometry/sheet_layer.hpp): a heightfield in inverse depth with a
+// The ray tracer for layers over the pixel grid (geometry/triangle_mesh.hpp): a heightfield in inverse depth with a
 // pyramid of 4x4 children over it, instead of a tree over triangles. docs/rays.md has a drawing.
 //
 //   SheetTrace                                      the structure of one layer: views into the workspace and the layer
@@ -42,7 +42,7 @@
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/geometry/sheet_layer.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/trace/detail/sheet/build.hpp"
 #include "npsim/trace/detail/sheet/layout.hpp"

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "npsim/io/error.hpp"
-#include "npsim/light/luminaire_table.hpp"
+#include "npsim/light/emitter.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

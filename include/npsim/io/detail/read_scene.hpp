@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "npsim/core/span.hpp"
-#include "npsim/depth/normal_convention.hpp"
+#include "npsim/depth/normals.hpp"
 #include "npsim/io/detail/camera.hpp"
 #include "npsim/io/detail/depth.hpp"
 #include "npsim/io/detail/json_fields.hpp"

@@ -15,9 +15,9 @@
 #include <utility>
 #include <vector>
 
-#include "npsim/core/annotation.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/scene_view.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/labels/light_classes.hpp"
 

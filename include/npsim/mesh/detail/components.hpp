@@ -17,9 +17,9 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/bits.hpp"
 #include "npsim/core/config.hpp"
-#include "npsim/core/disjoint_sets.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every kernel over a layer shares (geometry/sheet_layer.hpp has the type): chunks of rows, masks that may be left
-// out, tests of 64 bytes at a time, and which faces the vertices of a layer allow.
+// What every kernel over a layer shares (geometry/triangle_mesh.hpp has the type): chunks of rows, masks that may be
+// left out, tests of 64 bytes at a time, and which faces the vertices of a layer allow.
 //
 // Chunks of rows do not depend on the executor. Tests of bytes give one bit per pixel, 64 pixels a word.
 // A quad with four vertices is cut along the diagonal with the smaller depth jump; a tie takes the one from upper left
@@ -19,7 +19,7 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/geometry/sheet_layer.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/bytes.hpp"

@@ -29,7 +29,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/material/wet_film.hpp"
+#include "npsim/material/roughness.hpp"
 #include "npsim/pipeline/detail/light_groups.hpp"
 #include "npsim/pipeline/detail/mirrored_image.hpp"
 #include "npsim/render/denoise.hpp"
@@ -37,9 +37,7 @@
 #include "npsim/render/gather.hpp"
 #include "npsim/render/light_images.hpp"
 #include "npsim/render/mirror.hpp"
-#include "npsim/render/point_blocks.hpp"
 #include "npsim/render/surface_points.hpp"
-#include "npsim/render/unseen_street.hpp"
 #include "npsim/render/visibility.hpp"
 
 namespace npsim {

@@ -13,7 +13,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/material/wet_film.hpp"
+#include "npsim/material/roughness.hpp"
 #include "npsim/render/denoise.hpp"
 #include "npsim/render/mirror.hpp"
 #include "npsim/render/surface_points.hpp"

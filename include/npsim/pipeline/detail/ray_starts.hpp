@@ -24,8 +24,8 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/depth/source_noise.hpp"
-#include "npsim/geometry/sheet_layer.hpp"
+#include "npsim/depth/depth_source.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 
 namespace npsim {

@@ -18,8 +18,7 @@
 #include "npsim/material/albedo.hpp"
 #include "npsim/material/retroreflection.hpp"
 #include "npsim/material/roughness.hpp"
-#include "npsim/material/wet_film.hpp"
-#include "npsim/mesh/interpolate_rows.hpp"
+#include "npsim/mesh/complete.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 
 namespace npsim {

@@ -11,7 +11,7 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/geometry/sheet_layer.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 
 namespace npsim {

@@ -18,7 +18,6 @@
 #include <cmath>
 #include <cstddef>
 
-#include "npsim/core/circle.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/vec.hpp"
 

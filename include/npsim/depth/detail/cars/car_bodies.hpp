@@ -41,10 +41,10 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/detail/cars/corner.hpp"
 #include "npsim/depth/detail/cars/rim.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
-#include "npsim/depth/source_noise.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 

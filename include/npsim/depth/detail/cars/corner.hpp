@@ -18,7 +18,7 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/depth/source_noise.hpp"
+#include "npsim/depth/depth_source.hpp"
 #include "npsim/geometry/ground.hpp"
 
 namespace npsim {

@@ -25,7 +25,7 @@
 #include "npsim/depth/detail/cross_bilateral/label_class.hpp"
 #include "npsim/depth/detail/valid_depths.hpp"
 #include "npsim/simd/batch.hpp"
-#include "npsim/simd/double.hpp"
+#include "npsim/simd/fixed.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {

@@ -27,7 +27,6 @@
 #include "npsim/depth/detail/cross_bilateral/grids.hpp"
 #include "npsim/depth/detail/valid_depths.hpp"
 #include "npsim/simd/batch.hpp"
-#include "npsim/simd/double.hpp"
 #include "npsim/simd/fixed.hpp"
 
 namespace npsim {

@@ -22,11 +22,11 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
+#include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/detail/measured/ground_mismatches.hpp"
 #include "npsim/depth/detail/normals/fitted_normals.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/depth/detail/planes/planar_segments.hpp"
-#include "npsim/depth/source_noise.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 

@@ -25,8 +25,8 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
-#include "npsim/depth/source_noise.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {

@@ -29,7 +29,7 @@
 #include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/depth/detail/planes/planar_segments.hpp"
 #include "npsim/depth/normals.hpp"
-#include "npsim/depth/source_noise.hpp"
+#include "npsim/depth/depth_source.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 

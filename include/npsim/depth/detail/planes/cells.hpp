@@ -18,9 +18,9 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/span.hpp"
+#include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/depth/detail/planes/moments.hpp"
-#include "npsim/depth/source_noise.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {

@@ -6,7 +6,7 @@
 // gets a robust plane (detail/planes/cells.hpp), upright on the ground where its class stands so as a rule; planes that
 // agree within the noise are united, also across what stands before them (merge.hpp); and those with enough support are
 // kept. Inverse depth of a plane is linear in the image, and everything is measured in deviations of it
-// (source_noise.hpp).
+// (depth_source.hpp).
 // A pixel that a plane explains is on it and takes its normal; where several do, neighbours agree (agreed_plane()). Its
 // depth stays as it was measured: buildings have relief, and on held-out points of real frames depth drawn to planes,
 // even within the noise, is worse. Only where nothing was measured does the plane stand in (extend_planes()), and where
@@ -31,11 +31,11 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/depth/detail/planes/assign.hpp"
 #include "npsim/depth/detail/planes/cells.hpp"
 #include "npsim/depth/detail/planes/merge.hpp"
-#include "npsim/depth/source_noise.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {

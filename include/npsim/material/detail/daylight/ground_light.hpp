@@ -30,7 +30,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/material/albedo_scene.hpp"
+#include "npsim/material/detail/albedo_scene.hpp"
 #include "npsim/material/detail/daylight/light_mixture.hpp"
 #include "npsim/material/detail/daylight/picture.hpp"
 #include "npsim/material/detail/daylight/planes.hpp"

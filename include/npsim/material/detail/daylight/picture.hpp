@@ -26,7 +26,7 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
-#include "npsim/material/albedo_scene.hpp"
+#include "npsim/material/detail/albedo_scene.hpp"
 #include "npsim/material/detail/daylight/planes.hpp"
 
 namespace npsim {

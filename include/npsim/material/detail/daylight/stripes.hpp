@@ -25,7 +25,7 @@
 #include "npsim/core/window_filter.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/geometry/ground.hpp"
-#include "npsim/material/albedo_scene.hpp"
+#include "npsim/material/detail/albedo_scene.hpp"
 #include "npsim/material/detail/daylight/picture.hpp"
 #include "npsim/material/detail/daylight/planes.hpp"
 

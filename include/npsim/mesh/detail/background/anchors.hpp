@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What of the sheet is background, and how its surface goes on where it ends. Part of complete_background.hpp.
+// What of the sheet is background, and how its surface goes on where it ends. Part of mesh/complete.hpp.
 //
 // A pixel is removed where it shows a foreground object that goes: all of the foreground, or only the segments that
 // touch an uncertain pixel. Known: a vertex of the sheet that is neither removed nor uncertain. Blocked: no surface,
@@ -23,7 +23,7 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/mesh/detail/layer.hpp"
-#include "npsim/mesh/interpolate_rows.hpp"
+#include "npsim/mesh/detail/rows.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/bytes.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From labels to objects with depth and faces: the steps of complete_foreground.hpp, in their order.
+// From labels to objects with depth and faces: the steps of mesh/complete.hpp, in their order.
 //   - which pixels belong to objects, 64 at a time: members, their links, and those that keep the sheet's depth;
 //   - depth of the uncertain ones: from kept ones by levels, or the object's median;
 //   - pixels beside thin objects that take over a depth;
@@ -28,7 +28,7 @@
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/mesh/detail/components.hpp"
 #include "npsim/mesh/detail/layer.hpp"
-#include "npsim/mesh/interpolate_rows.hpp"
+#include "npsim/mesh/detail/rows.hpp"
 #include "npsim/mesh/sheet.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/bytes.hpp"

@@ -15,7 +15,7 @@
 #include <cstdint>
 
 #include "npsim/core/image_view.hpp"
-#include "npsim/geometry/sheet_layer.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/simd/batch.hpp"
 
 namespace npsim {

@@ -28,7 +28,7 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
-#include "npsim/geometry/sheet_layer.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/mesh/detail/simplify/bound.hpp"
 #include "npsim/mesh/index.hpp"
 

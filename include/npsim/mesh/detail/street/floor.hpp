@@ -36,7 +36,7 @@
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/mesh/detail/background/anchors.hpp"
 #include "npsim/mesh/detail/layer.hpp"
-#include "npsim/mesh/interpolate_rows.hpp"
+#include "npsim/mesh/detail/rows.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/bytes.hpp"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the ray structure of a layer (geometry/sheet_layer.hpp) lies in memory: a pyramid over its inverse depths.
+// How the ray structure of a layer (geometry/triangle_mesh.hpp) lies in memory: a pyramid over its inverse depths.
 //
 // In (column, row, 1 / depth), columns and rows counted from the centre of the first pixel, a pinhole camera maps lines
 // to lines and planes to planes, and the layer is a heightfield w(u, v) over a regular grid. The pyramid has 4x4

@@ -17,7 +17,7 @@
 #include "npsim/core/bits.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/span.hpp"
-#include "npsim/geometry/sheet_layer.hpp"
+#include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/simd/fixed.hpp"
 #include "npsim/trace/detail/sheet/layout.hpp"
 #include "npsim/trace/detail/sheet/ray.hpp"

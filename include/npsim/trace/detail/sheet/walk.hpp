@@ -28,7 +28,6 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
-#include "npsim/geometry/sheet_layer.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/simd/batch.hpp"
 #include "npsim/simd/fixed.hpp"

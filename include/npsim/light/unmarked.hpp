@@ -1,20 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Street lamps that the photograph does not show: rows of lamps go on behind, above and beside the camera.
-//
-// Lamps of one class and kind on one side of the road are a row. From its nearest lamp it is walked towards the camera
-// and past it, parallel to the viewing direction, at the median of the row's gaps; where one lamp alone is known, or
-// its gaps are none of a row (min_gap_m to max_gap_m), at 3.5 times its height, which is what the luminance classes of
-// EN 13201-2 take with common luminaires. Each station outside the picture gets a lamp like the nearest one, as
-// high above the ground. The first station that the picture would show and does not ends the row, as it stops there for
-// all that one sees; and so does one inside a house. One that something else hides, such as leaves, is passed over: a
-// lamp that nobody sees would light just what hides it.
-// Where no street lamp is marked, assumed_width_m > 0 supposes a road of that width with a row of masts on its right
-// kerb: one-sided rows are about as high as the road is wide (5 to 10 m).
-// The moon is one more lamp of that kind, where its direction is given.
-// Such an emitter has mark 0 and the number `unseen`; strength and colour are those of its class in the same night.
-// Error: the row itself is a guess; gaps come from placed lamps, so from depth. Cost: one pass over the lamps per row.
-#ifndef NPSIM_LIGHT_CONTINUED_ROWS_HPP
-#define NPSIM_LIGHT_CONTINUED_ROWS_HPP
+// Lamps that nobody marked: the own headlamps, and street lamps outside the picture.
+#ifndef NPSIM_LIGHT_UNMARKED_HPP
+#define NPSIM_LIGHT_UNMARKED_HPP
 
 #include <cmath>
 #include <cstddef>
@@ -34,6 +21,74 @@
 
 namespace npsim {
 inline namespace NPSIM_ABI {
+
+// The headlamps of the vehicle that carries the camera, as two emitters with mark 0: low beams, or both beams.
+//
+// Placed by the ground plane: 0.65 m above it (UN R48 allows 0.5 to 1.2 m), 0.6 m to either side of the camera, 1.7 m
+// ahead of a windscreen camera (where Cityscapes mounts it), axes 1 % down. The vehicle is taken to point where the
+// camera looks. activate_lights() draws their technology and strength once for both.
+
+inline constexpr std::size_t kEgoHeadlampCount = 2;
+
+struct EgoHeadlampParams {
+  float height_m = 0.65F;      // above the ground
+  float lateral_m = 0.6F;      // from the camera to either side
+  float ahead_m = 1.7F;        // of the camera
+  float half_width_m = 0.08F;  // of the luminous area
+  float half_height_m = 0.05F;
+  float aim = kLowBeamAim;         // slope by which the cut-off falls, UN R48: 0.01 to 0.015 at this height
+  bool high_beam = false;          // on top of the low beam
+  bool left_hand_traffic = false;  // the low beam rises to the left
+};
+
+[[nodiscard]] inline Status validate(const EgoHeadlampParams& p) noexcept {
+  const bool good = std::isfinite(p.height_m) && std::isfinite(p.lateral_m) && std::isfinite(p.ahead_m) &&
+                    p.half_width_m > 0.0F && p.half_height_m > 0.0F && p.aim >= 0.0F && p.aim <= 0.1F;
+  return good ? Status()
+              : Status(StatusCode::invalid_argument, "headlamps: a finite place and a luminous area are needed");
+}
+
+// Writes the left and the right lamp and returns their number, or 0 where `out` has less room, a parameter is not
+// valid or the place is not finite.
+[[nodiscard]] inline std::size_t place_ego_headlamps(const EgoHeadlampParams& p, const GroundPlane& ground,
+                                                     Span<Emitter> out) noexcept {
+  const Vec3f forward = forward_on_ground(ground);
+  const Vec3f right = cross(forward, ground.up);  // z forward x (-y) up = x right
+  const Vec3f middle = forward * p.ahead_m + ground.up * (p.height_m - ground.camera_height_m);
+  if (out.size() < kEgoHeadlampCount || !validate(p).ok() || !is_finite(middle) || !is_finite(right * p.lateral_m)) {
+    return 0;
+  }
+  for (std::size_t i = 0; i < kEgoHeadlampCount; ++i) {
+    Emitter e;
+    e.centre_m = middle + right * (i == 0 ? -p.lateral_m : p.lateral_m);
+    e.half_u_m = right * p.half_width_m;
+    e.half_v_m = ground.up * p.half_height_m;
+    e.axis = normalized(forward - ground.up * p.aim);
+    e.up = normalized(ground.up + forward * p.aim);
+    e.area_m2 = 4.0F * p.half_width_m * p.half_height_m;
+    e.profile = p.high_beam           ? EmissionProfile::high_beam
+                : p.left_hand_traffic ? EmissionProfile::low_beam_left
+                                      : EmissionProfile::low_beam;
+    e.cls = LightClass::moving_front;
+    out[i] = e;
+  }
+  return kEgoHeadlampCount;
+}
+
+// Street lamps that the photograph does not show: rows of lamps go on behind, above and beside the camera.
+//
+// Lamps of one class and kind on one side of the road are a row. From its nearest lamp it is walked towards the camera
+// and past it, parallel to the viewing direction, at the median of the row's gaps; where one lamp alone is known, or
+// its gaps are none of a row (min_gap_m to max_gap_m), at 3.5 times its height, which is what the luminance classes of
+// EN 13201-2 take with common luminaires. Each station outside the picture gets a lamp like the nearest one, as
+// high above the ground. The first station that the picture would show and does not ends the row, as it stops there for
+// all that one sees; and so does one inside a house. One that something else hides, such as leaves, is passed over: a
+// lamp that nobody sees would light just what hides it.
+// Where no street lamp is marked, assumed_width_m > 0 supposes a road of that width with a row of masts on its right
+// kerb: one-sided rows are about as high as the road is wide (5 to 10 m).
+// The moon is one more lamp of that kind, where its direction is given.
+// Such an emitter has mark 0 and the number `unseen`; strength and colour are those of its class in the same night.
+// Error: the row itself is a guess; gaps come from placed lamps, so from depth. Cost: one pass over the lamps per row.
 
 struct ContinuedRowParams {
   float behind_m = 60.0F;        // rows go on so far behind the camera; 0: no row is continued
@@ -218,4 +273,4 @@ inline void continue_row(const ContinuedRowParams& p, const PlacementScene& scen
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_LIGHT_CONTINUED_ROWS_HPP
+#endif  // NPSIM_LIGHT_UNMARKED_HPP

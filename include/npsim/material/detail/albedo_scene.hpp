@@ -3,15 +3,15 @@
 //
 // All but the photograph may be empty, and then tells nothing: without labels the ground is found by depth and ground
 // plane, without instances objects of a label are not told apart. Planes have the photograph's shape.
-#ifndef NPSIM_MATERIAL_ALBEDO_SCENE_HPP
-#define NPSIM_MATERIAL_ALBEDO_SCENE_HPP
+#ifndef NPSIM_MATERIAL_DETAIL_ALBEDO_SCENE_HPP
+#define NPSIM_MATERIAL_DETAIL_ALBEDO_SCENE_HPP
 
 #include <cstdint>
 
-#include "npsim/core/annotation.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/scene_view.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/geometry/ground.hpp"
 
@@ -31,4 +31,4 @@ struct AlbedoScene {
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_MATERIAL_ALBEDO_SCENE_HPP
+#endif  // NPSIM_MATERIAL_DETAIL_ALBEDO_SCENE_HPP
