@@ -17,8 +17,8 @@ constexpr npsim::CrossBilateralParams filter_params() {
   return params;
 }
 
-alignas(
-    npsim::kWorkspaceAlignment) unsigned char memory[npsim::cross_bilateral_workspace_bytes(filter_params(), kShape)];
+alignas(npsim::kWorkspaceAlignment) unsigned char
+    memory[npsim::cross_bilateral_workspace_bytes(filter_params(), kShape)];
 
 // depth_m: metres, 0 where none was measured. lab: room for the image's colours in CIELAB.
 npsim::Status smooth(npsim::ImageView<const npsim::Rgb8> image, npsim::ImageView<const std::uint8_t> labels,

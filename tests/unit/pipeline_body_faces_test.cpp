@@ -25,7 +25,8 @@ struct Street {
   Image<std::uint16_t> marks{kShape};
   Image<std::uint32_t> object{kShape};
   Image<std::uint32_t> vertex{kShape};
-  std::vector<Vec3f> vertices = std::vector<Vec3f>(2 * kShape.pixels());
+  std::vector<Vec3f> vertices = std::vector<Vec3f>(2 * kShape.pixels(), Vec3f{0, 0, 10});
+  std::vector<Vec3f> normals = std::vector<Vec3f>(2 * kShape.pixels(), Vec3f{0, 0, -1});
   std::vector<Emitter> emitters;
   npsim_test::Scratch memory{300000};
   Bodies bodies;
@@ -39,7 +40,7 @@ struct Street {
       }
     }
   }
-  void find(LabelSet classes = kBodyLabels) {
+  void find(LabelSet classes = kBodyLabels, LabelSet flat = {}) {
     scene.image = image.cview();
     scene.labels = labels.cview();
     scene.instances = instances.cview();
@@ -60,8 +61,14 @@ struct Street {
         f(p, corners, of, p >= pixels);
       }
     };
-    REQUIRE(find_bodies(classes, scene, mesh, {emitters.data(), emitters.size()}, 2 * pixels, each, memory.workspace(),
-                        bodies)
+    SurfacePoints points;
+    points.position = mesh.mesh.vertices;
+    points.normal = {normals.data(), normals.size()};
+    FlatParams pieces;
+    pieces.classes = flat;
+    pieces.least_px = 2;
+    REQUIRE(find_bodies(classes, pieces, scene, mesh, points, {emitters.data(), emitters.size()}, 2 * pixels, each,
+                        memory.workspace(), bodies)
                 .ok());
   }
   [[nodiscard]] std::uint16_t of_pixel(int x, int y) const { return bodies.of_point[vertex(x, y)]; }
@@ -138,6 +145,32 @@ TEST_CASE("bodies: a lamp is part of the body that its mark lies on") {
   CHECK(s.bodies.of_lamp[0] == 0);
   CHECK(s.bodies.of_lamp[1] == s.of_pixel(0, 1));
   CHECK(s.bodies.of_lamp[2] == 0);
+}
+
+TEST_CASE(
+    "bodies: what is flat is one beside the cars; the wall behind a flat box, and a box behind nothing, are others") {
+  Street s;
+  s.labels = Image<Label>(kShape, label::building);
+  s.thing(0, 3, label::car, 7, 1);
+  s.thing(4, 7, label::static_object, 0, 2);
+  s.marks(9, 0) = 1;
+  s.emitters.resize(1);
+  s.emitters[0].mark = 1;  // a window's
+  s.find(kBodyLabels, kFlatLabels);
+  const std::uint16_t car = s.of_pixel(0, 1);
+  const std::uint16_t box = s.of_pixel(4, 1);
+  const std::uint16_t wall = s.of_pixel(9, 1);
+  CHECK(car != 0);
+  CHECK(box > car);
+  CHECK(wall > car);
+  CHECK(wall != box);
+  CHECK(s.bodies.of_lamp[0] == wall);
+  CHECK(s.of_face(9, 1, false) == wall);
+  CHECK(s.of_face(9, 1, true) == 0);
+  CHECK(s.of_face(5, 1, true) == box);
+  CHECK(s.of_face(5, 1, false) == 0);
+  CHECK(s.of_face(1, 1, true) == car);
+  CHECK(s.of_face(1, 1, false) == 0);
 }
 
 TEST_CASE("bodies: none and no memory for them without labels, without such things, or where no class is asked for") {

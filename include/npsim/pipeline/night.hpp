@@ -71,6 +71,7 @@ struct NightParams {
   params.relight.denoise.iterations = 0;
   params.relight.veils = VeilParams::none();
   params.relight.bodies = LabelSet();
+  params.relight.flat.classes = LabelSet();
   return params;
 }
 

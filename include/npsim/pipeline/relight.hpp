@@ -69,6 +69,7 @@ struct RelightParams {
   MaterialParams material;
   VeilParams veils;
   LabelSet bodies = kBodyLabels;  // of things that do not shade themselves
+  FlatParams flat;                // nor does what is flat
   int bounces = 2;                // diffuse bounces after the direct light, 1..16
   // Tiles of a light's image stay out that it nowhere brings to this luminance, at its strongest.
   float least_cd_m2 = 2e-4F;  // the darkest sky over a city makes a grey surface 20 times as bright
@@ -94,6 +95,7 @@ struct RelightParams {
   NPSIM_RETURN_IF_ERROR(validate(p.material.film));
   NPSIM_RETURN_IF_ERROR(validate(p.material.retroreflection));
   NPSIM_RETURN_IF_ERROR(validate(p.veils));
+  NPSIM_RETURN_IF_ERROR(validate(p.flat));
   NPSIM_RETURN_IF_ERROR(validate(p.ego));
   if (p.bounces < 1 || p.bounces > 16) return {StatusCode::invalid_argument, "relight: bounces in 1..16"};
   if (!(p.f0 >= 0.0F && p.f0 <= 1.0F)) return {StatusCode::invalid_argument, "relight: f0 in [0, 1]"};
@@ -308,8 +310,8 @@ inline constexpr float kInversePi = 0.31830989F;
 // What they are is known by what the pixels of the faces show.
 template <class Rays>
 [[nodiscard]] Status find_occluders(const RelightParams& params, const SceneView& scene, const SceneMesh& mesh,
-                                    DepthSource source, const Rays& rays, Span<const Emitter> emitters,
-                                    Workspace& workspace, Occluders& out) {
+                                    const SurfacePoints& points, DepthSource source, const Rays& rays,
+                                    Span<const Emitter> emitters, Workspace& workspace, Occluders& out) {
   const auto for_each_face = [&rays](const auto& f) { rays.for_each_face(f); };
   Span<std::uint16_t> lamp_mark;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(rays.face_count(), lamp_mark));
@@ -317,9 +319,9 @@ template <class Rays>
   out.lamp_mark = lamp_mark;
   NPSIM_RETURN_IF_ERROR(
       find_veils(params.veils, scene.labels, mesh.object, rays.face_count(), for_each_face, workspace, out.veils));
-  // Exact depth has no dents, and shows what a body does shade of itself.
-  const LabelSet bodies = source == DepthSource::exact ? LabelSet() : params.bodies;
-  return find_bodies(bodies, scene, mesh, emitters, rays.face_count(), for_each_face, workspace, out.bodies);
+  if (source == DepthSource::exact) return {};  // has no dents, and shows what a body does shade of itself
+  return find_bodies(params.bodies, params.flat, scene, mesh, points, emitters, rays.face_count(), for_each_face,
+                     workspace, out.bodies);
 }
 
 // Every ray, and the images of all lights. The structure that rays are traced through is built here and gone
@@ -334,7 +336,8 @@ template <class Rays, class Executor, class Observer>
   Rays rays;
   NPSIM_RETURN_IF_ERROR(Rays::make(scene, mesh, workspace, executor, rays));
   Occluders occluders;
-  NPSIM_RETURN_IF_ERROR(find_occluders(params, scene, mesh, source, rays, out.emitters, workspace, occluders));
+  NPSIM_RETURN_IF_ERROR(
+      find_occluders(params, scene, mesh, out.points, source, rays, out.emitters, workspace, occluders));
   observer.end(Stage::build_trace);
 
   observer.begin(Stage::render);
