@@ -200,6 +200,27 @@ TEST_CASE("planar segments: what matching draws forward beside a sign is the wal
   }
 }
 
+TEST_CASE(
+    "planar segments: a plain wall in waves of a part of a pixel, as matching leaves them, is one and not a mosaic") {
+  Street s;
+  const Vec3f oblique = normalized(Vec3f{0.62F, 0, -0.78F});
+  const Vec3f along{1, 0, 0};
+  s.wall(oblique, -dot(oblique, s.ray(199, 100)) * 38.0F, 0, 200);
+  s.wall(along, -dot(along, s.ray(200, 100)) * 38.0F, 200, 236);
+  s.wall(kFront, 60.0F, 236, 480);
+  s.measure();
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < 200; ++x) {
+      const float wave = std::sin(0.13F * float(x) + 0.02F * float(y)) * std::sin(0.04F * float(y));
+      s.measured(x, y) = 1.0F / (1.0F / s.measured(x, y) + 3.0F * wave * s.noise.deviation(0.03F));
+    }
+  }
+  s.depth = s.measured;
+  REQUIRE(s.run().ok());
+  CHECK(s.share_facing(oblique, 0, 200, 12.0F) > 0.9);
+  CHECK(s.share_facing(along, 200, 236, 5.0F) > 0.9);
+}
+
 TEST_CASE("planar segments: a house as large as its neighbour, or farther from its plane, keeps its own plane") {
   Street s;
   s.wall(kFront, 60.0F, 0, 240);

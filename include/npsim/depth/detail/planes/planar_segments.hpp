@@ -233,37 +233,51 @@ inline void set_plane(const PlanarSegmentsParams& p, const CellInput& in, const 
          std::fabs(off_square(in.basis.angle(vec_cast<double>(s.q)) - *common)) <= kAligned_rad;
 }
 
-// A small region becomes part of a plane with enough support and four times its area, at most three squares away, that
-// fits it worse than its own by at most on_plane in the root mean square; of several of the largest one. Beside what
-// stands before a facade matching draws the facade forward by a part of a pixel, flat or as a ramp, which is no noise,
-// and at 100 m is ten metres; a real oriel or return so small and so near the noise is lost with it. Where the two are
-// not parallel the large one must stand at the street's angle, and the small one not by its own samples. apart: links
-// between regions. into: memory, one for each cell.
+// Regions become part of larger planes, at most three squares away, in two cases; of several planes of the largest one.
+//
+// A small region, of one with enough support and four times its area that fits it worse than its own by at most
+// on_plane in the root mean square. Beside what stands before a facade matching draws the facade forward by a part of a
+// pixel, flat or as a ramp, which is no noise, and at 100 m is ten metres; a real oriel or return so small and so near
+// the noise is lost with it. Where the two are not parallel the large one must stand at the street's angle, and the
+// small one not by its own samples.
+// A region whose angle is not known, of one a quarter larger that fits it nearly as well as its own: matching leaves
+// waves of a part of a pixel, some 100 px long, on plain walls, and each makes a plane of any angle.
+// apart: links between regions. into: memory, one for each segment.
 inline void unite_explained(const PlanarSegmentsParams& p, const CellInput& in, float enough_px, const double* common,
                             Span<const PlanarSegment> segments, Span<const Link> apart, Span<Cell> cells,
                             Span<std::uint16_t> into) noexcept {
   constexpr float kLarger = 4.0F;
   constexpr float kParallel = 0.966F;  // cosine of 15 degrees
+  constexpr float kSomewhatLarger = 1.25F;
+  constexpr double kNearlyAsWell = 3.0;  // times the sum of squares
   const auto segment = [&](std::uint16_t n) -> const PlanarSegment& { return segments[n - std::size_t{1}]; };
-  for (std::size_t i = 0; i < cells.size(); ++i) into[i] = kNoPlane;
-  const auto offer = [&](std::uint32_t a, std::uint32_t b) {
-    if (cells[a].plane == kNoPlane || cells[b].plane == kNoPlane) return;
-    const PlanarSegment& own = segment(cells[a].plane);
-    const PlanarSegment& other = segment(cells[b].plane);
-    if (!(own.support_px < enough_px && other.support_px >= max_of(enough_px, kLarger * own.support_px))) return;
-    if (into[a] != kNoPlane && !(other.support_px > segment(into[a]).support_px)) return;
+  const auto into_of = [&](std::uint16_t n) -> std::uint16_t& { return into[n - std::size_t{1}]; };
+  for (std::size_t i = 0; i < segments.size(); ++i) into[i] = kNoPlane;
+  const auto explained = [&](const Cell& cell, const PlanarSegment& own, const PlanarSegment& other) {
+    const double cost = cell.moments.cost(vec_cast<double>(own.q));
+    const double under = cell.moments.cost(vec_cast<double>(other.q));
+    if (own.turn_rad > kSure_rad && other.support_px >= max_of(enough_px, kSomewhatLarger * own.support_px) &&
+        under <= kNearlyAsWell * cost) {
+      return true;
+    }
+    if (!(own.support_px < enough_px && other.support_px >= max_of(enough_px, kLarger * own.support_px))) return false;
     const bool of_street = (other.squared || on_grid(in, common, other)) && !on_grid(in, common, own);
-    if (!of_street && dot(own.normal, other.normal) < kParallel) return;
-    const PlaneMoments& samples = cells[a].moments;
-    const double rise = samples.cost(vec_cast<double>(other.q)) - samples.cost(vec_cast<double>(own.q));
-    if (rise <= static_cast<double>(p.on_plane * p.on_plane) * samples.weight) into[a] = cells[b].plane;
+    if (!of_street && dot(own.normal, other.normal) < kParallel) return false;
+    return under - cost <= static_cast<double>(p.on_plane * p.on_plane) * cell.moments.weight;
+  };
+  const auto offer = [&](std::uint32_t a, std::uint32_t b) {
+    const std::uint16_t from = cells[a].plane;
+    const std::uint16_t to = cells[b].plane;
+    if (from == kNoPlane || to == kNoPlane) return;
+    if (into_of(from) != kNoPlane && !(segment(to).support_px > segment(into_of(from)).support_px)) return;
+    if (explained(cells[a], segment(from), segment(to))) into_of(from) = to;
   };
   for (const Link& link : apart) {
     offer(link.a, link.b);
     offer(link.b, link.a);
   }
-  for (std::size_t i = 0; i < cells.size(); ++i) {
-    if (into[i] != kNoPlane) cells[i].plane = into[i];
+  for (Cell& cell : cells) {
+    while (cell.plane != kNoPlane && into_of(cell.plane) != kNoPlane) cell.plane = into_of(cell.plane);  // ever larger
   }
 }
 
@@ -294,7 +308,7 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
     if (common != nullptr) set_plane(p, in, cell.moments, cell.area_px, common, s);
     if (!sure(s) && !s.squared) cell.plane = kNoPlane;
   }
-  unite_explained(p, in, enough, common, segments, apart, cells, next);
+  unite_explained(p, in, enough, common, segments.sub(0, count), apart, cells, next);
   for (std::size_t i = 0; i < cells.size(); ++i) {
     if (cells[i].valid) cells[i].plane = cells[region_of(cells, static_cast<std::uint32_t>(i))].plane;
   }
