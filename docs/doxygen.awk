@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # Doxygen's view of a header: plain // comments become documentation comments. docs/Doxyfile runs it on every file.
 #
-# The first comment documents the file, a comment directly above a declaration that declaration, one behind it the member
-# before it. Comments followed by an empty line stay comments. Indented lines (equations, examples) keep their layout.
+# The first comment documents the file, and so does one of two lines or more that an empty line follows: the contract of
+# a part of it. A comment directly above a declaration documents that declaration, one behind it the member before it. A
+# line by itself stays a comment. Indented lines (equations, examples) keep their layout.
 # The inline namespace of the instruction set is no business of a reader and is left out.
 
 function escaped(text) {
@@ -60,6 +61,11 @@ NR == 1 { print "/// \\file"; file_comment = 1; next }
   sub(/^[ \t]*\/\//, "", text)
   body[count] = text
   next
+}
+
+/^[ \t]*$/ && count > 1 && !file_comment {
+  print "/// \\file"
+  flush_comment(1)
 }
 
 {
