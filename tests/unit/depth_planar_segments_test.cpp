@@ -221,6 +221,26 @@ TEST_CASE(
   CHECK(s.share_facing(along, 200, 236, 5.0F) > 0.9);
 }
 
+TEST_CASE(
+    "planar segments: a wall turned by 35 degrees, 1.4 deviations out of its neighbour's plane, is no wave of it") {
+  struct Case {
+    float z, degrees, nearer;
+    int width;
+    float noise;
+  };
+  for (const Case c : {Case{60, 35, 2.7F, 72, 1}, Case{40, 35, 2.7F, 48, 1}, Case{30, -35, 1.0F, 24, 2}}) {
+    CAPTURE(c.z);
+    Street s;
+    s.wall(kFront, c.z, 0, 480);
+    const Vec3f n{std::sin(c.degrees * kDegree), 0, -std::cos(c.degrees * kDegree)};
+    const float at = c.z - c.nearer * c.z * c.z * s.noise.deviation(1 / c.z);
+    s.wall(n, -dot(n, s.ray(200, 120)) * at, 200, 200 + c.width);
+    s.measure(c.noise);
+    REQUIRE(s.run().ok());
+    CHECK(s.share_facing(n, 200, 200 + c.width, 12.0F) > 0.8);
+  }
+}
+
 TEST_CASE("planar segments: a house as large as its neighbour, or farther from its plane, keeps its own plane") {
   Street s;
   s.wall(kFront, 60.0F, 0, 240);

@@ -28,6 +28,8 @@ struct Street {
   std::vector<Vec3f> vertices = std::vector<Vec3f>(2 * kShape.pixels(), Vec3f{0, 0, 10});
   std::vector<Vec3f> normals = std::vector<Vec3f>(2 * kShape.pixels(), Vec3f{0, 0, -1});
   std::vector<Emitter> emitters;
+  bool across = false;                // faces reach to the next pixel
+  bool vertex_of_box_behind = false;  // (5, 1) shows the background's
   npsim_test::Scratch memory{300000};
   Bodies bodies;
 
@@ -51,13 +53,15 @@ struct Street {
     for (int y = 0; y < kShape.height; ++y) {
       for (int x = 0; x < kShape.width; ++x, ++pixel) vertex(x, y) = pixel + (object(x, y) != 0 ? pixels : 0);
     }
+    if (vertex_of_box_behind) vertex(5, 1) = kShape.width + 5;
     mesh.visible_vertex = vertex.cview();
     mesh.background_vertices = pixels;
     mesh.mesh.vertices = {vertices.data(), vertices.size()};
     const auto each = [&](const auto& f) {
       const Vec3f corners[3] = {};
       for (std::uint32_t p = 0; p < 2 * pixels; ++p) {
-        const std::uint32_t of[3] = {p % pixels, p % pixels, p % pixels};
+        const std::uint32_t next = across && p % pixels + 1 < pixels ? p % pixels + 1 : p % pixels;
+        const std::uint32_t of[3] = {p % pixels, next, p % pixels};
         f(p, corners, of, p >= pixels);
       }
     };
@@ -164,13 +168,21 @@ TEST_CASE(
   CHECK(box > car);
   CHECK(wall > car);
   CHECK(wall != box);
-  CHECK(s.bodies.of_lamp[0] == wall);
+  CHECK(s.bodies.of_lamp[0] == 0);  // lanterns hang before walls, and a wall is even beside its windows
   CHECK(s.of_face(9, 1, false) == wall);
   CHECK(s.of_face(9, 1, true) == 0);
   CHECK(s.of_face(5, 1, true) == box);
   CHECK(s.of_face(5, 1, false) == 0);
   CHECK(s.of_face(1, 1, true) == car);
   CHECK(s.of_face(1, 1, false) == 0);
+  // A face across the border of two pieces is of neither; a point of the background that a box's pixel shows is not the
+  // box's.
+  s.across = true;
+  s.vertex_of_box_behind = true;
+  s.find(kBodyLabels, kFlatLabels);
+  CHECK(s.of_face(6, 1, true) == 0);
+  CHECK(s.of_face(8, 1, false) == wall);
+  CHECK(s.bodies.of_point[s.vertex(5, 1)] == 0);
 }
 
 TEST_CASE("bodies: none and no memory for them without labels, without such things, or where no class is asked for") {

@@ -80,7 +80,7 @@ struct Veils {
   std::size_t count = 0;
 };
 
-// Things that bulge: their own faces do not shade them.
+// What bulges or is flat: its own faces do not shade it.
 struct Bodies {
   Span<const std::uint16_t> of_face;   // the number of its body, 0 for none; empty: there are none
   Span<const std::uint16_t> of_point;  // the same

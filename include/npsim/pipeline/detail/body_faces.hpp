@@ -5,8 +5,8 @@
 // The outside of a car turns away from every lamp that it hides from itself: its normals say where its own shadow is.
 // Its mesh says it worse. Measured depth is uneven by more than a car's relief, and each dent would lie in the shadow
 // of its rim. A body is what has one number among the instances, else an object, of the class and the number of most of
-// its pixels: thin ones lie on their neighbours' too. Besides, each flat piece of a surface (flat_pieces.hpp). The
-// lamps of a body are shaded by it as by anything: a bonnet hides headlamps from the windscreen.
+// its pixels: thin ones lie on their neighbours' too. The lamps of such a body are shaded by it as by anything: a bonnet
+// hides headlamps from the windscreen. Each flat piece of a surface (flat_pieces.hpp) is a body as well, of no lamp.
 // Cost: seven passes over the pixels and one over the faces. Memory: 2 bytes a face, a point and a lamp where there are
 // any, else none; 12 bytes a pixel and 128 KiB for the search. Error: what a body does shade of itself, under a wheel
 // arch or behind a mirror, is lit.
@@ -133,6 +133,7 @@ template <class ForEachFace>
     if (body == 0) return;
     const std::uint32_t vertex = mesh.visible_vertex(x, y);
     if (vertex != kNoVertex && (vertex >= mesh.background_vertices) == (object(x, y) != 0)) of_point[vertex] = body;
+    if (of_whole == 0) return;
     const std::uint16_t mark = scene.light_index.empty() ? std::uint16_t{0} : scene.light_index(x, y);
     for (std::size_t e = 0; mark != 0 && e < emitters.size(); ++e) {
       if (emitters[e].mark == mark && of_lamp[e] == 0) of_lamp[e] = body;

@@ -35,7 +35,7 @@ struct FlatParams {
   LabelSet classes = kFlatLabels;
   float min_cosine = 0.9998F;  // between normals of neighbours: 1.1 degrees
   float max_step = 0.02F;      // how far a neighbour is off the plane, a share of the depth
-  int least_px = 16;           // of a piece: what is smaller shades but itself, and numbers are few
+  int least_px = 16;           // of a piece; what is smaller shades as anything, since numbers are few
 };
 
 [[nodiscard]] inline Status validate(const FlatParams& p) noexcept {

@@ -75,6 +75,7 @@ struct PlanarSegment {
   float support_px = 0.0F;
   float residual = 0.0F;  // root mean square, deviations
   float turn_rad = 0.0F;  // deviation of the angle about the vertical
+  float waves = 0.0F;     // of the mean square what planes of its single squares take away, squared deviations
   bool squared = false;   // the angle is that of the street, or at right angles to it
 };
 
@@ -240,8 +241,10 @@ inline void set_plane(const PlanarSegmentsParams& p, const CellInput& in, const 
 // pixel, flat or as a ramp, which is no noise, and at 100 m is ten metres; a real oriel or return so small and so near
 // the noise is lost with it. Where the two are not parallel the large one must stand at the street's angle, and the
 // small one not by its own samples.
-// A region whose angle is not known, of one a quarter larger that fits it nearly as well as its own: matching leaves
-// waves of a part of a pixel, some 100 px long, on plain walls, and each makes a plane of any angle.
+// A region in waves, of one a quarter larger that fits it worse by at most four times the waves: matching leaves them
+// on plain walls, a part of a pixel high and some 100 px long, and each makes a plane of any angle. Noise from pixel to
+// pixel makes none, so a return that is clear of it stays.
+// Where the other becomes part of a third, that must fit the region too.
 // apart: links between regions. into: memory, one for each segment.
 inline void unite_explained(const PlanarSegmentsParams& p, const CellInput& in, float enough_px, const double* common,
                             Span<const PlanarSegment> segments, Span<const Link> apart, Span<Cell> cells,
@@ -249,15 +252,15 @@ inline void unite_explained(const PlanarSegmentsParams& p, const CellInput& in, 
   constexpr float kLarger = 4.0F;
   constexpr float kParallel = 0.966F;  // cosine of 15 degrees
   constexpr float kSomewhatLarger = 1.25F;
-  constexpr double kNearlyAsWell = 3.0;  // times the sum of squares
+  constexpr double kWaves = 4.0;  // times their mean square
   const auto segment = [&](std::uint16_t n) -> const PlanarSegment& { return segments[n - std::size_t{1}]; };
   const auto into_of = [&](std::uint16_t n) -> std::uint16_t& { return into[n - std::size_t{1}]; };
   for (std::size_t i = 0; i < segments.size(); ++i) into[i] = kNoPlane;
   const auto explained = [&](const Cell& cell, const PlanarSegment& own, const PlanarSegment& other) {
     const double cost = cell.moments.cost(vec_cast<double>(own.q));
     const double under = cell.moments.cost(vec_cast<double>(other.q));
-    if (own.turn_rad > kSure_rad && other.support_px >= max_of(enough_px, kSomewhatLarger * own.support_px) &&
-        under <= kNearlyAsWell * cost) {
+    if (other.support_px >= max_of(enough_px, kSomewhatLarger * own.support_px) &&
+        under - cost <= kWaves * static_cast<double>(own.waves) * cell.moments.weight) {
       return true;
     }
     if (!(own.support_px < enough_px && other.support_px >= max_of(enough_px, kLarger * own.support_px))) return false;
@@ -277,7 +280,12 @@ inline void unite_explained(const PlanarSegmentsParams& p, const CellInput& in, 
     offer(link.b, link.a);
   }
   for (Cell& cell : cells) {
-    while (cell.plane != kNoPlane && into_of(cell.plane) != kNoPlane) cell.plane = into_of(cell.plane);  // ever larger
+    const std::uint16_t own = cell.plane;
+    if (own == kNoPlane || into_of(own) == kNoPlane) continue;
+    const std::uint16_t first = into_of(own);
+    const std::uint16_t last = into_of(first) == kNoPlane ? first : into_of(first);
+    const bool fits = last == first || explained(cell, segment(own), segment(last));
+    if (fits && into_of(last) == kNoPlane) cell.plane = last;
   }
 }
 
@@ -297,6 +305,7 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
     if (!cell.valid || cell.parent != i || count == segments.size()) continue;
     PlanarSegment& s = segments[count];
     s.label = cell.label;
+    s.waves = 0.0F;
     set_plane(p, in, cell.moments, cell.area_px, nullptr, s);
     if (s.support_px > 0.0F) cell.plane = static_cast<std::uint16_t>(++count);
   }
@@ -307,6 +316,14 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
     PlanarSegment& s = segments[cell.plane - std::size_t{1}];
     if (common != nullptr) set_plane(p, in, cell.moments, cell.area_px, common, s);
     if (!sure(s) && !s.squared) cell.plane = kNoPlane;
+  }
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const Cell& cell = cells[i];
+    const std::uint32_t region = cell.valid ? region_of(cells, static_cast<std::uint32_t>(i)) : 0;
+    if (!cell.valid || cells[region].plane == kNoPlane) continue;
+    PlanarSegment& s = segments[cells[region].plane - std::size_t{1}];
+    const double share = cell.own.weight / cells[region].moments.weight;
+    s.waves += static_cast<float>(share * misfit(cell, in.basis, vec_cast<double>(s.q)));
   }
   unite_explained(p, in, enough, common, segments.sub(0, count), apart, cells, next);
   for (std::size_t i = 0; i < cells.size(); ++i) {
