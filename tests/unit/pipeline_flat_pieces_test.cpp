@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "fixture.hpp"
+#include "known_depth.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/memory.hpp"
 #include "npsim/pipeline/night.hpp"
@@ -138,18 +139,13 @@ TEST_CASE("flat pieces: a normal that is not finite joins nothing; numbers end a
 namespace {
 
 // A road between a wall 4 m to the right and a house 24 m ahead, with one lamp 40 cm before the wall.
-struct Street {
+struct Street : npsim_test::KnownDepth {
   static constexpr Shape kSize{128, 72};
   Image<Rgb8> image{kSize, Rgb8{120, 120, 120}};
-  Image<float> depth{kSize};
-  Image<Label> labels{kSize};
-  Image<std::uint8_t> surface{kSize, 1};
-  Image<std::uint8_t> uncertain{kSize};
-  Image<Vec3f> normals{kSize};
   SceneView view;
 
   // uneven: share of the wall's depth.
-  explicit Street(float uneven) {
+  explicit Street(float uneven) : KnownDepth(kSize, 0.0F) {
     view.camera = intrinsics_from_fov(kSize, 1.2F);
     for (int y = 0; y < kSize.height; ++y) {
       for (int x = 0; x < kSize.width; ++x) {
@@ -184,13 +180,8 @@ struct Street {
     lamp.up = {0, 0, 1};
     lamp.axis = {0, 1, 0};
     params.relight.lamps = {&lamp, 1};
-    RefinedDepth refined;
-    refined.depth = depth.view();
-    refined.labels = labels.cview();
-    refined.surface = surface.view();
-    refined.uncertain = uncertain.view();
-    refined.normals = normals.view();
-    refined.source = source;
+    RefinedDepth known = refined();
+    known.source = source;
     io::HostMemory memory(night_workspace_bytes(params, kSize, 0));
     Workspace workspace = memory.workspace();
     NullObserver observer;
@@ -205,7 +196,7 @@ struct Street {
         return {};
       }
     } keep;
-    REQUIRE(engine::make_nights_of_depth(params, view, refined, workspace, pool, observer, keep).ok());
+    REQUIRE(engine::make_nights_of_depth(params, view, known, workspace, pool, observer, keep).ok());
     return keep.light;
   }
 };

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "fixture.hpp"
+#include "known_depth.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 
@@ -15,20 +16,16 @@ using npsim_test::Image;
 namespace {
 
 // A car 8 m away before a wall at 20 m; layers of it with one pair of offsets.
-struct Layers {
+struct Layers : npsim_test::KnownDepth {
   Shape shape{64, 48};
   Intrinsics camera{60, 55, 32, 24};
   Image<Rgb8> image{shape, Rgb8{90, 90, 90}};
-  Image<float> depth{shape, 20.0F};
-  Image<Label> labels{shape, label::building};
-  Image<std::uint8_t> surface{shape, std::uint8_t{1}};
-  Image<std::uint8_t> uncertain{shape, std::uint8_t{0}};
-  Image<Vec3f> normals{shape, Vec3f{0, 0, -1}};
   SceneLayers layers;
   npsim_test::Scratch scratch;
   Status status;
 
-  explicit Layers(Vec2f offset) : scratch(layers_workspace_bytes(ReconstructParams{}, Shape{64, 48})) {
+  explicit Layers(Vec2f offset)
+      : KnownDepth({64, 48}, 20.0F), scratch(layers_workspace_bytes(ReconstructParams{}, Shape{64, 48})) {
     for (int y = 18; y < 34; ++y) {
       for (int x = 20; x < 40; ++x) {
         depth(x, y) = 8.0F;
@@ -40,17 +37,12 @@ struct Layers {
     scene.image = image.cview();
     scene.depth = depth.cview();
     scene.labels = labels.cview();
-    RefinedDepth refined;
-    refined.depth = depth.view();
-    refined.labels = labels.cview();
-    refined.surface = surface.view();
-    refined.uncertain = uncertain.view();
-    refined.normals = normals.view();
+    const RefinedDepth known = refined();
     ReconstructParams params;
     params.offset = offset;
     SerialExecutor executor;
     NullObserver observer;
-    status = build_layers(params, scene, refined, scratch.workspace(), executor, observer, layers);
+    status = build_layers(params, scene, known, scratch.workspace(), executor, observer, layers);
   }
 };
 

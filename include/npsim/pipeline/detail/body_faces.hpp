@@ -7,7 +7,7 @@
 // of its rim. A body is what has one number among the instances, else an object, of the class and the number of most of
 // its pixels: thin ones lie on their neighbours' too. The lamps of such a body are shaded by it as by anything: a bonnet
 // hides headlamps from the windscreen. Each flat piece of a surface (flat_pieces.hpp) is a body as well, of no lamp.
-// Cost: seven passes over the pixels and one over the faces. Memory: 2 bytes a face, a point and a lamp where there are
+// Cost: eight passes over the pixels and one over the faces. Memory: 2 bytes a face, a point and a lamp where there are
 // any, else none; 12 bytes a pixel and 128 KiB for the search. Error: what a body does shade of itself, under a wheel
 // arch or behind a mirror, is lit.
 #ifndef NPSIM_PIPELINE_DETAIL_BODY_FACES_HPP

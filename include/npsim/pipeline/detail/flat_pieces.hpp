@@ -4,7 +4,7 @@
 // Neighbours are of one piece where both have a class that is flat, belong to one object or to none, have normals that
 // differ by little, and lie in each other's plane. Pieces are what hangs together so: walls that bend slowly are one.
 // Normals tell better than the mesh what is flat: measured depth is uneven by more than a wall's relief.
-// Cost: two passes over the pixels. Memory: 8 bytes a pixel for the search. Error: what a piece does shade of itself,
+// Cost: three passes over the pixels. Memory: 8 bytes a pixel for the search. Error: what a piece does shade of itself,
 // beside a balcony or under a ledge that the normals do not show, is lit.
 #ifndef NPSIM_PIPELINE_DETAIL_FLAT_PIECES_HPP
 #define NPSIM_PIPELINE_DETAIL_FLAT_PIECES_HPP

@@ -45,6 +45,7 @@ struct Cell {
   std::uint32_t parent = 0;  // itself, or towards the cell that stands for its region
   float own_px = 0.0F;       // of its object's pixels in the square those that the plane explains
   float area_px = 0.0F;      // of its region
+  float waves = 0.0F;        // of its region: measure_waves()
   std::uint16_t plane = kNoPlane;
   std::uint16_t instance = 0;
   Label label = 0;

@@ -75,7 +75,6 @@ struct PlanarSegment {
   float support_px = 0.0F;
   float residual = 0.0F;  // root mean square, deviations
   float turn_rad = 0.0F;  // deviation of the angle about the vertical
-  float waves = 0.0F;     // of the mean square what planes of its single squares take away, squared deviations
   bool squared = false;   // the angle is that of the street, or at right angles to it
 };
 
@@ -234,6 +233,18 @@ inline void set_plane(const PlanarSegmentsParams& p, const CellInput& in, const 
          std::fabs(off_square(in.basis.angle(vec_cast<double>(s.q)) - *common)) <= kAligned_rad;
 }
 
+// Of each region's mean square what planes of its single squares take away, in squared deviations.
+inline void measure_waves(const CellInput& in, Span<const PlanarSegment> segments, Span<Cell> cells) noexcept {
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const Cell& cell = cells[i];
+    if (!cell.valid) continue;
+    Cell& region = cells[region_of(cells, static_cast<std::uint32_t>(i))];
+    if (region.plane == kNoPlane) continue;
+    const Vec3d q = vec_cast<double>(segments[region.plane - std::size_t{1}].q);
+    region.waves += static_cast<float>(cell.own.weight / region.moments.weight * misfit(cell, in.basis, q));
+  }
+}
+
 // Regions become part of larger planes, at most three squares away, in two cases; of several planes of the largest one.
 //
 // A small region, of one with enough support and four times its area that fits it worse than its own by at most
@@ -260,7 +271,7 @@ inline void unite_explained(const PlanarSegmentsParams& p, const CellInput& in, 
     const double cost = cell.moments.cost(vec_cast<double>(own.q));
     const double under = cell.moments.cost(vec_cast<double>(other.q));
     if (other.support_px >= max_of(enough_px, kSomewhatLarger * own.support_px) &&
-        under - cost <= kWaves * static_cast<double>(own.waves) * cell.moments.weight) {
+        under - cost <= kWaves * static_cast<double>(cell.waves) * cell.moments.weight) {
       return true;
     }
     if (!(own.support_px < enough_px && other.support_px >= max_of(enough_px, kLarger * own.support_px))) return false;
@@ -305,7 +316,6 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
     if (!cell.valid || cell.parent != i || count == segments.size()) continue;
     PlanarSegment& s = segments[count];
     s.label = cell.label;
-    s.waves = 0.0F;
     set_plane(p, in, cell.moments, cell.area_px, nullptr, s);
     if (s.support_px > 0.0F) cell.plane = static_cast<std::uint16_t>(++count);
   }
@@ -317,14 +327,7 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
     if (common != nullptr) set_plane(p, in, cell.moments, cell.area_px, common, s);
     if (!sure(s) && !s.squared) cell.plane = kNoPlane;
   }
-  for (std::size_t i = 0; i < cells.size(); ++i) {
-    const Cell& cell = cells[i];
-    const std::uint32_t region = cell.valid ? region_of(cells, static_cast<std::uint32_t>(i)) : 0;
-    if (!cell.valid || cells[region].plane == kNoPlane) continue;
-    PlanarSegment& s = segments[cells[region].plane - std::size_t{1}];
-    const double share = cell.own.weight / cells[region].moments.weight;
-    s.waves += static_cast<float>(share * misfit(cell, in.basis, vec_cast<double>(s.q)));
-  }
+  measure_waves(in, segments, cells);
   unite_explained(p, in, enough, common, segments.sub(0, count), apart, cells, next);
   for (std::size_t i = 0; i < cells.size(); ++i) {
     if (cells[i].valid) cells[i].plane = cells[region_of(cells, static_cast<std::uint32_t>(i))].plane;
