@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <initializer_list>
 #include <vector>
 
@@ -47,23 +48,35 @@ class Image {
   int stride_ = 0;
 };
 
-// A workspace over as many bytes as were asked for. A kernel that writes beyond them is found at the end of the scope.
+// A workspace over as many bytes as were asked for, from the address that costs the most to align: a kernel that does
+// not ask for that fails here each time, not now and then. One that writes beyond them is found at the end of the scope.
 class Scratch {
  public:
-  explicit Scratch(std::size_t bytes) : memory_(bytes + kGuard, kMark), bytes_(bytes), workspace_(memory_.data(), bytes) {}
+  explicit Scratch(std::size_t bytes)
+      : memory_(bytes + npsim::kWorkspaceAlignment + kGuard, kMark),
+        first_(to_misaligned(memory_.data())),
+        end_(first_ + bytes),
+        workspace_(memory_.data() + first_, bytes) {}
   Scratch(const Scratch&) = delete;
   Scratch& operator=(const Scratch&) = delete;
   ~Scratch() {
-    const auto guard = memory_.begin() + static_cast<std::ptrdiff_t>(bytes_);
-    CHECK(std::all_of(guard, memory_.end(), [](unsigned char byte) { return byte == kMark; }));
+    const auto begin = memory_.begin();
+    const auto marked = [](unsigned char byte) { return byte == kMark; };
+    CHECK(std::all_of(begin, begin + static_cast<std::ptrdiff_t>(first_), marked));
+    CHECK(std::all_of(begin + static_cast<std::ptrdiff_t>(end_), memory_.end(), marked));
   }
   [[nodiscard]] npsim::Workspace& workspace() { return workspace_; }
 
  private:
   static constexpr std::size_t kGuard = 64;
   static constexpr unsigned char kMark = 0xA5;
+  static std::size_t to_misaligned(const unsigned char* data) {
+    const auto past = reinterpret_cast<std::uintptr_t>(data) % npsim::kWorkspaceAlignment;
+    return (npsim::kWorkspaceAlignment + 1 - past) % npsim::kWorkspaceAlignment;
+  }
   std::vector<unsigned char> memory_;
-  std::size_t bytes_;
+  std::size_t first_;
+  std::size_t end_;
   npsim::Workspace workspace_;
 };
 

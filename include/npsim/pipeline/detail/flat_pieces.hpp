@@ -45,7 +45,7 @@ struct FlatParams {
 }
 
 [[nodiscard]] constexpr std::size_t number_flat_pieces_workspace_bytes(Shape shape) noexcept {
-  return 2 * allocation_bytes<std::uint32_t>(shape.pixels());
+  return 2 * allocation_bytes<std::uint32_t>(shape.pixels()) + kWorkspaceAlignment;
 }
 
 // of_pixel: first, first + 1, ... in the order of the pieces' first pixels, 0 for none; with 65535 numbers end. Labels
