@@ -114,6 +114,21 @@ TEST_CASE("sensor: the tone curves are monotonic and continuous, 0 to 0 and 1 to
   CHECK(npsim::tone_map(toe, 0.3F) == doctest::Approx(0.36 * 1.0025 - 0.003).epsilon(1e-3));
 }
 
+TEST_CASE("sensor: codes by the square root of a value are sRGB's within .04, do not fall, and reach 0 and 255") {
+  float before = 0.0F;
+  for (int i = 0; i <= 100000; ++i) {
+    const float root = static_cast<float>(i) / 100000.0F;
+    const float code = npsim::isp_detail::srgb_code_of_root(npsim::simd::scalar::F32(root)).value;
+    const double x = static_cast<double>(root) * static_cast<double>(root);
+    const double exact = 255.0 * (x <= 0.0031308 ? 12.92 * x : 1.055 * std::pow(x, 1.0 / 2.4) - 0.055);
+    CHECK(std::fabs(static_cast<double>(code) - exact) < 0.04);
+    CHECK(code > before - 1e-4F);
+    before = code;
+  }
+  CHECK(npsim::isp_detail::srgb_code_of_root(npsim::simd::scalar::F32(0.0F)).value == 0.0F);
+  CHECK(before > 254.5F);
+}
+
 TEST_CASE("sensor: every lamp colour from .1 to 1000 times saturation keeps its hue or is pale, with every camera") {
   using namespace npsim::illuminant;
   const npsim::Chromaticity lamps[] = {kLedB1,

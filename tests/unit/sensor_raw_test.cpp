@@ -53,6 +53,11 @@ Plane captured(const SensorParams& params, const Image& image, const NoiseParams
 
 float at(const Plane& plane, int x, int y) { return plane(x + kMosaicMargin, y); }
 
+npsim::DemosaicedPixels<npsim::simd::scalar::F32> demosaiced(npsim::Demosaic method, Mosaic mosaic, const Plane& plane,
+                                                             int x, int y) {
+  return npsim::demosaic<npsim::simd::scalar::F32>(method, mosaic, npsim::mosaic_rows(plane.cview(), y), x, y, 1);
+}
+
 Image colours(int width, int height) {
   Image image({width, height});
   for (std::size_t i = 0; i < pixels(image).size(); ++i) {
@@ -340,7 +345,7 @@ TEST_CASE("sensor: demosaicing keeps a constant and a slope, in four mosaics, to
         for (int y = 0; y < 9; ++y) {
           for (int x = 0; x < n; ++x) {
             if (slope > 0 && (y < 2 || y > 6)) continue;  // mirrored rows have no slope
-            const auto out = npsim::demosaic<npsim::simd::scalar::F32>(method, mosaic, plane.cview(), x, y, 1);
+            const auto out = demosaiced(method, mosaic, plane, x, y);
             const double rise = slope * (x + 2 * y);
             CHECK(out.rgb.x.value == doctest::Approx(level[0] + rise).epsilon(1e-5));
             CHECK(out.rgb.y.value == doctest::Approx(level[1] + rise).epsilon(1e-5));
@@ -360,12 +365,12 @@ TEST_CASE("sensor: batches demosaic as single pixels do, bit by bit") {
     const Plane plane = captured(params, image);
     using F = npsim::simd::F32;
     for (int y = 0; y < 11; ++y) {
+      const npsim::MosaicRows rows = npsim::mosaic_rows(plane.cview(), y);
       for (int x = 0; x < 53; x += F::lanes) {
         const int n = 53 - x < F::lanes ? 53 - x : F::lanes;
-        const auto batch = npsim::demosaic<F>(npsim::Demosaic::gradient, mosaic, plane.cview(), x, y, n);
+        const auto batch = npsim::demosaic<F>(npsim::Demosaic::gradient, mosaic, rows, x, y, n);
         for (int i = 0; i < n; ++i) {
-          const auto one =
-              npsim::demosaic<npsim::simd::scalar::F32>(npsim::Demosaic::gradient, mosaic, plane.cview(), x + i, y, 1);
+          const auto one = demosaiced(npsim::Demosaic::gradient, mosaic, plane, x + i, y);
           CHECK(batch.rgb.x.lane(i) == one.rgb.x.value);
           CHECK(batch.rgb.y.lane(i) == one.rgb.y.value);
           CHECK(batch.rgb.z.lane(i) == one.rgb.z.value);
@@ -384,7 +389,7 @@ TEST_CASE("sensor: the gradient filters follow a grey edge that the bilinear one
   const auto fringe = [&](npsim::Demosaic method) {
     double most = 0;
     for (int x = 0; x < 40; ++x) {
-      const auto c = npsim::demosaic<npsim::simd::scalar::F32>(method, Mosaic::rggb, plane.cview(), x, 4, 1).rgb;
+      const auto c = demosaiced(method, Mosaic::rggb, plane, x, 4).rgb;
       most = std::fmax(most, std::fabs(static_cast<double>(c.x.value - c.y.value)));
       most = std::fmax(most, std::fabs(static_cast<double>(c.z.value - c.y.value)));
     }
@@ -401,9 +406,7 @@ TEST_CASE("sensor: demosaicing knows numbers alone, at the end of the range of f
     }
     for (int y = 0; y < 12; ++y) {
       for (int x = 0; x < 24; ++x) {
-        const auto c =
-            npsim::demosaic<npsim::simd::scalar::F32>(npsim::Demosaic::gradient, Mosaic::gbrg, plane.cview(), x, y, 1)
-                .rgb;
+        const auto c = demosaiced(npsim::Demosaic::gradient, Mosaic::gbrg, plane, x, y).rgb;
         for (const float v : {c.x.value, c.y.value, c.z.value}) {
           CHECK(v >= -0.1F);  // false for NaN
           CHECK(v <= 1.5F * bright);
@@ -427,7 +430,7 @@ TEST_CASE("sensor: the outline of a clipped lamp has no dots, at its corners nei
     for (int y = 4; y < n - 4; ++y) {
       for (int x = 4; x < n - 4; ++x) {
         if (is_lamp(x, y)) continue;
-        const auto c = npsim::demosaic<npsim::simd::scalar::F32>(method, Mosaic::rggb, plane.cview(), x, y, 1).rgb;
+        const auto c = demosaiced(method, Mosaic::rggb, plane, x, y).rgb;
         most = std::fmax(most, std::fabs(static_cast<double>(c.x.value - dark[0])));
         most = std::fmax(most, std::fabs(static_cast<double>(c.y.value - dark[1])));
         most = std::fmax(most, std::fabs(static_cast<double>(c.z.value - dark[2])));

@@ -323,19 +323,31 @@ template <class Executor>
   const auto rows = static_cast<std::size_t>(plane.height());
   Span<Vec3d> partial;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(chunk_count(rows, kSensorRowChunk), partial));
-  const int width = plane.width() - 2 * kMosaicMargin;
+  const int whole_quads = (plane.width() - 2 * kMosaicMargin) / 2 * 2;
   const float clip = 0.95F * raw_range(sensor);
   executor.for_chunks(rows, kSensorRowChunk, [&](std::size_t begin, std::size_t end) {
-    // By place in the quad; which filter stands there is the same for all.
+    // By place in the quad: which filter stands there is the same for all. By column modulo kMaxLanes too, so that the
+    // sums are the same for any number of lanes, of which the even ones begin a quad.
+    using F = simd::F32;
+    using I = F::Int;
+    const F even = select((I::iota() & I(1)) == I(0), F(1.0F), F(0.0F));
     double sum[4] = {};
     for (std::size_t y = begin; y + 1 < end; y += 2) {  // chunks begin at even rows
-      const float* row = plane.row(static_cast<int>(y)) + kMosaicMargin;
-      const float* next = plane.row(static_cast<int>(y) + 1) + kMosaicMargin;
-      for (int x = 0; x + 1 < width; x += 2) {
-        const float quad[4] = {row[x], row[x + 1], next[x], next[x + 1]};
-        if (quad[0] < clip && quad[1] < clip && quad[2] < clip && quad[3] < clip) {
-          for (int i = 0; i < 4; ++i) sum[i] += static_cast<double>(quad[i]);
+      const float* row[2] = {plane.row(static_cast<int>(y)) + kMosaicMargin,
+                             plane.row(static_cast<int>(y) + 1) + kMosaicMargin};
+      alignas(64) float of_row[4][simd::kMaxLanes] = {};
+      for (int x = 0; x < whole_quads; x += F::lanes) {
+        const int n = whole_quads - x < F::lanes ? whole_quads - x : F::lanes;
+        const F quad[4] = {load_first<F>(row[0] + x, n), load_first<F>(row[0] + x + 1, n), load_first<F>(row[1] + x, n),
+                           load_first<F>(row[1] + x + 1, n)};
+        const F counts = select(max(max(quad[0], quad[1]), max(quad[2], quad[3])) < F(clip), even, F(0.0F));
+        for (int i = 0; i < 4; ++i) {
+          float* to = of_row[i] + x % simd::kMaxLanes;
+          fma(quad[i], counts, F::load(to)).store(to);
         }
+      }
+      for (int i = 0; i < 4; ++i) {
+        for (const float part : of_row[i]) sum[i] += static_cast<double>(part);
       }
     }
     double channel[3] = {};

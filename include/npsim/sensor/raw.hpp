@@ -238,7 +238,7 @@ template <class Executor>
         for (float longer = 1.0F; longer < range; longer *= params.ratio) {
           scale = select(signal > F(0.9F * longer), F(longer * params.ratio), scale);
         }
-        const F well = min(signal / scale, F(1.0F));
+        const F well = min(range > 1.0F ? signal / scale : signal, F(1.0F));
         const F noisy = fma(residual * sqrt(fma(beta1, well, beta2)), F::load(normal + (x - begin)), well + row_offset);
         const F read = simd::clamp(round_even(fma(noisy, F(levels), F(params.black))), 0.0F, levels + params.black);
         store_first((read - F(params.black)) * F(1.0F / levels) * scale, to + x, n);

@@ -37,14 +37,22 @@ struct DemosaicedPixels {
   F peak;
 };
 
-// The pixels x .. x + n - 1 of row y. plane: as capture() makes it.
+// Where the samples of row y begin, and those of two rows above and below it.
+struct MosaicRows {
+  const float* row[5];
+};
+
+[[nodiscard]] inline MosaicRows mosaic_rows(ImageView<const float> plane, int y) noexcept {
+  MosaicRows rows{};
+  for (int j = 0; j < 5; ++j) rows.row[j] = plane.row(raw_detail::mirrored(y + j - 2, plane.height())) + kMosaicMargin;
+  return rows;
+}
+
+// The pixels x .. x + n - 1 of row y.
 template <class F>
-[[nodiscard]] NPSIM_ALWAYS_INLINE DemosaicedPixels<F> demosaic(Demosaic method, Mosaic mosaic,
-                                                               ImageView<const float> plane, int x, int y,
-                                                               int n) noexcept {
-  const float* rows[5];
-  for (int j = 0; j < 5; ++j) rows[j] = plane.row(raw_detail::mirrored(y + j - 2, plane.height())) + kMosaicMargin + x;
-  const auto at = [&rows, n](int dx, int dy) { return load_first<F>(rows[dy + 2] + dx, n); };
+[[nodiscard]] NPSIM_ALWAYS_INLINE DemosaicedPixels<F> demosaic(Demosaic method, Mosaic mosaic, const MosaicRows& rows,
+                                                               int x, int y, int n) noexcept {
+  const auto at = [&rows, x, n](int dx, int dy) { return load_first<F>(rows.row[dy + 2] + x + dx, n); };
   const F own = at(0, 0);
   const F west = at(-1, 0);
   const F east = at(1, 0);
