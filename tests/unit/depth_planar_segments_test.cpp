@@ -146,6 +146,44 @@ TEST_CASE(
   CHECK(changes < 300);
 }
 
+TEST_CASE("planar segments: noisy walls that meet, at a corner that stands out or recedes, part in a straight line") {
+  for (const float outward : {1.0F, -1.0F}) {
+    CAPTURE(outward);
+    const Vec3f side = normalized(Vec3f{outward * 0.6F, 0, -0.8F});
+    Street s;
+    s.wall(kFront, 14.0F, 0, 240);
+    s.wall(side, 14.0F * 0.8F, 240, 480);
+    s.measure(1.5F);
+    REQUIRE(s.run().ok());
+    int first = kShape.width;
+    int last = 0;
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 1; x < kShape.width; ++x) {
+        const PlanarSegment* plane = s.at(x, y);
+        const PlanarSegment* before = s.at(x - 1, y);
+        if (plane == nullptr || before == nullptr || plane == before) continue;
+        first = std::min(first, x);
+        last = std::max(last, x);
+      }
+    }
+    CHECK(first > 230);
+    CHECK(last < 250);
+    CHECK(last - first <= 2);
+    CHECK(s.share_facing(side, 250, 480, 3.0F) > 0.97);
+  }
+}
+
+TEST_CASE("planar segments: a wall that stands before another ends where it ends, not where their planes meet") {
+  Street s;
+  const Vec3f side = normalized(Vec3f{0.6F, 0, -0.8F});
+  s.wall(kFront, 14.0F, 0, 240);
+  s.wall(side, 14.4F * 0.8F, 240, 480);  // 3 % behind it there; they would meet at column 210
+  s.measure();
+  REQUIRE(s.run().ok());
+  CHECK(s.share_facing(kFront, 0, 236, 2.0F) > 0.97);
+  CHECK(s.share_facing(side, 244, 480, 3.0F) > 0.97);
+}
+
 TEST_CASE("planar segments: relief stays, and what is curved is not drawn to planes") {
   Street s = corner();
   for (int y = 60; y < 140; ++y) {

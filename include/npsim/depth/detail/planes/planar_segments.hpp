@@ -7,7 +7,8 @@
 // agree within the noise are united, also across what stands before them (merge.hpp); and those with enough support are
 // kept. Inverse depth of a plane is linear in the image, and everything is measured in deviations of it
 // (depth_source.hpp).
-// A pixel that a plane explains is on it and takes its normal; where several do, neighbours agree (agreed_plane()). Its
+// A pixel that a plane explains is on it and takes its normal; where several do, neighbours agree (agreed_plane()), and
+// the border of two walls that meet is their edge (edges.hpp). Its
 // depth stays as it was measured: buildings have relief, and on held-out points of real frames depth drawn to planes,
 // even within the noise, is worse. Only where nothing was measured does the plane stand in (extend_planes()), and where
 // a mismatch makes a dent (PlanarSegmentsParams::dent_m). A bulge as large is on the plane, and its depth stays.
@@ -35,6 +36,7 @@
 #include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/depth/detail/planes/assign.hpp"
 #include "npsim/depth/detail/planes/cells.hpp"
+#include "npsim/depth/detail/planes/edges.hpp"
 #include "npsim/depth/detail/planes/merge.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -124,6 +126,7 @@ inline constexpr double kSquare_rad = 0.0087;  // and those that are not known t
          allocation_bytes<planes_detail::Cell>(cells) + allocation_bytes<planes_detail::Choice>(cells) +
          allocation_bytes<planes_detail::Link>(cells * planes_detail::kLinks) + allocation_bytes<std::uint16_t>(cells) +
          allocation_bytes<planes_detail::PlaneMoments>(planes_detail::max_planes(p, shape)) +
+         allocation_bytes<planes_detail::Edge>(planes_detail::max_planes(p, shape) * planes_detail::kEdges) +
          allocation_bytes<std::uint16_t>(shape.pixels());
 }
 
@@ -454,6 +457,7 @@ template <class Executor>
   Span<Link> links;
   Span<std::uint16_t> next;
   Span<PlaneMoments> sums;
+  Span<Edge> edges;
   ImageView<std::uint16_t> nearest;
   const std::size_t cell_count = grid.squares() * kSlots;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, slots));
@@ -462,6 +466,7 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(workspace.allocate(cell_count * kLinks, links));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(cell_count, next));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(map.segments.size(), sums));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(map.segments.size() * kEdges, edges));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, nearest));
 
   CellInput in;
@@ -513,21 +518,30 @@ template <class Executor>
       }
     }
   });
-  const auto agree = [&](ImageView<const std::uint16_t> from, ImageView<std::uint16_t> to, int apart_px) {
+  const auto choose = [&](ImageView<const std::uint16_t> from, ImageView<std::uint16_t> to, const auto& choice) {
     executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
       for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
         for (int x = 0; x < shape.width; ++x) {
           to(x, y) = from(x, y);
           if (!planar(x, y) || is_blind(grid, cells, slots(x, y), x, y)) continue;
-          to(x, y) = agreed_plane(in, plane_of, from, params.on_plane, apart_px, x, y);
+          to(x, y) = choice(from, x, y);
         }
       }
     });
   };
   for (int apart_px = agreement_px(shape); apart_px > 0; apart_px /= 2) {
-    agree(nearest, map.of, apart_px);
-    agree(map.of, nearest, apart_px);
+    const auto agreed = [&](ImageView<const std::uint16_t> of, int x, int y) {
+      return agreed_plane(in, plane_of, of, params.on_plane, apart_px, x, y);
+    };
+    choose(nearest, map.of, agreed);
+    choose(map.of, nearest, agreed);
   }
+  find_edges(in, plane_of, nearest, edges);
+  const auto sided = [&](ImageView<const std::uint16_t> of, int x, int y) {
+    return plane_of_side(in, plane_of, edges, of, params.on_plane, x, y);
+  };
+  choose(nearest, map.of, sided);
+  choose(map.of, nearest, sided);
   const auto reach_px = static_cast<int>(params.dent_px * static_cast<float>(shape.width) / 2048.0F);
   executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
