@@ -123,6 +123,28 @@ TEST_CASE("street furniture: a small sign is one plate, also where parts of it l
   }
 }
 
+TEST_CASE(
+    "street furniture: a box of half a metre is level and faces the camera, one of two metres stays as measured") {
+  Street s;
+  s.put(40, 60, 56, 90, label::static_object);
+  s.put(60, 60, 126, 90, label::static_object);
+  const Street before = s;
+  SerialExecutor serial;
+  REQUIRE(s.run(serial).ok());
+  for (int y = 60; y < 90; ++y) {
+    CAPTURE(y);
+    for (int x = 40; x < 56; ++x) {
+      REQUIRE(std::fabs(s.surface(x, y) - kPole_m) < 0.6F);
+      REQUIRE(std::fabs(s.normals(x, y).y) < 1e-5F);
+      REQUIRE(s.normals(x, y).z < -0.98F);
+    }
+    for (int x = 60; x < 110; ++x) {
+      REQUIRE(s.surface(x, y) == before.depth(x, y));
+      REQUIRE(s.normals(x, y) == before.normals(x, y));
+    }
+  }
+}
+
 TEST_CASE("street furniture: a large sign that is turned away keeps its plane") {
   Street s;
   s.plane.normal = normalized(Vec3f{-0.866F, 0, -0.5F});
