@@ -105,6 +105,17 @@ const Vec3f kSide = normalized(Vec3f{-0.9F, 0, -0.436F});
   return s;
 }
 
+// Leaves out all chunks but the first `left`.
+struct Stopping {
+  int left;
+  template <class F>
+  void for_chunks(std::size_t count, std::size_t chunk, F&& f) {
+    for (std::size_t i = 0; i < count; i += chunk) {
+      if (left-- > 0) f(i, std::min(count, i + chunk));
+    }
+  }
+};
+
 }  // namespace
 
 TEST_CASE("planar segments: two noisy walls at a corner, parted by a pole, become two planes") {
@@ -173,15 +184,33 @@ TEST_CASE("planar segments: noisy walls that meet, at a corner that stands out o
   }
 }
 
-TEST_CASE("planar segments: a wall that stands before another ends where it ends, not where their planes meet") {
-  Street s;
-  const Vec3f side = normalized(Vec3f{0.6F, 0, -0.8F});
-  s.wall(kFront, 14.0F, 0, 240);
-  s.wall(side, 14.4F * 0.8F, 240, 480);  // 3 % behind it there; they would meet at column 210
-  s.measure();
-  REQUIRE(s.run().ok());
-  CHECK(s.share_facing(kFront, 0, 236, 2.0F) > 0.97);
-  CHECK(s.share_facing(side, 244, 480, 3.0F) > 0.97);
+TEST_CASE("planar segments: a wall before or behind another ends where it ends, not where their planes meet") {
+  struct Case {
+    float degrees;  // that the second wall is turned by
+    float behind_m;
+  };
+  for (const Case& c : {Case{60, 0.3F}, Case{60, 0.45F}, Case{45, 0.2F}, Case{-37, -0.2F}, Case{37, 0.4F}}) {
+    CAPTURE(c.degrees);
+    CAPTURE(c.behind_m);
+    const Vec3f side{std::sin(c.degrees * kDegree), 0, -std::cos(c.degrees * kDegree)};
+    Street s;
+    s.wall(kFront, 14.0F, 0, 240);
+    s.wall(side, -(14.0F + c.behind_m) * side.z, 240, 480);
+    s.measure();
+    REQUIRE(s.run().ok());
+    CHECK(s.share_facing(kFront, 0, 239, 5.0F) > 0.99);
+    CHECK(s.share_facing(side, 241, 480, 5.0F) > 0.99);
+  }
+}
+
+TEST_CASE("planar segments: an executor that leaves work out, as when a run is cancelled, harms nothing") {
+  for (int chunks = 0; chunks < 200; chunks += 19) {
+    CAPTURE(chunks);
+    Street s = corner();
+    s.measure();
+    Stopping executor{chunks};
+    CHECK(s.run(executor).ok());
+  }
 }
 
 TEST_CASE("planar segments: relief stays, and what is curved is not drawn to planes") {

@@ -14,7 +14,7 @@ using npsim_test::Image;
 namespace {
 
 void find(const Image<Rgb8>& image, const Image<float>& depth, bool stereo, Image<std::uint8_t>& surface) {
-  npsim_test::Scratch scratch(find_sky_workspace_bytes(depth.cview().shape()) + kWorkspaceAlignment);
+  npsim_test::Scratch scratch(find_sky_workspace_bytes(depth.cview().shape()));
   REQUIRE(find_sky(image.cview(), depth.cview(), stereo, surface.view(), scratch.workspace()).ok());
 }
 

@@ -124,24 +124,29 @@ TEST_CASE("street furniture: a small sign is one plate, also where parts of it l
 }
 
 TEST_CASE(
-    "street furniture: a box of half a metre is level and faces the camera, one of two metres stays as measured") {
+    "street furniture: a hoarding that hangs is level and faces the camera; a wide one and a bin stay as measured") {
   Street s;
-  s.put(40, 60, 56, 90, label::static_object);
-  s.put(60, 60, 126, 90, label::static_object);
+  s.put(40, 50, 65, 90, label::static_object);   // .75 m
+  s.put(68, 50, 108, 90, label::static_object);  // 1.2 m
+  s.put(1, 50, 17, 90, label::static_object);    // .5 m
+  for (int x = 1; x < 17; ++x) {
+    for (int y = 90; y < kShape.height; ++y) s.labels(x, y) = label::sidewalk;
+  }
   const Street before = s;
   SerialExecutor serial;
   REQUIRE(s.run(serial).ok());
-  for (int y = 60; y < 90; ++y) {
+  const auto stays = [&](int x, int y) {
+    return s.surface(x, y) == before.depth(x, y) && s.normals(x, y) == before.normals(x, y);
+  };
+  for (int y = 50; y < 90; ++y) {
     CAPTURE(y);
-    for (int x = 40; x < 56; ++x) {
+    for (int x = 40; x < 65; ++x) {
       REQUIRE(std::fabs(s.surface(x, y) - kPole_m) < 0.6F);
       REQUIRE(std::fabs(s.normals(x, y).y) < 1e-5F);
       REQUIRE(s.normals(x, y).z < -0.98F);
     }
-    for (int x = 60; x < 110; ++x) {
-      REQUIRE(s.surface(x, y) == before.depth(x, y));
-      REQUIRE(s.normals(x, y) == before.normals(x, y));
-    }
+    for (int x = 68; x < 108; ++x) REQUIRE(stays(x, y));
+    for (int x = 1; x < 17; ++x) REQUIRE(stays(x, y));
   }
 }
 

@@ -357,6 +357,31 @@ TEST_CASE("sensor: demosaicing keeps a constant and a slope, in four mosaics, to
   }
 }
 
+TEST_CASE("sensor: white balance adds up whole quads that are not clipped, in any number of lanes") {
+  const Image image = colours(67, 2);
+  const Plane plane = captured(plain(), image);
+  const float* rows[2] = {plane.cview().row(0) + kMosaicMargin, plane.cview().row(1) + kMosaicMargin};
+  for (const int width : {0, 1, 2, 3, 16, 33, 67}) {
+    CAPTURE(width);
+    for (const float clip : {0.3F, 10.0F}) {
+      double batches[4] = {};
+      double single[4] = {};
+      double expected[4] = {};
+      npsim::white_balance_detail::sum_quads<npsim::simd::F32>(rows[0], rows[1], width, clip, batches);
+      npsim::white_balance_detail::sum_quads<npsim::simd::scalar::F32>(rows[0], rows[1], width, clip, single);
+      for (int x = 0; x + 1 < width; x += 2) {
+        const float quad[4] = {rows[0][x], rows[0][x + 1], rows[1][x], rows[1][x + 1]};
+        if (!(*std::max_element(quad, quad + 4) < clip)) continue;
+        for (int i = 0; i < 4; ++i) expected[i] += static_cast<double>(quad[i]);
+      }
+      for (int i = 0; i < 4; ++i) {
+        CHECK(batches[i] == single[i]);
+        CHECK(batches[i] == doctest::Approx(expected[i]).epsilon(1e-6));
+      }
+    }
+  }
+}
+
 TEST_CASE("sensor: batches demosaic as single pixels do, bit by bit") {
   const Image image = colours(53, 11);
   for (const Mosaic mosaic : kMosaics) {

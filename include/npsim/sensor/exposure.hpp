@@ -291,6 +291,29 @@ namespace white_balance_detail {
   return {channel(0) / green, 1.0, channel(2) / green};
 }
 
+// Adds up the samples of two rows' quads of which all are below `clip`, by place in the quad: which filter stands there
+// is the same for all. By column modulo kMaxLanes first, so that the sums are the same for any number of lanes.
+template <class F>
+void sum_quads(const float* upper, const float* lower, int width, float clip, double (&sum)[4]) noexcept {
+  using I = typename F::Int;
+  const int whole = width / 2 * 2;
+  alignas(64) float of_row[4][simd::kMaxLanes] = {};
+  for (int x = 0; x < whole; x += F::lanes) {
+    const int n = whole - x < F::lanes ? whole - x : F::lanes;
+    const F quad[4] = {load_first<F>(upper + x, n), load_first<F>(upper + x + 1, n), load_first<F>(lower + x, n),
+                       load_first<F>(lower + x + 1, n)};
+    auto counts = ((I::iota() + I(x)) & I(1)) == I(0);
+    for (const F& sample : quad) counts = counts & (sample < F(clip));
+    for (int i = 0; i < 4; ++i) {
+      float* to = of_row[i] + x % simd::kMaxLanes;
+      (F::load(to) + select(counts, quad[i], F(0.0F))).store(to);
+    }
+  }
+  for (int i = 0; i < 4; ++i) {
+    for (const float part : of_row[i]) sum[i] += static_cast<double>(part);
+  }
+}
+
 [[nodiscard]] inline Vec3f gains_for(const Vec3d& raw) noexcept {
   const double most = raw.x > raw.y ? (raw.x > raw.z ? raw.x : raw.z) : (raw.y > raw.z ? raw.y : raw.z);
   return vec_cast<float>(Vec3d{most / raw.x, most / raw.y, most / raw.z});
@@ -323,32 +346,13 @@ template <class Executor>
   const auto rows = static_cast<std::size_t>(plane.height());
   Span<Vec3d> partial;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(chunk_count(rows, kSensorRowChunk), partial));
-  const int whole_quads = (plane.width() - 2 * kMosaicMargin) / 2 * 2;
+  const int width = plane.width() - 2 * kMosaicMargin;
   const float clip = 0.95F * raw_range(sensor);
   executor.for_chunks(rows, kSensorRowChunk, [&](std::size_t begin, std::size_t end) {
-    // By place in the quad: which filter stands there is the same for all. By column modulo kMaxLanes too, so that the
-    // sums are the same for any number of lanes, of which the even ones begin a quad.
-    using F = simd::F32;
-    using I = F::Int;
-    const F even = select((I::iota() & I(1)) == I(0), F(1.0F), F(0.0F));
     double sum[4] = {};
     for (std::size_t y = begin; y + 1 < end; y += 2) {  // chunks begin at even rows
-      const float* row[2] = {plane.row(static_cast<int>(y)) + kMosaicMargin,
-                             plane.row(static_cast<int>(y) + 1) + kMosaicMargin};
-      alignas(64) float of_row[4][simd::kMaxLanes] = {};
-      for (int x = 0; x < whole_quads; x += F::lanes) {
-        const int n = whole_quads - x < F::lanes ? whole_quads - x : F::lanes;
-        const F quad[4] = {load_first<F>(row[0] + x, n), load_first<F>(row[0] + x + 1, n), load_first<F>(row[1] + x, n),
-                           load_first<F>(row[1] + x + 1, n)};
-        const F counts = select(max(max(quad[0], quad[1]), max(quad[2], quad[3])) < F(clip), even, F(0.0F));
-        for (int i = 0; i < 4; ++i) {
-          float* to = of_row[i] + x % simd::kMaxLanes;
-          fma(quad[i], counts, F::load(to)).store(to);
-        }
-      }
-      for (int i = 0; i < 4; ++i) {
-        for (const float part : of_row[i]) sum[i] += static_cast<double>(part);
-      }
+      sum_quads<simd::F32>(plane.row(static_cast<int>(y)) + kMosaicMargin,
+                           plane.row(static_cast<int>(y) + 1) + kMosaicMargin, width, clip, sum);
     }
     double channel[3] = {};
     for (int i = 0; i < 4; ++i) channel[filter_at(sensor.mosaic, i % 2, i / 2)] += sum[i];

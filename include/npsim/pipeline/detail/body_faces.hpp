@@ -43,7 +43,8 @@ inline constexpr LabelSet kBodyLabels =
   return allocation_bytes<std::uint16_t>(shape.pixels() + 1) + allocation_bytes<std::uint16_t>(shape.pixels()) +
          max_of(allocation_bytes<std::uint16_t>(shape.pixels() + 1) +
                     allocation_bytes<std::int32_t>(shape.pixels() + 1) + allocation_bytes<std::uint16_t>(65536),
-                number_flat_pieces_workspace_bytes(shape));
+                number_flat_pieces_workspace_bytes(shape)) +
+         kWorkspaceAlignment;
 }
 
 namespace body_detail {

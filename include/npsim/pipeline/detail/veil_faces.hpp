@@ -37,7 +37,8 @@ struct VeilParams {
 
 // On top of what is kept, a byte a face.
 [[nodiscard]] constexpr std::size_t find_veils_workspace_bytes(Shape shape) noexcept {
-  return allocation_bytes<std::uint8_t>(shape.pixels() + 1) + allocation_bytes<std::int32_t>(shape.pixels() + 1);
+  return allocation_bytes<std::uint8_t>(shape.pixels() + 1) + allocation_bytes<std::int32_t>(shape.pixels() + 1) +
+         kWorkspaceAlignment;
 }
 
 [[nodiscard]] inline Status validate(const VeilParams& p) noexcept {

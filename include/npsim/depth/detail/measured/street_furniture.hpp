@@ -1,18 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Poles and persons as cylinders, signs, signals and small boxes as plates: what the noise of measured depth made of
-// them is drawn to what they are.
+// Poles and persons as cylinders, signs, signals and hoardings as plates: what the noise of measured depth made of them
+// is drawn to what they are.
 //
 // A mast is as wide as the window that matching compares, or as the gap between two points of a laser: its depth jumps
 // by metres from row to row, and in the light of one lamp it comes out in bright and dark pieces. Pole pixels lie on a
 // pole that stands (their run along the column is the longer one) or on an arm that lies.
 //   Depth: the median of 1/z of the thing's pixels within reach_m along it, so as far as a straight pole keeps its depth.
 //   Normal of what is round: that of a cylinder across the shorter run: over the run it turns from side to side.
-//   Normal of a plate: level, towards the camera, for signs and signals face the traffic that sees them; of bins, boxes
-//   and small hoardings the depth does not tell which way they face, and dents that face the ground are black.
+//   Normal of a plate: level, towards the camera, for signs and signals face the traffic that sees them.
+// What hangs before a house or the sky, of any kind, is a plate too where it is no wider than max_width_m: a shop's sign,
+// a hoarding, whose dents face the ground as soon as the street and are black there. What stands on the ground, as bins,
+// benches and planters do, may be deep and have a top: it stays.
 // Of a plate smaller than plane_m2 a plane of its own says little: at its outline matching bends it, and parts that lie
 // on no plane or on another one stand before it by more than noise, so that headlamps cast their shadows on it.
-// Invariant: pixels of other labels, what lies on a larger plane of its own and what is round or a box but wider than
-// max_width_m are not touched. No pixel's new depth is outside of those around it on its thing. Deterministic.
+// Invariant: pixels of other labels, what lies on a larger plane of its own and runs of what is round or hangs that are
+// wider than max_width_m are not touched. No pixel's new depth is outside of those around it on its thing. Deterministic.
 // Cost: for each run of such things the pixels within reach, at most kMaxSamples, and for each pixel its runs, at most
 // kLongest_px long.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_STREET_FURNITURE_HPP
@@ -41,9 +43,11 @@ struct StreetFurnitureParams {
   LabelSet poles = LabelSet::of(label::pole, label::polegroup);
   LabelSet persons = LabelSet::of(label::person, label::rider);  // with a number of their own; they stand
   LabelSet plates = LabelSet::of(label::traffic_sign, label::traffic_light);
-  LabelSet boxes = LabelSet::of(label::static_object);  // small ones are as plates
-  float reach_m = 1.5F;                                 // along the thing, to either side
-  float max_width_m = 1.0F;  // of what is round or a box: larger ones have a shape that can be measured
+  LabelSet hanging = LabelSet::of(label::static_object);
+  LabelSet behind_hanging =  // what is seen below it
+      kHouseLabels | LabelSet::of(label::vegetation, label::sky, label::pole, label::polegroup);
+  float reach_m = 1.5F;      // along the thing, to either side
+  float max_width_m = 1.0F;  // of what is round or hangs: larger ones have a shape that can be measured
   float plane_m2 = 2.0F;     // of the plane of a plate: a larger one has the angle that was measured
 };
 
@@ -122,6 +126,10 @@ template <class Executor>
         static_cast<int>(clamp_to(reach_px, 1.0F, static_cast<float>(stands ? shape.height : shape.width)));
     return typical_w(depth, objects, x, y, stands, across, reach);
   };
+  const auto hangs = [&](int x, int y) {
+    const int below = y + run_along(objects, x, y, 0, 1).after + 1;
+    return below < shape.height && params.behind_hanging.contains(objects.labels(x, below));
+  };
   const auto is_small = [&](const PlanarSegment& plane, int x, int y) {
     const Vec3f ray = unproject_pixel(camera, x, y, 1.0F);
     const float w = dot(plane.q, ray);
@@ -149,7 +157,8 @@ template <class Executor>
       for (int x = 0; x < shape.width; ++x) {
         if (x > 0 && !objects.same(x - 1, y, x, y)) standing_w = 0.0F;
         const Label label = objects.labels(x, y);
-        const bool plate = params.plates.contains(label) || params.boxes.contains(label);
+        const bool hanging = params.hanging.contains(label) && hangs(x, y);
+        const bool plate = params.plates.contains(label) || hanging;
         const bool pole = params.poles.contains(label);
         const bool person =
             params.persons.contains(label) && !objects.instances.empty() && objects.instances(x, y) != 0;

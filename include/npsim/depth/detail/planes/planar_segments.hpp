@@ -8,10 +8,10 @@
 // kept. Inverse depth of a plane is linear in the image, and everything is measured in deviations of it
 // (depth_source.hpp).
 // A pixel that a plane explains is on it and takes its normal; where several do, neighbours agree (agreed_plane()), and
-// the border of two walls that meet is their edge (edges.hpp). Its
-// depth stays as it was measured: buildings have relief, and on held-out points of real frames depth drawn to planes,
-// even within the noise, is worse. Only where nothing was measured does the plane stand in (extend_planes()), and where
-// a mismatch makes a dent (PlanarSegmentsParams::dent_m). A bulge as large is on the plane, and its depth stays.
+// borders are straight (edges.hpp). Its depth stays as it was measured: buildings have relief, and on held-out points of
+// real frames depth drawn to planes, even within the noise, is worse. Only where nothing was measured does the plane
+// stand in (extend_planes()), and where a mismatch makes a dent (PlanarSegmentsParams::dent_m). A bulge as large is on
+// the plane, and its depth stays.
 // Invariant: all other depth is not touched.
 // Deterministic: seeded, and the same for any number of threads.
 // Cost: some 500 operations a pixel in planar classes. Memory: 1 byte per pixel and some 800 per square.
@@ -493,6 +493,7 @@ template <class Executor>
       for (int column = 0; column < grid.columns; ++column) fit_square(in, grid, column, row, slots, cells);
     }
   });
+  for (int y = 0; y < shape.height; ++y) std::fill_n(nearest.row(y), shape.width, kNoPlane);
   const std::size_t link_count = link_cells(grid, cells, links);
   const auto rise = static_cast<double>(params.merge_rise);
   const std::size_t apart = merge_cells(cells, links.sub(0, link_count), choices, in.basis, rise * rise);
