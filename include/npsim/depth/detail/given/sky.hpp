@@ -221,8 +221,8 @@ template <class Far>
 }  // namespace depth_detail
 
 [[nodiscard]] constexpr std::size_t find_sky_workspace_bytes(Shape shape) noexcept {
-  return depth_detail::drop_walls_workspace_bytes(shape) + allocation_bytes<int>(static_cast<std::size_t>(shape.width)) +
-         kWorkspaceAlignment;
+  return depth_detail::drop_walls_workspace_bytes(shape) +
+         allocation_bytes<int>(static_cast<std::size_t>(shape.width)) + kWorkspaceAlignment;
 }
 
 // surface: 1 where there is one, 0 for the sky. All of one shape. stereo: depth is that of a pair of cameras.
