@@ -244,23 +244,23 @@ inline void share_chroma(float* upper, float* lower, int n) noexcept {
 template <class F>
 void develop_segment(const IspParams& params, const ColourMatrix& matrix, Mosaic mosaic, ImageView<const float> plane,
                      const ToneLines& lines, int begin, int y, int count, IspSegment& s) noexcept {
-  const MosaicRows mosaic_row = mosaic_rows(plane, y);
+  const auto keep = [&s](int i, const Rgb<F>& c, F peak) {
+    c.x.store(s.x + i);
+    c.y.store(s.y + i);
+    c.z.store(s.z + i);
+    peak.store(s.peak + i);
+  };
+  const MosaicRows rows = mosaic_rows(plane, y);
   for (int i = 0; i < count; i += F::lanes) {
     const int n = count - i < F::lanes ? count - i : F::lanes;
-    const DemosaicedPixels<F> raw = demosaic<F>(params.demosaic, mosaic, mosaic_row, begin + i, y, n);
-    raw.rgb.x.store(s.x + i);
-    raw.rgb.y.store(s.y + i);
-    raw.rgb.z.store(s.z + i);
-    raw.peak.store(s.peak + i);
+    const DemosaicedPixels<F> raw = demosaic<F>(params.demosaic, mosaic, rows, begin + i, y, n);
+    keep(i, raw.rgb, raw.peak);
   }
   const auto channels = [&s](int i) { return Rgb<F>{F::load(s.x + i), F::load(s.y + i), F::load(s.z + i)}; };
   for (int i = 0; i < count; i += F::lanes) {
     F brightest;
     const Rgb<F> c = coloured<F>(params, matrix, channels(i), F::load(s.peak + i), brightest);
-    c.x.store(s.x + i);
-    c.y.store(s.y + i);
-    c.z.store(s.z + i);
-    brightest.store(s.peak + i);
+    keep(i, c, brightest);
   }
   const auto shown = [&](int i, const auto& tone) {
     const Rgb<F> c = rendered<F>(params, channels(i), F::load(s.peak + i), tone);

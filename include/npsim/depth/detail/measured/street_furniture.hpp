@@ -126,8 +126,8 @@ template <class Executor>
         static_cast<int>(clamp_to(reach_px, 1.0F, static_cast<float>(stands ? shape.height : shape.width)));
     return typical_w(depth, objects, x, y, stands, across, reach);
   };
-  const auto hangs = [&](int x, int y) {
-    const int below = y + run_along(objects, x, y, 0, 1).after + 1;
+  const auto hangs = [&](int x, int y, const Run& column) {
+    const int below = y + column.after + 1;
     return below < shape.height && params.behind_hanging.contains(objects.labels(x, below));
   };
   const auto is_small = [&](const PlanarSegment& plane, int x, int y) {
@@ -157,8 +157,8 @@ template <class Executor>
       for (int x = 0; x < shape.width; ++x) {
         if (x > 0 && !objects.same(x - 1, y, x, y)) standing_w = 0.0F;
         const Label label = objects.labels(x, y);
-        const bool hanging = params.hanging.contains(label) && hangs(x, y);
-        const bool plate = params.plates.contains(label) || hanging;
+        const bool may_hang = params.hanging.contains(label);
+        const bool plate = params.plates.contains(label) || may_hang;
         const bool pole = params.poles.contains(label);
         const bool person =
             params.persons.contains(label) && !objects.instances.empty() && objects.instances(x, y) != 0;
@@ -168,6 +168,7 @@ template <class Executor>
         }
         const Run row = run_along(objects, x, y, 1, 0);
         const Run column = run_along(objects, x, y, 0, 1);
+        if (may_hang && !hangs(x, y, column)) continue;
         if (pole && column.length() < row.length()) {
           write(x, y, false, false, column, thing_w(x, y, false, column));
           continue;

@@ -69,6 +69,22 @@ template <class PlaneOf, class Support>
   return largest != kNoPlane ? largest : nearest;
 }
 
+// Eight directions.
+inline constexpr int kAround = 8;
+inline constexpr int kAroundX[kAround] = {1, -1, 0, 0, 1, -1, 1, -1};
+inline constexpr int kAroundY[kAround] = {0, 0, 1, -1, 1, -1, -1, 1};
+
+// Calls f(plane), also with none, for those of the same object's pixels in eight directions at a distance.
+template <class F>
+void for_planes_around(const CellInput& in, ImageView<const std::uint16_t> of, int apart_px, int x, int y,
+                       const F& f) noexcept {
+  for (int k = 0; k < kAround; ++k) {
+    const int i = x + kAroundX[k] * apart_px;
+    const int j = y + kAroundY[k] * apart_px;
+    if (of.contains(i, j) && in.objects.same(x, y, i, j)) f(of(i, j));
+  }
+}
+
 // One step towards the least sum of squared residuals and of differences between neighbours (iterated conditional
 // modes; Besag 1986): the best of the planes that the pixel and its neighbours `apart_px` away have. Between planes that
 // differ by less than the noise each pixel by itself chooses as its noise has it, and a facade becomes a mosaic.
@@ -77,27 +93,21 @@ template <class PlaneOf>
 [[nodiscard]] std::uint16_t agreed_plane(const CellInput& in, const PlaneOf& plane_of,
                                          ImageView<const std::uint16_t> of, float inlier, int apart_px, int x,
                                          int y) noexcept {
-  constexpr int kNeighbours = 8;
-  constexpr int kX[kNeighbours] = {1, -1, 0, 0, 1, -1, 1, -1};
-  constexpr int kY[kNeighbours] = {0, 0, 1, -1, 1, -1, -1, 1};
   constexpr float kDiffers = 3.0F;  // squared deviations that a neighbour on another plane costs
-  std::uint16_t found[kNeighbours + 1] = {of(x, y)};
-  int count[kNeighbours + 1] = {0};
+  std::uint16_t found[kAround + 1] = {of(x, y)};
+  int count[kAround + 1] = {0};
   int kinds = 1;
   int neighbours = 0;
-  for (int k = 0; k < kNeighbours; ++k) {
-    const int i = x + kX[k] * apart_px;
-    const int j = y + kY[k] * apart_px;
-    if (!of.contains(i, j) || !in.objects.same(x, y, i, j)) continue;
+  for_planes_around(in, of, apart_px, x, y, [&](std::uint16_t plane) {
     ++neighbours;
     int kind = 0;
-    while (kind < kinds && found[kind] != of(i, j)) ++kind;
+    while (kind < kinds && found[kind] != plane) ++kind;
     if (kind == kinds) {
-      found[kinds] = of(i, j);
+      found[kinds] = plane;
       count[kinds++] = 0;
     }
     ++count[kind];
-  }
+  });
   std::uint16_t best = found[0];
   float least = std::numeric_limits<float>::infinity();
   for (int kind = 0; kind < kinds && kinds > 1; ++kind) {

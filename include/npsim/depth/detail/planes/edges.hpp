@@ -52,19 +52,6 @@ struct Edge {
   return nullptr;
 }
 
-// Calls f(plane) for those of the same object's pixels in eight directions at a distance.
-template <class F>
-void for_planes_around(const CellInput& in, ImageView<const std::uint16_t> of, int apart_px, int x, int y,
-                       const F& f) noexcept {
-  constexpr int kX[8] = {1, -1, 0, 0, 1, -1, 1, -1};
-  constexpr int kY[8] = {0, 0, 1, -1, 1, -1, -1, 1};
-  for (int k = 0; k < 8; ++k) {
-    const int i = x + kX[k] * apart_px;
-    const int j = y + kY[k] * apart_px;
-    if (of.contains(i, j) && of(i, j) != kNoPlane && in.objects.same(x, y, i, j)) f(of(i, j));
-  }
-}
-
 // How much nearer a plane is than another, 1/m.
 template <class PlaneOf>
 [[nodiscard]] float lead_of(const CellInput& in, const PlaneOf& plane_of, std::uint16_t own, std::uint16_t other, int x,
@@ -86,7 +73,7 @@ void find_edges(const CellInput& in, const PlaneOf& plane_of, ImageView<const st
         const std::uint16_t own = of(x, y);
         if (own == kNoPlane) continue;
         for_planes_around(in, of, times * edge_px(of.shape()), x, y, [&](std::uint16_t other) {
-          Edge* edge = other != own ? find_edge(edges, own, other) : nullptr;
+          Edge* edge = other != own && other != kNoPlane ? find_edge(edges, own, other) : nullptr;
           if (edge == nullptr) return;
           edge->other = other;
           f(*edge, lead_of(in, plane_of, own, other, x, y));
@@ -141,7 +128,7 @@ template <class PlaneOf>
   float least = inlier;
   std::uint16_t last = own;
   const auto offer = [&](std::uint16_t other) {
-    if (other == own || other == last) return;
+    if (other == own || other == last || other == kNoPlane) return;
     last = other;
     const Edge* edge = find_edge(edges, own, other);
     if (edge == nullptr || edge->kind == 0) return;
