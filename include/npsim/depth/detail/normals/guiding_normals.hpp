@@ -6,8 +6,8 @@
 // Where a given normal is missing the depth's stands in.
 // smooth_normals is the edge-avoiding a-trous filter (Dammertz et al., HPG 2010): iteration i takes 5 x 5 taps 2^i
 // pixels apart with B3-spline weights. A tap counts when it has the centre's label, and the less the more its depth
-// differs, relative to the depth; its normal does not matter, because noise in normals is what is to be removed. The
-// sum is normalised.
+// differs, relative to the depth, and the more its normal does. So the noise of a predicted normal, some degrees over
+// some pixels, is averaged away, and edges and roundings, which turn farther, stay. The sum is normalised.
 // Invariant: unit length, or zero where there is no surface. Of the smoothing: equal normals stay equal; nothing
 // crosses a label border; a pixel without a normal gets none and gives none.
 // Cost: 25 taps per pixel and iteration of smoothing. Memory: an image for the smoothing, another for the ground.
@@ -17,6 +17,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
@@ -39,11 +40,13 @@ inline namespace NPSIM_ABI {
 struct SmoothNormalsParams {
   int iterations = 3;         // footprint 29 px; 0 switches it off; at most 8
   float depth_sigma = 0.05F;  // relative depth difference at which a tap counts half
+  float normal_sigma = std::numeric_limits<float>::infinity();  // distance of unit normals at which a tap counts a quarter
 };
 
 [[nodiscard]] inline Status validate(const SmoothNormalsParams& params) noexcept {
-  if (params.iterations < 0 || params.iterations > 8 || !(params.depth_sigma > 0.0F)) {
-    return {StatusCode::invalid_argument, "smooth_normals: iterations in 0..8, depth_sigma positive"};
+  if (params.iterations < 0 || params.iterations > 8 || !(params.depth_sigma > 0.0F) ||
+      !(params.normal_sigma > 0.0F)) {
+    return {StatusCode::invalid_argument, "smooth_normals: iterations in 0..8, depth_sigma and normal_sigma positive"};
   }
   return {};
 }
@@ -61,6 +64,7 @@ namespace depth_detail {
   const float z = depth(x, y);
   if (!is_valid_depth(z) || normals(x, y) == Vec3f{}) return normals(x, y);
   const float scale = 1.0F / (params.depth_sigma * z);
+  const float turn_scale = 1.0F / (params.normal_sigma * params.normal_sigma);
   Vec3f sum;
   for (int j = -2; j <= 2; ++j) {
     for (int i = -2; i <= 2; ++i) {
@@ -69,7 +73,8 @@ namespace depth_detail {
       if (!normals.contains(qx, qy) || !is_valid_depth(depth(qx, qy))) continue;
       if (!labels.empty() && labels(qx, qy) != labels(x, y)) continue;
       const float off = (depth(qx, qy) - z) * scale;
-      sum += normals(qx, qy) * (kSpline[i + 2] * kSpline[j + 2] / (1.0F + off * off));
+      const float turn = 1.0F + (2.0F - 2.0F * dot(normals(qx, qy), normals(x, y))) * turn_scale;
+      sum += normals(qx, qy) * (kSpline[i + 2] * kSpline[j + 2] / ((1.0F + off * off) * turn * turn));
     }
   }
   const Vec3f unit = normalized(sum);
@@ -128,7 +133,7 @@ struct GuidingNormalsParams {
   bool fit = true;                           // normals that come from depth; false: differences between neighbours
   FittedNormalsParams fitted;
   SmoothNormalsParams fitted_smoothing{3};  // of fitted ones, whose samples lie pixels apart
-  SmoothNormalsParams given_smoothing{2};  // of given ones
+  SmoothNormalsParams given_smoothing{5, 0.05F, 0.1F};  // of given ones
   GroundNormalsParams ground;              // of both, after smoothing
 };
 
