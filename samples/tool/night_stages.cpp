@@ -369,21 +369,20 @@ std::vector<NightErrors> mean_of(const std::vector<std::vector<NightErrors>>& sc
     const auto n = static_cast<double>(scenes.size());
     const auto average = [&](const auto& part_of) {
       LuminanceErrors sum;
-      double count = 0;
       for (const std::vector<NightErrors>& scene : scenes) {
         const std::optional<LuminanceErrors>& e = part_of(scene[row]);
         if (!e) continue;
-        ++count;
+        const auto weight = static_cast<double>(e->pixels);
         sum.pixels += e->pixels;
-        sum.median += e->median;
-        sum.p95 += e->p95;
-        sum.bias += e->bias;
-        sum.trimmed_relative_squared += e->trimmed_relative_squared;
+        sum.median += e->median * weight;
+        sum.p95 += e->p95 * weight;
+        sum.bias += e->bias * weight;
+        sum.trimmed_relative_squared += e->trimmed_relative_squared * weight;
       }
       std::optional<LuminanceErrors> result;
-      if (count > 0) {
-        result = {sum.pixels, sum.median / count, sum.p95 / count, sum.bias / count,
-                  sum.trimmed_relative_squared / count};
+      if (sum.pixels > 0) {
+        const auto all = static_cast<double>(sum.pixels);
+        result = {sum.pixels, sum.median / all, sum.p95 / all, sum.bias / all, sum.trimmed_relative_squared / all};
       }
       return result;
     };

@@ -2,6 +2,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
@@ -19,8 +20,7 @@ struct Surface {
   Image<Label> labels{shape, label::road};
   Image<Vec3f> normals{shape, Vec3f{0, -1, 0}};
 
-  Status smooth() {
-    const SmoothNormalsParams params;
+  Status smooth(const SmoothNormalsParams& params = {}) {
     npsim_test::Scratch scratch(smooth_normals_workspace_bytes(params, shape));
     Workspace& workspace = scratch.workspace();
     SerialExecutor serial;
@@ -28,7 +28,72 @@ struct Surface {
   }
 };
 
+// Of a predicted normal: some degrees, over some pixels.
+void add_noise(ImageView<Vec3f> normals, std::uint32_t seed) {
+  constexpr int kBlob = 4;
+  for (int y = 0; y < normals.height(); ++y) {
+    for (int x = 0; x < normals.width(); ++x) {
+      const auto blob = static_cast<std::uint32_t>(x / kBlob + 1000 * (y / kBlob));
+      RandomStream random(seed, RandomPurpose::test, 0, 0, blob, 0);
+      const Vec3f off{random.uniform(-0.07F, 0.07F), random.uniform(-0.07F, 0.07F), random.uniform(-0.07F, 0.07F)};
+      normals(x, y) = normalized(normals(x, y) + off);
+    }
+  }
+}
+
+[[nodiscard]] double mean_degrees(ImageView<const Vec3f> normals, ImageView<const Vec3f> truth, int left, int right) {
+  double sum = 0;
+  for (int y = 0; y < normals.height(); ++y) {
+    for (int x = left; x < right; ++x) {
+      sum += std::acos(std::min(1.0, static_cast<double>(dot(normals(x, y), truth(x, y)))));
+    }
+  }
+  return sum / normals.height() / (right - left) * 57.29578;
+}
+
 }  // namespace
+
+TEST_CASE("smooth_normals: a crease within one surface keeps its sides, whose noise falls to less than half") {
+  Surface crease;
+  for (int y = 0; y < 30; ++y) {
+    for (int x = 20; x < 40; ++x) crease.normals(x, y) = normalized(Vec3f{0.6F, -0.8F, 0});
+  }
+  const Image<Vec3f> truth = crease.normals;
+  add_noise(crease.normals.view(), 5);
+  const Image<Vec3f> noisy = crease.normals;
+  const SmoothNormalsParams given = GuidingNormalsParams{}.given_smoothing;
+  REQUIRE(crease.smooth(given).ok());
+  const double before = mean_degrees(noisy.view(), truth.view(), 0, 40);
+  REQUIRE(before > 2.5);
+  CHECK(mean_degrees(crease.normals.view(), truth.view(), 0, 40) < 0.5 * before);
+  CHECK(mean_degrees(crease.normals.view(), truth.view(), 18, 22) < 0.5 * before);
+  Surface blunt;
+  blunt.normals = noisy;
+  REQUIRE(blunt.smooth({given.iterations}).ok());
+  CHECK(mean_degrees(blunt.normals.view(), truth.view(), 18, 22) > 10);  // every tap counts, whatever its normal
+}
+
+TEST_CASE("smooth_normals: a rounding of 1 degree a pixel loses noise and none of its turn") {
+  Surface rounding;
+  for (int y = 0; y < 30; ++y) {
+    for (int x = 0; x < 40; ++x) {
+      const float angle = static_cast<float>(x - 20) / 57.29578F;
+      rounding.normals(x, y) = {std::sin(angle), -std::cos(angle), 0};
+    }
+  }
+  const Image<Vec3f> truth = rounding.normals;
+  add_noise(rounding.normals.view(), 6);
+  const double before = mean_degrees(rounding.normals.view(), truth.view(), 5, 35);
+  REQUIRE(rounding.smooth(GuidingNormalsParams{}.given_smoothing).ok());
+  CHECK(mean_degrees(rounding.normals.view(), truth.view(), 5, 35) < 0.75 * before);
+  float left = 0;
+  float right = 0;
+  for (int y = 0; y < 30; ++y) {
+    left += std::asin(rounding.normals(5, y).x) / 30;
+    right += std::asin(rounding.normals(35, y).x) / 30;
+  }
+  CHECK((right - left) * 57.29578F == doctest::Approx(30).epsilon(0.15));
+}
 
 TEST_CASE("smooth_normals: noise of 20 degrees on one surface falls below 4, constant normals stay to the bit's edge") {
   Surface s;

@@ -122,6 +122,7 @@ TEST_CASE("validate: defaults and presets pass, what a kernel would refuse does 
   CHECK(refuses(UncertaintyParams{}, [](UncertaintyParams& p) { p.window_px = 0; }));
   CHECK(refuses(UncertaintyParams{}, [](UncertaintyParams& p) { p.variance_m2 = -1.0; }));
   CHECK(refuses(SmoothNormalsParams{}, [](SmoothNormalsParams& p) { p.iterations = 9; }));
+  CHECK(refuses(SmoothNormalsParams{}, [](SmoothNormalsParams& p) { p.normal_sigma = 0; }));
   CHECK(refuses(GuidingNormalsParams{}, [](GuidingNormalsParams& p) { p.ground.smoothing.depth_sigma = kNaN; }));
   CHECK(refuses(LossParams{}, [](LossParams& p) { p.depth_unit_m = 0.0F; }));
   CHECK(refuses(LossParams{}, [](LossParams& p) { p.lambda.normal = kNaN; }));
