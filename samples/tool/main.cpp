@@ -144,8 +144,8 @@ int main(int argc, char** argv) {
   night_app
       ->add_option(
           "--unseen-street", night.unseen_street,
-          "How much of the mean light of the street in the picture the street around it has; default: 0.5, of the "
-          "thesis 0")
+          "How much of the mean light of the street in the picture the street around it has; default: 0.35, of "
+          "the thesis 0")
       ->check(within(0.0, 1.0));
   night_app->add_option("--moon", night.moon,
                         "azimuth,elevation of a full moon in degrees, the first to the camera's right; default: none");
