@@ -260,6 +260,37 @@ TEST_CASE("without labels the road goes on as a plane below the lowest row of a 
   }
 }
 
+TEST_CASE("without labels a kerb that the rows of a laser cross far apart leaves no steep patches on the ground") {
+  constexpr float kHeight_m = 1.5F;
+  constexpr float kKerb_m = 0.2F;
+  Image<float> depth(kShape, 0.0F);
+  for (int y = 0; y < kShape.height; y += 6) {
+    const float fall = (static_cast<float>(y) + 0.5F - kCamera.cy) / kCamera.fy;
+    for (int x = 0; x < kShape.width; x += 2) {
+      const float aside = (static_cast<float>(x) + 0.5F - kCamera.cx) / kCamera.fx;
+      // The upright plane of the kerb's face, seen below its upper edge and above its foot.
+      const float face_m = 5.0F / (1.0F + 0.5F * aside);
+      const float road_m = fall > 0.0F ? kHeight_m / fall : 1e9F;
+      const float pavement_m = fall > 0.0F ? (kHeight_m - kKerb_m) / fall : 1e9F;
+      depth(x, y) = std::fmin(30.0F, road_m < face_m ? road_m : std::fmax(face_m, pavement_m));
+    }
+  }
+  const Unlabelled scene(depth);
+  const RefinedDepth& out = scene.out;
+  REQUIRE(out.ground.inlier_share > 0.0F);
+  int ground = 0;
+  for (int y = 125; y < kShape.height - 8; ++y) {
+    for (int x = 8; x < kShape.width - 8; ++x) {
+      if (out.labels(x, y) != label::ground) continue;
+      ++ground;
+      CAPTURE(x);
+      CAPTURE(y);
+      CHECK(dot(out.normals(x, y), out.ground.up) > 0.98F);
+    }
+  }
+  CHECK(ground > 10000);
+}
+
 TEST_CASE("without labels the road beyond a laser's answers leads to the foot of the house, and is known as ground") {
   constexpr float kHeight_m = 1.5F;
   constexpr float kWall_m = 40.0F;

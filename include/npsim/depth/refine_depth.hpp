@@ -533,8 +533,11 @@ template <class Executor>
 template <class Executor>
 [[nodiscard]] Status refine(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
                             Workspace& workspace, Executor& executor, RefinedDepth& out) {
-  NPSIM_RETURN_IF_ERROR(guiding_normals(params.normals, scene.normals, out.depth, out.labels, objects, out.noise,
-                                        out.planes, scene.camera, out.ground, out.normals, workspace, executor));
+  GuidingNormalsParams guiding = params.normals;
+  // A scanner's rows are farther apart on the ground than a kerb is high: of its face they know a bump at each crossing.
+  if (is_laser(params, out) && scene.normals.empty()) guiding.ground.keep_steep = false;
+  NPSIM_RETURN_IF_ERROR(guiding_normals(guiding, scene.normals, out.depth, out.labels, objects, out.noise, out.planes,
+                                        scene.camera, out.ground, out.normals, workspace, executor));
   // Normals of measured depth know nothing that it does not.
   out.refinement = RefineResult{};
   if (out.trust.bounded && scene.normals.empty()) return {};

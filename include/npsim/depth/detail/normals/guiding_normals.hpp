@@ -119,6 +119,7 @@ template <class Executor>
 // a lean of x < min_rad to x (1 - x / min_rad), larger ones wholly, but none above max_rad, which is a kerb's face. So
 // a quarter of min_rad is left at most: by headlamps, whose light comes in at .06 rad ten metres ahead, a lean of .02
 // rad is a third more or less light, and the rim of a patch where the prediction leans shows as a ring.
+// keep_steep: whether the faces of kerbs stay as they are. Where nothing can have seen them they are noise.
 struct GroundNormalsParams {
   bool enabled = true;
   LabelSet labels = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground);
@@ -126,6 +127,7 @@ struct GroundNormalsParams {
   SmoothNormalsParams smoothing{5};
   float min_rad = 0.02F;
   float max_rad = 0.90F;
+  bool keep_steep = true;
 };
 
 struct GuidingNormalsParams {
@@ -164,8 +166,10 @@ inline void straighten_ground(const GroundNormalsParams& params, const GroundPla
       if (!params.labels.contains(labels(x, y)) || normals(x, y) == Vec3f{}) continue;
       const float cosine = dot(smooth(x, y), ground.up);
       const float off = std::sqrt(std::max(0.0F, 2.0F - 2.0F * cosine));  // the chord; nearly the angle
-      if (off > params.max_rad) continue;
-      if (params.kerbs.contains(labels(x, y)) && dot(normals(x, y), ground.up) < steep) continue;
+      if (params.keep_steep) {
+        if (off > params.max_rad) continue;
+        if (params.kerbs.contains(labels(x, y)) && dot(normals(x, y), ground.up) < steep) continue;
+      }
       const float towards = known ? clamp_to(off / params.min_rad, 0.0F, 1.0F) : 0.0F;
       normals(x, y) = normalized(smooth(x, y) * (1.0F - towards) + ground.up * towards);
     }
