@@ -368,23 +368,22 @@ std::vector<NightErrors> mean_of(const std::vector<std::vector<NightErrors>>& sc
     mean.name = scenes.front()[row].name;
     const auto n = static_cast<double>(scenes.size());
     const auto average = [&](const auto& part_of) {
-      LuminanceErrors sum;
+      std::optional<LuminanceErrors> sum;
       for (const std::vector<NightErrors>& scene : scenes) {
         const std::optional<LuminanceErrors>& e = part_of(scene[row]);
-        if (!e) continue;
-        const auto weight = static_cast<double>(e->pixels);
-        sum.pixels += e->pixels;
-        sum.median += e->median * weight;
-        sum.p95 += e->p95 * weight;
-        sum.bias += e->bias * weight;
-        sum.trimmed_relative_squared += e->trimmed_relative_squared * weight;
+        if (!e || e->pixels == 0) continue;
+        if (!sum) {
+          sum = e;
+          continue;
+        }
+        sum->pixels += e->pixels;
+        const double share = static_cast<double>(e->pixels) / static_cast<double>(sum->pixels);
+        sum->median += (e->median - sum->median) * share;
+        sum->p95 += (e->p95 - sum->p95) * share;
+        sum->bias += (e->bias - sum->bias) * share;
+        sum->trimmed_relative_squared += (e->trimmed_relative_squared - sum->trimmed_relative_squared) * share;
       }
-      std::optional<LuminanceErrors> result;
-      if (sum.pixels > 0) {
-        const auto all = static_cast<double>(sum.pixels);
-        result = {sum.pixels, sum.median / all, sum.p95 / all, sum.bias / all, sum.trimmed_relative_squared / all};
-      }
-      return result;
+      return sum;
     };
     mean.all = average([](const NightErrors& e) -> const std::optional<LuminanceErrors>& { return e.all; });
     for (std::size_t i = 0; i < kJudgedLabels.size(); ++i) {

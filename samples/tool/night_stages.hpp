@@ -73,8 +73,8 @@ struct SourceRatios {
 [[nodiscard]] OrderedJson to_json(const std::vector<SourceRatios>& ratios);
 void print_table(const std::vector<SourceRatios>& ratios);
 
-// Means over scenes, row by row, weighted by the pixels that each is of: the median of a label that a scene shows in a
-// few pixels says little.
+// Means over scenes, row by row. Errors of luminance are weighted by the pixels that they are of: the median of a label
+// that a scene shows in a few pixels says little.
 [[nodiscard]] std::vector<NightErrors> mean_of(const std::vector<std::vector<NightErrors>>& scenes);
 
 [[nodiscard]] OrderedJson to_json(const std::vector<NightErrors>& rows);

@@ -53,6 +53,25 @@ void add_noise(ImageView<Vec3f> normals, std::uint32_t seed) {
 
 }  // namespace
 
+TEST_CASE(
+    "smooth_normals: a tap whose normal is normal_sigma off counts a quarter; a sigma of no noise keeps unit length") {
+  Surface pair;
+  pair.shape = {2, 1};
+  pair.depth = Image<float>(pair.shape, 8.0F);
+  pair.labels = Image<Label>(pair.shape, label::road);
+  pair.normals = Image<Vec3f>(pair.shape, Vec3f{0, -1, 0});
+  pair.normals(1, 0) = {0.28F, -0.96F, 0};
+  const Vec3f off = pair.normals(1, 0) - pair.normals(0, 0);
+  REQUIRE(pair.smooth({1, 0.05F, std::sqrt(dot(off, off))}).ok());
+  const Vec3f mean = normalized(Vec3f{0, -6, 0} + Vec3f{0.28F, -0.96F, 0});  // 6 : 4 / 4
+  CHECK(pair.normals(0, 0).x == doctest::Approx(mean.x).epsilon(1e-5));
+  Surface constant;
+  for (Vec3f& n : constant.normals.view().pixels()) n = normalized(Vec3f{0.3F, -0.7F, -0.2F});
+  const Vec3f given = constant.normals(0, 0);
+  REQUIRE(constant.smooth({5, 0.05F, 1.0F / 2048.0F}).ok());
+  for (const Vec3f& n : constant.normals.view().pixels()) CHECK(dot(n, given) == doctest::Approx(1).epsilon(1e-6));
+}
+
 TEST_CASE("smooth_normals: a crease within one surface keeps its sides, whose noise falls to less than half") {
   Surface crease;
   for (int y = 0; y < 30; ++y) {

@@ -100,6 +100,7 @@ struct RefineDepthParams {
   PlanarSegmentsParams planes;  // of a depth without given normals
   UncertaintyParams uncertainty;
   GuidingNormalsParams normals;
+  bool steep_ground_of_laser = false;  // without labels: steep normals on the ground stay
   RefineParams refine = default_depth_refinement();
   // The U of the refinement: pixels whose neighbour belongs to another object that is farther or nearer by more than
   // this share. The slopes there lead from surface to surface, all others are a surface's own. 0: (3.3) as in the text.
@@ -534,8 +535,11 @@ template <class Executor>
 [[nodiscard]] Status refine(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
                             Workspace& workspace, Executor& executor, RefinedDepth& out) {
   GuidingNormalsParams guiding = params.normals;
-  // A scanner's rows are farther apart on the ground than a kerb is high: of its face they know a bump at each crossing.
-  if (is_laser(params, out) && scene.normals.empty()) guiding.ground.keep_steep = false;
+  // Rows of a scanner cross the face of a kerb here and there, and make a bump of it at each crossing; without labels
+  // nothing says where it runs between them.
+  if (is_laser(params, out) && scene.normals.empty() && scene.labels.empty()) {
+    guiding.ground.keep_steep = params.steep_ground_of_laser;
+  }
   NPSIM_RETURN_IF_ERROR(guiding_normals(guiding, scene.normals, out.depth, out.labels, objects, out.noise, out.planes,
                                         scene.camera, out.ground, out.normals, workspace, executor));
   // Normals of measured depth know nothing that it does not.

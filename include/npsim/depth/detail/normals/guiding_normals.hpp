@@ -3,11 +3,12 @@
 // them (detail/planes/planar_segments.hpp), else those fitted to the depth (fitted_normals.hpp); smoothed within surfaces, and set
 // upright on the ground.
 //
-// Where a given normal is missing the depth's stands in.
+// Where a given normal is missing one fitted to the depth stands in.
 // smooth_normals is the edge-avoiding a-trous filter (Dammertz et al., HPG 2010): iteration i takes 5 x 5 taps 2^i
 // pixels apart with B3-spline weights. A tap counts when it has the centre's label, and the less the more its depth
-// differs, relative to the depth, and the more its normal does. So the noise of a predicted normal, some degrees over
-// some pixels, is averaged away, and edges and roundings, which turn farther, stay. The sum is normalised.
+// differs, relative to the depth, and the more its normal does. So the noise of predicted normals, up to 8 degrees, is
+// averaged away, and edges, which turn farther, stay; an edge of less than 8 degrees is rounded, by up to a degree, and
+// noise of more stays, as does that of normals that are derived from noisy depth. The sum is normalised.
 // Invariant: unit length, or zero where there is no surface. Of the smoothing: equal normals stay equal; nothing
 // crosses a label border; a pixel without a normal gets none and gives none.
 // Cost: 25 taps per pixel and iteration of smoothing. Memory: an image for the smoothing, another for the ground.
@@ -73,7 +74,8 @@ namespace depth_detail {
       if (!normals.contains(qx, qy) || !is_valid_depth(depth(qx, qy))) continue;
       if (!labels.empty() && labels(qx, qy) != labels(x, y)) continue;
       const float off = (depth(qx, qy) - z) * scale;
-      const float turn = 1.0F + (2.0F - 2.0F * dot(normals(qx, qy), normals(x, y))) * turn_scale;
+      const float turn =
+          1.0F + std::max(0.0F, 2.0F - 2.0F * dot(normals(qx, qy), normals(x, y))) * turn_scale;
       sum += normals(qx, qy) * (kSpline[i + 2] * kSpline[j + 2] / ((1.0F + off * off) * turn * turn));
     }
   }
@@ -189,21 +191,22 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(validate(params));
   const Shape shape = depth.shape();
   NPSIM_RETURN_IF_ERROR(normals_from_depth(params.form, depth, camera, normals, workspace, executor));
+  const auto is_given = [&](int x, int y) {
+    return !given.empty() && is_finite(given(x, y)) && dot(given(x, y), given(x, y)) > 0.25F;
+  };
+  if (params.fit) {
+    const auto asked = [&](int x, int y) { return !is_given(x, y) && planes.at(x, y) == nullptr; };
+    NPSIM_RETURN_IF_ERROR(fitted_normals(params.fitted, depth, objects, noise, camera, asked, normals, executor));
+  }
   for (int y = 0; y < (given.empty() ? 0 : shape.height); ++y) {
     for (int x = 0; x < shape.width; ++x) {
-      const Vec3f n = given(x, y);
-      if (is_finite(n) && dot(n, n) > 0.25F) normals(x, y) = normalized(n);
+      if (is_given(x, y)) normals(x, y) = normalized(given(x, y));
     }
-  }
-  const bool fitted = given.empty() && params.fit;
-  if (fitted) {
-    NPSIM_RETURN_IF_ERROR(fitted_normals(
-        params.fitted, depth, objects, noise, camera, [&](int x, int y) { return planes.at(x, y) == nullptr; }, normals,
-        executor));
-    NPSIM_RETURN_IF_ERROR(smooth_normals(params.fitted_smoothing, depth, labels, normals, workspace, executor));
   }
   if (!given.empty()) {
     NPSIM_RETURN_IF_ERROR(smooth_normals(params.given_smoothing, depth, labels, normals, workspace, executor));
+  } else if (params.fit) {
+    NPSIM_RETURN_IF_ERROR(smooth_normals(params.fitted_smoothing, depth, labels, normals, workspace, executor));
   }
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
