@@ -152,3 +152,33 @@ TEST_CASE("smooth_normals: nothing crosses a label border, little a depth step, 
   CHECK(step.normals(19, 15).y < -0.999F);
   CHECK(step.normals(20, 15).z < -0.999F);
 }
+
+TEST_CASE(
+    "guiding normals: where given ones are missing on a wall of noisy depth the wall's own stand in, not its noise") {
+  constexpr Shape kShape{160, 120};
+  constexpr Intrinsics kCamera{300, 300, 80, 60};
+  Image<float> depth(kShape, 10.0F);
+  Image<Label> labels(kShape, label::building);
+  Image<Vec3f> given(kShape, Vec3f{0, 0, -1});
+  Image<Vec3f> normals(kShape);
+  std::uint32_t i = 0;
+  for (float& z : depth.view().pixels()) {
+    RandomStream random(7, RandomPurpose::test, 0, 0, i++, 0);
+    z *= 1.0F + random.uniform(-1e-3F, 1e-3F);
+  }
+  for (int y = 30; y < 90; ++y) {
+    for (int x = 50; x < 110; ++x) given(x, y) = {};
+  }
+  const GuidingNormalsParams params;
+  npsim_test::Scratch scratch(guiding_normals_workspace_bytes(params, kShape));
+  ObjectMap objects;
+  objects.labels = labels.cview();
+  DepthNoise noise;
+  noise.amplitude = 1e-3F;
+  SerialExecutor serial;
+  REQUIRE(guiding_normals(params, given.cview(), depth.cview(), labels.cview(), objects, noise, PlanarMap{}, kCamera,
+                          GroundPlane{}, normals.view(), scratch.workspace(), serial)
+              .ok());
+  const Image<Vec3f> truth(kShape, Vec3f{0, 0, -1});
+  CHECK(mean_degrees(normals.view(), truth.view(), 50, 110) < 3);
+}
