@@ -49,6 +49,9 @@ void thin_out(Image<float>& depth, const Keep& keep) {
 
 constexpr Intrinsics kCamera{300, 300, 160, 90};
 
+// By how much the middle of a row's pixels looks down, per metre ahead.
+[[nodiscard]] float fall(int y) { return (static_cast<float>(y) + 0.5F - kCamera.cy) / kCamera.fy; }
+
 // The chain on a depth of a known source. labels: empty where the scene has none.
 struct Chain {
   Image<Rgb8> image{kShape, Rgb8{90, 100, 110}};
@@ -265,13 +268,12 @@ TEST_CASE("without labels a kerb that the rows of a laser cross far apart leaves
   constexpr float kKerb_m = 0.2F;
   Image<float> depth(kShape, 0.0F);
   for (int y = 0; y < kShape.height; y += 6) {
-    const float fall = (static_cast<float>(y) + 0.5F - kCamera.cy) / kCamera.fy;
     for (int x = 0; x < kShape.width; x += 2) {
       const float aside = (static_cast<float>(x) + 0.5F - kCamera.cx) / kCamera.fx;
       // The upright plane of the kerb's face, seen below its upper edge and above its foot.
       const float face_m = 5.0F / (1.0F + 0.5F * aside);
-      const float road_m = fall > 0.0F ? kHeight_m / fall : 1e9F;
-      const float pavement_m = fall > 0.0F ? (kHeight_m - kKerb_m) / fall : 1e9F;
+      const float road_m = fall(y) > 0.0F ? kHeight_m / fall(y) : 1e9F;
+      const float pavement_m = fall(y) > 0.0F ? (kHeight_m - kKerb_m) / fall(y) : 1e9F;
       depth(x, y) = std::fmin(30.0F, road_m < face_m ? road_m : std::fmax(face_m, pavement_m));
     }
   }
@@ -289,15 +291,24 @@ TEST_CASE("without labels a kerb that the rows of a laser cross far apart leaves
     }
   }
   CHECK(ground > 10000);
+  // Which they would otherwise.
+  RefineDepthParams as_fitted;
+  as_fitted.steep_ground_of_laser = true;
+  const Unlabelled steep(depth, as_fitted);
+  float least = 1.0F;
+  for (int y = 125; y < kShape.height - 8; ++y) {
+    for (int x = 8; x < kShape.width - 8; ++x) {
+      if (steep.out.labels(x, y) != label::ground) continue;
+      least = std::fmin(least, dot(steep.out.normals(x, y), out.ground.up));
+    }
+  }
+  CHECK(least < 0.6F);
 }
 
 TEST_CASE("without labels the road beyond a laser's answers leads to the foot of the house, and is known as ground") {
   constexpr float kHeight_m = 1.5F;
   constexpr float kWall_m = 40.0F;
-  const auto truth = [&](int y) {
-    const float fall = (static_cast<float>(y) + 0.5F - kCamera.cy) / kCamera.fy;
-    return fall * kWall_m > kHeight_m ? kHeight_m / fall : kWall_m;
-  };
+  const auto truth = [&](int y) { return fall(y) * kWall_m > kHeight_m ? kHeight_m / fall(y) : kWall_m; };
   Image<float> depth(kShape, 0.0F);
   for (int y = 0; y < kShape.height; ++y) {
     const bool answers = truth(y) < 12.0F || (truth(y) == kWall_m && y < 80);  // the wall from 1.3 m up
@@ -323,7 +334,6 @@ TEST_CASE(
   constexpr float kHeight_m = 1.5F;
   constexpr float kHedge_m = 8.0F;
   constexpr float kWall_m = 40.0F;
-  const auto fall = [](int y) { return (static_cast<float>(y) + 0.5F - kCamera.cy) / kCamera.fy; };
   const auto hedge = [&](int x, int y) {
     return x >= 160 && fall(y) * kHedge_m < kHeight_m && fall(y) * kHedge_m > -0.5F;  // 2 m high
   };

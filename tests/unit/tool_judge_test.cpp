@@ -3,10 +3,28 @@
 #include <doctest/doctest.h>
 
 #include <string>
+#include <vector>
 
+#include "tool/night_stages.hpp"
 #include "tool_fixture.hpp"
 
 using namespace tool_test;
+
+TEST_CASE("judge: a label that one street shows in a few pixels counts as they do, and not where a street lacks it") {
+  using namespace npsim::tool;
+  std::vector<std::vector<NightErrors>> streets(3, std::vector<NightErrors>(1));
+  streets[0][0].by_label[1] = npsim::LuminanceErrors{300, 0.25, 2.0, -0.5, 1.0};
+  streets[1][0].by_label[1] = npsim::LuminanceErrors{100, 2.25, 6.0, 1.5, 5.0};
+  const std::vector<NightErrors> mean = mean_of(streets);
+  REQUIRE(mean.size() == 1);
+  REQUIRE(mean[0].by_label[1].has_value());
+  CHECK_FALSE(mean[0].by_label[0].has_value());
+  CHECK(mean[0].by_label[1]->pixels == 400);
+  CHECK(mean[0].by_label[1]->median == doctest::Approx(0.75));
+  CHECK(mean[0].by_label[1]->p95 == doctest::Approx(3.0));
+  CHECK(mean[0].by_label[1]->bias == doctest::Approx(0.0));
+  CHECK(mean[0].by_label[1]->trimmed_relative_squared == doctest::Approx(2.0));
+}
 
 TEST_CASE("tool: judge makes streets, true nights, pictures and a table; evaluate finds the same figures") {
   const std::string folder = fixture().out("judge");

@@ -538,7 +538,7 @@ template <class Executor>
   // Rows of a scanner cross the face of a kerb here and there, and make a bump of it at each crossing; without labels
   // nothing says where it runs between them.
   if (is_laser(params, out) && scene.normals.empty() && scene.labels.empty()) {
-    guiding.ground.keep_steep = params.steep_ground_of_laser;
+    guiding.ground.keep_steep = guiding.ground.keep_steep && params.steep_ground_of_laser;
   }
   NPSIM_RETURN_IF_ERROR(guiding_normals(guiding, scene.normals, out.depth, out.labels, objects, out.noise, out.planes,
                                         scene.camera, out.ground, out.normals, workspace, executor));

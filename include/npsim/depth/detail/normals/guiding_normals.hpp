@@ -58,6 +58,11 @@ struct SmoothNormalsParams {
 
 namespace depth_detail {
 
+// |a - b|^2 of unit vectors.
+[[nodiscard]] inline float squared_chord(const Vec3f& a, const Vec3f& b) noexcept {
+  return std::max(0.0F, 2.0F - 2.0F * dot(a, b));
+}
+
 [[nodiscard]] inline Vec3f smoothed_normal(const SmoothNormalsParams& params, ImageView<const float> depth,
                                            ImageView<const Label> labels, ImageView<const Vec3f> normals, int x, int y,
                                            int step) noexcept {
@@ -74,8 +79,7 @@ namespace depth_detail {
       if (!normals.contains(qx, qy) || !is_valid_depth(depth(qx, qy))) continue;
       if (!labels.empty() && labels(qx, qy) != labels(x, y)) continue;
       const float off = (depth(qx, qy) - z) * scale;
-      const float turn =
-          1.0F + std::max(0.0F, 2.0F - 2.0F * dot(normals(qx, qy), normals(x, y))) * turn_scale;
+      const float turn = 1.0F + squared_chord(normals(qx, qy), normals(x, y)) * turn_scale;
       sum += normals(qx, qy) * (kSpline[i + 2] * kSpline[j + 2] / ((1.0F + off * off) * turn * turn));
     }
   }
@@ -136,9 +140,9 @@ struct GuidingNormalsParams {
   NormalsParams form;
   bool fit = true;                           // normals that come from depth; false: differences between neighbours
   FittedNormalsParams fitted;
-  SmoothNormalsParams fitted_smoothing{3};  // of fitted ones, whose samples lie pixels apart
+  SmoothNormalsParams fitted_smoothing{3};              // of fitted ones, whose samples lie pixels apart
   SmoothNormalsParams given_smoothing{5, 0.05F, 0.1F};  // of given ones
-  GroundNormalsParams ground;              // of both, after smoothing
+  GroundNormalsParams ground;                           // of both, after smoothing
 };
 
 [[nodiscard]] inline Status validate(const GuidingNormalsParams& params) noexcept {
@@ -166,8 +170,7 @@ inline void straighten_ground(const GroundNormalsParams& params, const GroundPla
   for (int y = 0; y < normals.height(); ++y) {
     for (int x = 0; x < normals.width(); ++x) {
       if (!params.labels.contains(labels(x, y)) || normals(x, y) == Vec3f{}) continue;
-      const float cosine = dot(smooth(x, y), ground.up);
-      const float off = std::sqrt(std::max(0.0F, 2.0F - 2.0F * cosine));  // the chord; nearly the angle
+      const float off = std::sqrt(depth_detail::squared_chord(smooth(x, y), ground.up));  // nearly the angle
       if (params.keep_steep) {
         if (off > params.max_rad) continue;
         if (params.kerbs.contains(labels(x, y)) && dot(normals(x, y), ground.up) < steep) continue;
@@ -203,10 +206,9 @@ template <class Executor>
       if (is_given(x, y)) normals(x, y) = normalized(given(x, y));
     }
   }
-  if (!given.empty()) {
-    NPSIM_RETURN_IF_ERROR(smooth_normals(params.given_smoothing, depth, labels, normals, workspace, executor));
-  } else if (params.fit) {
-    NPSIM_RETURN_IF_ERROR(smooth_normals(params.fitted_smoothing, depth, labels, normals, workspace, executor));
+  if (params.fit || !given.empty()) {
+    const SmoothNormalsParams& smoothing = given.empty() ? params.fitted_smoothing : params.given_smoothing;
+    NPSIM_RETURN_IF_ERROR(smooth_normals(smoothing, depth, labels, normals, workspace, executor));
   }
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
