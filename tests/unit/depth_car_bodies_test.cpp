@@ -350,6 +350,85 @@ TEST_CASE(
   CHECK(seen > 100);
 }
 
+TEST_CASE(
+    "cars: one that stereo sees too far off comes to stand where its wheels meet the road, not behind a pavement") {
+  // Mean of surface over true depth on the lower doors.
+  const auto stands_at = [](float too_far, bool pavement, float most_shift) {
+    Street street(-0.3F);
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        if (street.face(x, y) == 2) continue;
+        street.depth(x, y) *= too_far;
+        if (!pavement || street.height(x, y) > 0.15F) continue;
+        street.face(x, y) = 2;  // .12 m high, before the wheels
+        street.labels(x, y) = label::sidewalk;
+        street.instances(x, y) = 0;
+        street.depth(x, y) = (kCameraHeight_m - 0.12F) / unproject_pixel(street.k, x, y, 1.0F).y;
+      }
+    }
+    CarBodiesParams params;
+    params.most_shift = most_shift;
+    SerialExecutor serial;
+    REQUIRE(street.run(serial, params).ok());
+    double sum = 0;
+    int n = 0;
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        if (street.face(x, y) != 0 || street.height(x, y) > 0.6F || street.near_outline(x, y)) continue;
+        sum += static_cast<double>(street.surface(x, y) / street.truth(x, y));
+        ++n;
+      }
+    }
+    REQUIRE(n > 300);
+    return sum / n;
+  };
+  CHECK(stands_at(1.06F, false, 0.0F) > 1.05);
+  CHECK(stands_at(1.06F, false, 0.1F) == doctest::Approx(1.0).epsilon(0.01));
+  CHECK(stands_at(1.06F, false, 0.03F) == doctest::Approx(1.03).epsilon(0.01));  // no farther than it may
+  CHECK(stands_at(1.0F, false, 0.1F) == doctest::Approx(1.0).epsilon(0.01));
+  CHECK(stands_at(0.95F, false, 0.1F) == doctest::Approx(0.95).epsilon(0.01));  // wheels behind it may be hidden
+  CHECK(stands_at(1.0F, true, 0.1F) == doctest::Approx(1.0).epsilon(0.01));
+}
+
+TEST_CASE("cars: an end that stereo sees as far off as the wheels behind it comes before them") {
+  const auto end_off_m = [](float overhang_m) {
+    Street street(-0.3F);
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        if (street.face(x, y) == 2) continue;
+        const Vec3f at = unproject_pixel(street.k, x, y, street.truth(x, y));
+        const float behind_end_m = -dot(street.normal[1], at) - street.distance_m[1];
+        if (street.height(x, y) < 0.2F && behind_end_m < 0.7F) {  // the road is seen under the bumper
+          street.face(x, y) = 2;
+          street.labels(x, y) = label::road;
+          street.instances(x, y) = 0;
+          street.depth(x, y) = kCameraHeight_m / unproject_pixel(street.k, x, y, 1.0F).y;
+        } else if (street.face(x, y) == 1) {
+          street.depth(x, y) *= 1.06F;
+        }
+      }
+    }
+    CarBodiesParams params;
+    params.overhang_m = overhang_m;
+    SerialExecutor serial;
+    REQUIRE(street.run(serial, params).ok());
+    double sum = 0;
+    int n = 0;
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        if (street.face(x, y) != 1 || street.height(x, y) > 0.8F || street.near_outline(x, y)) continue;
+        sum += static_cast<double>(street.surface(x, y) - street.truth(x, y));
+        ++n;
+      }
+    }
+    REQUIRE(n > 100);
+    return sum / n;
+  };
+  CHECK(end_off_m(0.0F) > 0.5);
+  CHECK(end_off_m(0.7F) < 0.4);
+  CHECK(end_off_m(0.7F) > -0.1);
+}
+
 TEST_CASE("cars: what is no box, too small, without a number or over unknown ground stays bit by bit") {
   const auto unchanged = [](Street& street, const CarBodiesParams& params = {}) {
     const Image<Vec3f> before = street.normals;

@@ -4,10 +4,12 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <cstdint>
 #include <limits>
 
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
+#include "npsim/core/random.hpp"
 
 using namespace npsim;
 using npsim_test::Image;
@@ -173,6 +175,33 @@ TEST_CASE("ground contact: of a thing that ends deeper below the ground than fee
   }
 }
 
+TEST_CASE("ground contact: noise of the road leaves no steps between the columns of a foot") {
+  // Root mean square of the steps, m.
+  const auto steps_m = [](float level_m) {
+    Street s(8.0F);
+    for (int y = 80; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        RandomStream random(7, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * kShape.width + x), 0);
+        s.surface(x, y) *= 1.0F + 0.02F * (random.uniform() - 0.5F);
+      }
+    }
+    GroundContactParams params;
+    params.level_m = level_m;
+    SerialExecutor serial;
+    REQUIRE(s.run(serial, params).ok());
+    double sum = 0;
+    int n = 0;
+    for (int x = 25; x < 125; ++x) {
+      const double step = static_cast<double>(s.surface(x, 79) - s.surface(x - 1, 79));
+      sum += step * step;
+      ++n;
+    }
+    return std::sqrt(sum / n);
+  };
+  CHECK(steps_m(0.0F) > 0.04);
+  CHECK(steps_m(0.2F) < 0.02);
+}
+
 TEST_CASE("ground contact: holes stay, bad arguments are refused, and the bits are those of any number of threads") {
   SerialExecutor serial;
   npsim_test::BackwardExecutor backward;
@@ -193,6 +222,9 @@ TEST_CASE("ground contact: holes stay, bad arguments are refused, and the bits a
   }
   GroundContactParams params;
   params.clear_m = -1;
+  CHECK(a.run(serial, params).code() == StatusCode::invalid_argument);
+  params = {};
+  params.level_m = std::numeric_limits<float>::quiet_NaN();
   CHECK(a.run(serial, params).code() == StatusCode::invalid_argument);
   params = {};
   params.bare_m = std::numeric_limits<float>::infinity();

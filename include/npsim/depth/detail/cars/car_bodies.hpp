@@ -15,12 +15,16 @@
 //   window_m. How it recedes with height is how far the side leans: bonnet, windscreen, roof. A side wider than
 //   side_m is no end: its rows are within a hand of its doors, and it leans as cars do (lean_of_side()), which below
 //   the waist an end does too, and above it the more (lean_of_end()) the less depth is known.
+//   Stance: a car whose wheels would stand beyond the place where its outline meets the road, or whose end would not
+//   overhang them, comes as much nearer, by most_shift at most. Wheels are dark and round, and stereo sees them, and
+//   what is above them, too far: .04 of 15 to 50 m on real frames. Below a pavement the ground plane counts, for the
+//   wheels may stand behind it.
 //   Blend: where both planes are within some corner_m of each other the corner is round, and so it is at the car's own
 //   outline, with the radius rim_m (detail/cars/rim.hpp).
 // A normal turns to the body's where it is farther than a bound from it, up to that bound: what is curved stays so. The
 // bound is turn_rad on exact depth and half of that where depth is known to calm_m, for its noise becomes the normals'.
-// Depth keeps what it is off the body where that is little, half of `deviations` of the noise, and less of what is
-// more.
+// Depth keeps what it is off the body as measured where that is little, half of `deviations` of the noise, and less of
+// what is more.
 // Invariant: pixels of other things are not touched, nor cars that show their doors and no box explains (max_loss),
 // that have no number of their own, or fewer than min_px. No normal comes to look away from the camera.
 // Deterministic. Cost: some 10 medians of a car's rows, and 19 x 10 of 2048 samples.
@@ -66,13 +70,17 @@ struct CarBodiesParams {
   float turn_rad = 0.35F;
   float calm_m = 0.25F;
   float deviations = 4.0F;
+  float contact_share = 0.1F;  // of the columns of a side: as many may meet the ground nearer than it stands
+  float overhang_m = 0.7F;     // of an end before the wheels of the side beside it: bumpers lie .6 to 1 m before axles
+  float most_shift = 0.1F;     // of its distance; 0: cars stay where they are
 };
 
 [[nodiscard]] inline Status validate(const CarBodiesParams& p) noexcept {
   const bool good = p.min_px > 0.0F && p.belt_low_m >= 0.0F && p.belt_high_m > p.belt_low_m && p.relief_m >= 0.0F &&
                     p.max_loss >= 0.0F && p.window_m > 0.0F && p.window_m <= 10.0F && p.side_m > 0.0F &&
                     p.corner_m > 0.0F && p.rim_m > 0.0F && p.turn_rad >= 0.0F && p.turn_rad <= 3.1416F &&
-                    p.calm_m > 0.0F && p.deviations > 0.0F;
+                    p.calm_m > 0.0F && p.deviations > 0.0F && p.contact_share >= 0.0F && p.contact_share < 1.0F &&
+                    p.overhang_m >= 0.0F && std::isfinite(p.overhang_m) && p.most_shift >= 0.0F && p.most_shift < 1.0F;
   return good ? Status() : Status(StatusCode::invalid_argument, "car bodies: a parameter lies outside its range");
 }
 
@@ -146,6 +154,7 @@ struct CarFit {
   float z_m = 0.0F;  // of its middle
   bool side[2] = {false, false};
   float top_m[2] = {0.0F, 0.0F};
+  float shrinks[2] = {1.0F, 1.0F};  // the distances of the side, for the car to stand where it is seen to
 
   [[nodiscard]] bool on_car(int x, int y) const noexcept {
     return objects.instances(x, y) == car.id && params.cars.contains(objects.labels(x, y)) &&
@@ -156,6 +165,12 @@ struct CarFit {
   }
   [[nodiscard]] float w(int k, int y, const Vec3f& ray) const noexcept {
     return plane_w(corner.normal[k], rows[k][static_cast<std::size_t>(y)].distance_m, ray);
+  }
+  // The lowest row of the car in a column; car.y0 - 1: none.
+  [[nodiscard]] int lowest_row(int x) const noexcept {
+    int y = car.y1 - 1;
+    while (y >= car.y0 && !on_car(x, y)) --y;
+    return y;
   }
   // How far depth at z is known, from 1 down: a half at calm_m.
   [[nodiscard]] float known(float z) const noexcept {
@@ -210,8 +225,7 @@ struct CarFit {
   int covered = 0;
   int columns = 0;
   for (int x = fit.car.x0; x < fit.car.x1; ++x) {
-    int y = fit.car.y1 - 1;
-    while (y >= fit.car.y0 && !fit.on_car(x, y)) --y;
+    const int y = fit.lowest_row(x);
     if (y < fit.car.y0) continue;
     ++columns;
     if (y + 1 >= fit.depth.height() || !kStandingLabels.contains(fit.objects.labels(x, y + 1))) continue;
@@ -340,6 +354,53 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
   return 1.0F / nearest;
 }
 
+// Where the outline of the car meets the ground in column x, and its lowest row there. False: not seen.
+[[nodiscard]] inline bool contact_at(const CarFit& fit, ImageView<const float> surface, int x, int& y,
+                                     Vec3f& contact) noexcept {
+  constexpr LabelSet kCarriageway = LabelSet::of(label::road, label::parking);
+  y = fit.lowest_row(x);
+  if (y < fit.car.y0 || y + 1 >= surface.height()) return false;
+  const Label below = fit.objects.labels(x, y + 1);
+  if (!kGroundLabels.contains(below) || !is_valid_depth(surface(x, y + 1))) return false;
+  float under_m = -dot(fit.ground.up, unproject_pixel(fit.camera, x, y + 1, surface(x, y + 1)));
+  if (!kCarriageway.contains(below)) under_m = max_of(under_m, fit.ground.camera_height_m);
+  const Vec3f ray = unproject_pixel(fit.camera, x, y, 1.0F);
+  const float fall = -dot(fit.ground.up, ray);
+  if (!(fall > 0.0F) || !(under_m > 0.0F)) return false;
+  contact = ray * (under_m / fall);
+  return true;
+}
+
+// What the distances of side k shrink by for it to lie before_m before what stands in the columns of side `seen`; of
+// those contact_share may stand nearer. 1: nothing.
+[[nodiscard]] inline float shrinks_by(const CarFit& fit, ImageView<const float> surface, int k, int seen,
+                                      float before_m) noexcept {
+  constexpr std::size_t kFewest = 8;
+  std::size_t count = 0;
+  for (int x = fit.car.x0; x < fit.car.x1; ++x) {
+    int y = 0;
+    Vec3f contact;
+    if (!contact_at(fit, surface, x, y, contact)) continue;
+    if (fit.w(seen, y, contact) > fit.w(1 - seen, y, contact)) continue;
+    const float distance_m = -dot(fit.corner.normal[k], contact) - before_m;
+    fit.scratch[count++] = distance_m / fit.rows[k][static_cast<std::size_t>(y)].distance_m;
+  }
+  if (count < kFewest) return 1.0F;
+  float* const first = fit.scratch.data();
+  float* const at = first + static_cast<std::size_t>(fit.params.contact_share * static_cast<float>(count));
+  select_nth(first, at, first + count);
+  return clamp_to(*at, 1.0F - fit.params.most_shift, 1.0F);
+}
+
+// surface: of the ground, too.
+inline void stand_on_ground(CarFit& fit, ImageView<const float> surface) noexcept {
+  for (int k = 0; k < 2; ++k) {
+    fit.shrinks[k] = shrinks_by(fit, surface, k, k, 0.0F);
+    if (!fit.side[1 - k]) continue;
+    fit.shrinks[k] = std::min(fit.shrinks[k], shrinks_by(fit, surface, k, 1 - k, fit.params.overhang_m));
+  }
+}
+
 // `normal`, or what lies turn_rad from `towards` on the way to it.
 [[nodiscard]] inline Vec3f turned(const Vec3f& normal, const Vec3f& towards, float turn_rad) noexcept {
   const float cosine = dot(normal, towards);
@@ -393,7 +454,8 @@ void draw_to_body(const CarFit& fit, ImageView<Vec3f> normals, ImageView<float> 
         if (dot(towards, ray) < 0.0F || dot(normals(x, y), ray) >= 0.0F) normals(x, y) = towards;
         const float here = 1.0F / surface(x, y);
         const float off = (here - 1.0F / z) / max_of(fit.params.deviations * fit.noise.deviation(here), 1e-9F);
-        surface(x, y) = 1.0F / (1.0F / z + (here - 1.0F / z) / (1.0F + off * off));
+        const float stands = std::min(fit.w(0, y, ray) / fit.shrinks[0], fit.w(1, y, ray) / fit.shrinks[1]);
+        surface(x, y) = 1.0F / (stands + (here - 1.0F / z) / (1.0F + off * off));
       }
     }
   });
@@ -480,6 +542,7 @@ template <class Executor>
       }
     }
     for (int k = 0; k < 2; ++k) lean_rows(fit, k);
+    stand_on_ground(fit, surface);
     draw_to_body(fit, normals, surface, executor);
   }
   return {};
