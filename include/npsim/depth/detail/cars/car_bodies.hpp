@@ -12,9 +12,9 @@
 //   Of a car that shows nothing between the belts since something nearer covers it, the rectangle stands along the
 //   street, as far away as all that is seen of the car.
 //   Profile: each row of pixels on one side has one distance, the median of its own, then the median of the rows over
-//   window_m. How it recedes with height is how far the side leans: bonnet, windscreen, roof. A side wider than
-//   side_m is no end: its rows are within a hand of its doors, and it leans as cars do (lean_of_side()), which below
-//   the waist an end does too, and above it the more (lean_of_end()) the less depth is known.
+//   window_m, and their mean. How it recedes with height is how far the side leans: bonnet, windscreen, roof. A side
+//   wider than side_m is no end: its rows are within a hand of its doors, and it leans as cars do (lean_of_side()),
+//   which below the waist an end does too, and above it the more (lean_of_end()) the less depth is known.
 //   Stance: a car whose wheels would stand beyond the place where its outline meets the road, or whose end would not
 //   overhang them, comes as much nearer, by most_shift at most. Wheels are dark and round, and stereo sees them, and
 //   what is above them, too far: .04 of 15 to 50 m on real frames. Below a pavement the ground plane counts, for the
@@ -280,6 +280,18 @@ inline void see_rows(CarFit& fit, int k) noexcept {
   }
 }
 
+// Medians have steps, which the edge between both sides would show: their mean over the rows within `window`.
+inline void average_rows(Span<Row> rows, std::size_t window) noexcept {
+  for (Row& row : rows) row.lean_rad = row.distance_m;  // for now
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const std::size_t first = i < window ? 0 : i - window;
+    const std::size_t end = std::min(i + window + 1, rows.size());
+    float sum = 0.0F;
+    for (std::size_t j = first; j < end; ++j) sum += rows[j].lean_rad;
+    rows[i].distance_m = sum / static_cast<float>(end - first);
+  }
+}
+
 // A side of which no row is seen keeps its distances.
 inline void smooth_rows(CarFit& fit, int k) noexcept {
   const Span<Row> rows = fit.own_rows(k);
@@ -297,6 +309,7 @@ inline void smooth_rows(CarFit& fit, int k) noexcept {
   if (!any) return;
   for (Row& row : rows) row.distance_m = row.lean_rad;
   (void)fill_rows(rows, &Row::distance_m);
+  average_rows(rows, window);
   if (!fit.side[k]) return;
   constexpr float kOut_m = 0.1F;  // sills
   constexpr float kIn_m = 0.25F;  // the roof's edge; what seems farther in is seen through glass
