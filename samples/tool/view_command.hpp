@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "mesh_views.hpp"
+#include "mesh_view_params.hpp"
 
 namespace npsim::tool {
 
