@@ -353,13 +353,19 @@ TEST_CASE(
 TEST_CASE(
     "cars: one that stereo sees too far off comes to stand where its wheels meet the road, not behind a pavement") {
   // Mean of surface over true depth on the lower doors.
-  const auto stands_at = [](float too_far, bool pavement, float most_shift) {
+  const auto stands_at = [](float too_far, bool pavement, float most_shift, float road_noise = 0.0F) {
     Street street(-0.3F);
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        RandomStream random(9, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * kShape.width + x), 0);
+        if (street.face(x, y) == 2) street.depth(x, y) *= 1.0F + road_noise * (random.uniform() - 0.5F);
+      }
+    }
     for (int y = 0; y < kShape.height; ++y) {
       for (int x = 0; x < kShape.width; ++x) {
         if (street.face(x, y) == 2) continue;
         street.depth(x, y) *= too_far;
-        if (!pavement || street.height(x, y) > 0.15F) continue;
+        if (!pavement || street.height(x, y) > 0.06F) continue;
         street.face(x, y) = 2;  // .12 m high, before the wheels
         street.labels(x, y) = label::sidewalk;
         street.instances(x, y) = 0;
@@ -388,6 +394,19 @@ TEST_CASE(
   CHECK(stands_at(1.0F, false, 0.1F) == doctest::Approx(1.0).epsilon(0.01));
   CHECK(stands_at(0.95F, false, 0.1F) == doctest::Approx(0.95).epsilon(0.01));  // wheels behind it may be hidden
   CHECK(stands_at(1.0F, true, 0.1F) == doctest::Approx(1.0).epsilon(0.01));
+  CHECK(stands_at(1.0F, false, 0.1F, 0.06F) == doctest::Approx(1.0).epsilon(0.02));  // the road's noise is no bias
+}
+
+TEST_CASE("cars: the profile of a side has ramps where medians have steps") {
+  std::vector<car_detail::Row> rows(40);
+  for (std::size_t i = 0; i < rows.size(); ++i) rows[i].distance_m = i < 20 ? 10.0F : 11.0F;
+  car_detail::average_rows({rows.data(), rows.size()}, 4);
+  CHECK(rows.front().distance_m == 10.0F);
+  CHECK(rows.back().distance_m == 11.0F);
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    CHECK(rows[i].distance_m - rows[i - 1].distance_m >= 0.0F);
+    CHECK(rows[i].distance_m - rows[i - 1].distance_m <= 0.112F);
+  }
 }
 
 TEST_CASE("cars: an end that stereo sees as far off as the wheels behind it comes before them") {

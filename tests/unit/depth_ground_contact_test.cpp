@@ -175,9 +175,22 @@ TEST_CASE("ground contact: of a thing that ends deeper below the ground than fee
   }
 }
 
-TEST_CASE("ground contact: noise of the road leaves no steps between the columns of a foot") {
+TEST_CASE(
+    "ground contact: noise, a hole and a far mismatch in the road below leave no steps between a foot's columns") {
   // Root mean square of the steps, m.
-  const auto steps_m = [](float level_m) {
+  const auto steps_m = [](const Street& s, int y) {
+    double sum = 0;
+    int n = 0;
+    for (int x = 25; x < 125; ++x) {
+      const double step = static_cast<double>(s.surface(x, y) - s.surface(x - 1, y));
+      sum += step * step;
+      ++n;
+    }
+    return std::sqrt(sum / n);
+  };
+  SerialExecutor serial;
+  for (const bool holes : {false, true}) {
+    CAPTURE(holes);
     Street s(8.0F);
     for (int y = 80; y < kShape.height; ++y) {
       for (int x = 0; x < kShape.width; ++x) {
@@ -185,21 +198,29 @@ TEST_CASE("ground contact: noise of the road leaves no steps between the columns
         s.surface(x, y) *= 1.0F + 0.02F * (random.uniform() - 0.5F);
       }
     }
-    GroundContactParams params;
-    params.level_m = level_m;
-    SerialExecutor serial;
-    REQUIRE(s.run(serial, params).ok());
-    double sum = 0;
-    int n = 0;
-    for (int x = 25; x < 125; ++x) {
-      const double step = static_cast<double>(s.surface(x, 79) - s.surface(x - 1, 79));
-      sum += step * step;
-      ++n;
+    if (holes) {
+      for (int x = 0; x < kShape.width; ++x) s.surface(x, 80) = 0.0F;
     }
-    return std::sqrt(sum / n);
-  };
-  CHECK(steps_m(0.0F) > 0.04);
-  CHECK(steps_m(0.2F) < 0.02);
+    s.surface(60, 81) = s.surface(60, holes ? 81 : 80) = 1000.0F;
+    const double of_road = steps_m(s, 85);
+    REQUIRE(s.run(serial).ok());
+    CHECK(of_road > 0.04);
+    CHECK(steps_m(s, 79) < 0.02);
+  }
+}
+
+TEST_CASE("ground contact: on either side of a kerb a foot stands on its own ground") {
+  Street s(7.6F);
+  for (int y = 80; y < kShape.height; ++y) {
+    for (int x = 75; x < kShape.width; ++x) {
+      s.labels(x, y) = label::sidewalk;
+      s.surface(x, y) = (kHeight_m - 0.08F) / s.fall(x, y);
+    }
+  }
+  SerialExecutor serial;
+  REQUIRE(s.run(serial).ok());
+  for (const int x : {73, 74}) CHECK(s.height_m(x, 79) == doctest::Approx(0.05).epsilon(1e-2));
+  for (const int x : {75, 76}) CHECK(s.height_m(x, 79) == doctest::Approx(0.13).epsilon(1e-2));
 }
 
 TEST_CASE("ground contact: holes stay, bad arguments are refused, and the bits are those of any number of threads") {
@@ -222,9 +243,6 @@ TEST_CASE("ground contact: holes stay, bad arguments are refused, and the bits a
   }
   GroundContactParams params;
   params.clear_m = -1;
-  CHECK(a.run(serial, params).code() == StatusCode::invalid_argument);
-  params = {};
-  params.level_m = std::numeric_limits<float>::quiet_NaN();
   CHECK(a.run(serial, params).code() == StatusCode::invalid_argument);
   params = {};
   params.bare_m = std::numeric_limits<float>::infinity();

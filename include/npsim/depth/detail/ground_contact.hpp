@@ -6,8 +6,8 @@
 // ground in the rows below goes on, which is under it. In the mesh these rows lie beneath the ground: no lamp reaches
 // them, and masts, walls and bicycles end in black rims.
 // In each column the ground of the nearest ground pixel below goes on in parallel to the ground plane: as far below the
-// camera, h, as the ground within level_m beside it in the mean, so that a ray r meets it at z = -h / dot(up, r). The
-// noise of one pixel would be a step from column to column, and feet would shade themselves.
+// camera, h (detail/ground_level.hpp), so that a ray r meets it at z = -h / dot(up, r). With the noise of single pixels
+// feet would have steps from column to column, and shade themselves.
 // A surface that lies less than unsure_m above that, or below it, takes the depth of clear_m above, if it does not come
 // nearer by more than most_share: the mesh has the ground itself there too, completed behind the thing. One that was
 // more than bare_m below shows ground that a loose label gave to the thing, and takes the ground's normal.
@@ -26,6 +26,7 @@
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/depth/detail/ground_level.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -42,17 +43,16 @@ struct GroundContactParams {
   // Of its depth that a pixel may come nearer; what would more is no foot, but seen over a raised edge, or a slope
   // beyond. 0 switches the step off.
   float most_share = 0.1F;
-  float level_m = 0.2F;  // half of a row's piece that says how high the ground is, of at most 129 px
   LabelSet ground = kGroundLabels;
 };
 
 [[nodiscard]] inline Status validate(const GroundContactParams& p) noexcept {
   const bool good = p.bare_m >= 0.0F && std::isfinite(p.bare_m) && p.clear_m >= 0.0F && p.most_share >= 0.0F &&
                     p.most_share <= 1.0F && std::isfinite(p.clear_m) && std::fabs(p.unsure_m) <= p.clear_m &&
-                    p.deepest_m >= 0.0F && p.level_m >= 0.0F;
+                    p.deepest_m >= 0.0F;
   return good ? Status()
               : Status(StatusCode::invalid_argument,
-                       "ground contact: heights and level_m not negative, unsure_m at most clear_m, share in [0, 1]");
+                       "ground contact: heights not negative, unsure_m at most clear_m, share in [0, 1]");
 }
 
 // surface: z-depth, m, and normals: changed in place. Without labels nothing changes.
@@ -68,23 +68,11 @@ template <class Executor>
   }
   if (labels.empty() || !(params.most_share > 0.0F)) return {};
   constexpr std::size_t kColumns = 64;
-  constexpr float kMostReach_px = 64.0F;
-  const auto is_ground = [&](int x, int y) { return params.ground.contains(labels(x, y)); };
-  const auto fall_of = [&](int x, int y) { return -dot(ground.up, unproject_pixel(camera, x, y, 1.0F)); };
-  // How far below the camera the ground is at a pixel of it. Ground pixels do not change meanwhile.
-  const auto level_at = [&](int x, int y) {
-    const float own = surface(x, y) * fall_of(x, y);
-    if (y > 0 && is_ground(x, y - 1)) return own;  // nothing stands here
-    const auto reach = static_cast<int>(std::min(params.level_m * camera.fx / surface(x, y), kMostReach_px));
-    float sum = 0.0F;
-    float count = 0.0F;
-    for (int u = std::max(0, x - reach); u <= std::min(shape.width - 1, x + reach); ++u) {
-      if (!is_ground(u, y) || !is_valid_depth(surface(u, y))) continue;
-      sum += surface(u, y) * fall_of(u, y);
-      count += 1.0F;
-    }
-    return sum / count;
+  // Ground pixels do not change, so that any column may be asked.
+  const auto is_ground = [&](int x, int y) {
+    return params.ground.contains(labels(x, y)) && is_valid_depth(surface(x, y));
   };
+  const auto fall_of = [&](int x, int y) { return -dot(ground.up, unproject_pixel(camera, x, y, 1.0F)); };
   executor.for_chunks(static_cast<std::size_t>(shape.width), kColumns, [&](std::size_t begin, std::size_t end) {
     float under_m[kColumns] = {};  // how far the ground met last lies below the camera; 0: none yet
     Vec3f normal[kColumns];
@@ -95,7 +83,9 @@ template <class Executor>
         const float fall = fall_of(x, y);
         if (!is_valid_depth(z) || !(fall > 0.0F)) continue;
         if (is_ground(x, y)) {
-          under_m[column - begin] = level_at(x, y);
+          const bool open = y > 0 && is_ground(x, y - 1);  // nothing stands here
+          under_m[column - begin] =
+              open ? z * fall : depth_detail::below_camera_m(surface, labels, camera, ground.up, x, y);
           normal[column - begin] = normals(x, y);
           continue;
         }

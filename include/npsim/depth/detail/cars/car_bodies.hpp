@@ -15,10 +15,11 @@
 //   window_m, and their mean. How it recedes with height is how far the side leans: bonnet, windscreen, roof. A side
 //   wider than side_m is no end: its rows are within a hand of its doors, and it leans as cars do (lean_of_side()),
 //   which below the waist an end does too, and above it the more (lean_of_end()) the less depth is known.
-//   Stance: a car whose wheels would stand beyond the place where its outline meets the road, or whose end would not
-//   overhang them, comes as much nearer, by most_shift at most. Wheels are dark and round, and stereo sees them, and
-//   what is above them, too far: .04 of 15 to 50 m on real frames. Below a pavement the ground plane counts, for the
-//   wheels may stand behind it.
+//   Stance: a side that would stand beyond the place where its outline meets the ground, or an end that would not
+//   overhang the wheels beside it, comes as much nearer, each plane by most_shift at most. Wheels are dark and round,
+//   and stereo sees them, and what is above them, too far: .04 of 15 to 50 m on real frames. What the label has too
+//   much below a wheel counts as wheel. Where the ground below is no carriageway the ground plane counts if it is
+//   lower, for wheels may stand behind a pavement.
 //   Blend: where both planes are within some corner_m of each other the corner is round, and so it is at the car's own
 //   outline, with the radius rim_m (detail/cars/rim.hpp).
 // A normal turns to the body's where it is farther than a bound from it, up to that bound: what is curved stays so. The
@@ -48,6 +49,7 @@
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/detail/cars/corner.hpp"
 #include "npsim/depth/detail/cars/rim.hpp"
+#include "npsim/depth/detail/ground_level.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
@@ -375,7 +377,7 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
   if (y < fit.car.y0 || y + 1 >= surface.height()) return false;
   const Label below = fit.objects.labels(x, y + 1);
   if (!kGroundLabels.contains(below) || !is_valid_depth(surface(x, y + 1))) return false;
-  float under_m = -dot(fit.ground.up, unproject_pixel(fit.camera, x, y + 1, surface(x, y + 1)));
+  float under_m = depth_detail::below_camera_m(surface, fit.objects.labels, fit.camera, fit.ground.up, x, y + 1);
   if (!kCarriageway.contains(below)) under_m = max_of(under_m, fit.ground.camera_height_m);
   const Vec3f ray = unproject_pixel(fit.camera, x, y, 1.0F);
   const float fall = -dot(fit.ground.up, ray);
