@@ -3,6 +3,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -395,6 +396,35 @@ TEST_CASE(
   CHECK(stands_at(0.95F, false, 0.1F) == doctest::Approx(0.95).epsilon(0.01));  // wheels behind it may be hidden
   CHECK(stands_at(1.0F, true, 0.1F) == doctest::Approx(1.0).epsilon(0.01));
   CHECK(stands_at(1.0F, false, 0.1F, 0.06F) == doctest::Approx(1.0).epsilon(0.02));  // the road's noise is no bias
+}
+
+TEST_CASE("cars: one that covers a farther car stands before it, though stereo has it behind") {
+  const auto behind_m = [](bool covers) {
+    Street street(0.0F, {0.9F, 12.0F});  // its end is on the right
+    int right = 0;
+    int low = 0;
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        if (street.instances(x, y) != kCar) continue;
+        right = std::max(right, x);
+        low = std::max(low, y);
+      }
+    }
+    for (int y = low - 60; y < low - 14; ++y) {
+      for (int x = right + 1; x < right + 60; ++x) {
+        street.labels(x, y) = label::car;
+        street.instances(x, y) = kCar + 1;
+        street.normals(x, y) = {0, 0, -1};
+        street.depth(x, y) = 11.4F;
+        if (!covers && x < right + 4) street.instances(x, y) = street.labels(x, y) = 0;
+      }
+    }
+    SerialExecutor serial;
+    REQUIRE(street.run(serial).ok());
+    return street.surface(right, low - 30) - street.surface(right + 10, low - 30);
+  };
+  CHECK(behind_m(false) > 0.4F);
+  CHECK(behind_m(true) < 0.1F);
 }
 
 TEST_CASE("cars: the profile of a side has ramps where medians have steps") {

@@ -15,11 +15,11 @@
 //   window_m, and their mean. How it recedes with height is how far the side leans: bonnet, windscreen, roof. A side
 //   wider than side_m is no end: its rows are within a hand of its doors, and it leans as cars do (lean_of_side()),
 //   which below the waist an end does too, and above it the more (lean_of_end()) the less depth is known.
-//   Stance: a side that would stand beyond the place where its outline meets the ground, or an end that would not
-//   overhang the wheels beside it, comes as much nearer, each plane by most_shift at most. Wheels are dark and round,
-//   and stereo sees them, and what is above them, too far: .04 of 15 to 50 m on real frames. What the label has too
-//   much below a wheel counts as wheel. Where the ground below is no carriageway the ground plane counts if it is
-//   lower, for wheels may stand behind a pavement.
+//   Stance: a side that would stand beyond the place where its outline meets the ground or behind a farther car that it
+//   covers, or an end that would not overhang the wheels beside it, comes as much nearer, each plane by most_shift at
+//   most. Wheels are dark and round, and stereo sees them, and what is above them, too far: .04 of 15 to 50 m on real
+//   frames. What the label has too much below a wheel counts as wheel. Where the ground below is no carriageway the
+//   ground plane counts if it is lower, for wheels may stand behind a pavement. Farther cars come first.
 //   Blend: where both planes are within some corner_m of each other the corner is round, and so it is at the car's own
 //   outline, with the radius rim_m (detail/cars/rim.hpp).
 // A normal turns to the body's where it is farther than a bound from it, up to that bound: what is curved stays so. The
@@ -386,36 +386,6 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
   return true;
 }
 
-// What the distances of side k shrink by for it to lie before_m before what stands in the columns of side `seen`; of
-// those contact_share may stand nearer. 1: nothing.
-[[nodiscard]] inline float shrinks_by(const CarFit& fit, ImageView<const float> surface, int k, int seen,
-                                      float before_m) noexcept {
-  constexpr std::size_t kFewest = 8;
-  std::size_t count = 0;
-  for (int x = fit.car.x0; x < fit.car.x1; ++x) {
-    int y = 0;
-    Vec3f contact;
-    if (!contact_at(fit, surface, x, y, contact)) continue;
-    if (fit.w(seen, y, contact) > fit.w(1 - seen, y, contact)) continue;
-    const float distance_m = -dot(fit.corner.normal[k], contact) - before_m;
-    fit.scratch[count++] = distance_m / fit.rows[k][static_cast<std::size_t>(y)].distance_m;
-  }
-  if (count < kFewest) return 1.0F;
-  float* const first = fit.scratch.data();
-  float* const at = first + static_cast<std::size_t>(fit.params.contact_share * static_cast<float>(count));
-  select_nth(first, at, first + count);
-  return clamp_to(*at, 1.0F - fit.params.most_shift, 1.0F);
-}
-
-// surface: of the ground, too.
-inline void stand_on_ground(CarFit& fit, ImageView<const float> surface) noexcept {
-  for (int k = 0; k < 2; ++k) {
-    fit.shrinks[k] = shrinks_by(fit, surface, k, k, 0.0F);
-    if (!fit.side[1 - k]) continue;
-    fit.shrinks[k] = std::min(fit.shrinks[k], shrinks_by(fit, surface, k, 1 - k, fit.params.overhang_m));
-  }
-}
-
 // `normal`, or what lies turn_rad from `towards` on the way to it.
 [[nodiscard]] inline Vec3f turned(const Vec3f& normal, const Vec3f& towards, float turn_rad) noexcept {
   const float cosine = dot(normal, towards);
@@ -448,6 +418,60 @@ inline void stand_on_ground(CarFit& fit, ImageView<const float> surface) noexcep
   return ends;
 }
 
+// The shrink that all but contact_share of the first `count` in the scratch allow; 1: nothing.
+[[nodiscard]] inline float shrink_of(const CarFit& fit, std::size_t count) noexcept {
+  constexpr std::size_t kFewest = 8;
+  if (count < kFewest) return 1.0F;
+  float* const first = fit.scratch.data();
+  float* const at = first + static_cast<std::size_t>(fit.params.contact_share * static_cast<float>(count));
+  select_nth(first, at, first + count);
+  return clamp_to(*at, 1.0F - fit.params.most_shift, 1.0F);
+}
+
+// What the distances of side k shrink by for it to lie before_m before what stands in the columns of side `seen`.
+[[nodiscard]] inline float shrink_to_contact(const CarFit& fit, ImageView<const float> surface, int k, int seen,
+                                             float before_m) noexcept {
+  std::size_t count = 0;
+  for (int x = fit.car.x0; x < fit.car.x1; ++x) {
+    int y = 0;
+    Vec3f contact;
+    if (!contact_at(fit, surface, x, y, contact)) continue;
+    if (fit.w(seen, y, contact) > fit.w(1 - seen, y, contact)) continue;
+    const float distance_m = -dot(fit.corner.normal[k], contact) - before_m;
+    fit.scratch[count++] = distance_m / fit.rows[k][static_cast<std::size_t>(y)].distance_m;
+  }
+  return shrink_of(fit, count);
+}
+
+// The same for it to lie before the farther cars that it covers, at the ends of its rows.
+[[nodiscard]] inline float shrink_before_others(const CarFit& fit, ImageView<const float> surface, int k) noexcept {
+  std::size_t count = 0;
+  for (int y = fit.car.y0; y < fit.car.y1; ++y) {
+    const RowEnds ends = ends_of_row(fit, y);
+    if (ends.first > ends.last) continue;
+    for (const int off : {-1, 1}) {
+      const int x = off < 0 ? ends.first : ends.last;
+      if (!surface.contains(x + off, y) || !fit.params.cars.contains(fit.objects.labels(x + off, y))) continue;
+      const std::uint16_t other = fit.car_of_id[fit.objects.instances(x + off, y)];
+      if (other == 0 || fit.cars[other - std::size_t{1}].y1 >= fit.car.y1) continue;
+      const Vec3f ray = unproject_pixel(fit.camera, x, y, 1.0F);
+      const float z = surface(x + off, y);
+      if (!is_valid_depth(z) || fit.w(k, y, ray) > fit.w(1 - k, y, ray) || count == fit.scratch.size()) continue;
+      fit.scratch[count++] = fit.w(k, y, ray) * z;
+    }
+  }
+  return shrink_of(fit, count);
+}
+
+// surface: of the ground and of farther cars, too.
+inline void stand_on_ground(CarFit& fit, ImageView<const float> surface) noexcept {
+  for (int k = 0; k < 2; ++k) {
+    fit.shrinks[k] = std::min(shrink_to_contact(fit, surface, k, k, 0.0F), shrink_before_others(fit, surface, k));
+    if (!fit.side[1 - k]) continue;
+    fit.shrinks[k] = std::min(fit.shrinks[k], shrink_to_contact(fit, surface, k, 1 - k, fit.params.overhang_m));
+  }
+}
+
 template <class Executor>
 void draw_to_body(const CarFit& fit, ImageView<Vec3f> normals, ImageView<float> surface, Executor& executor) noexcept {
   const auto rows = static_cast<std::size_t>(fit.car.y1 - fit.car.y0);
@@ -476,7 +500,14 @@ void draw_to_body(const CarFit& fit, ImageView<Vec3f> normals, ImageView<float> 
   });
 }
 
-// Cars with a number of their own and enough pixels, in the order of their first pixel.
+// Of two cars the one that reaches lower in the picture is the nearer one.
+struct FartherFirst {
+  [[nodiscard]] bool operator()(const Car& a, const Car& b) const noexcept {
+    return a.y1 != b.y1 ? a.y1 < b.y1 : a.id < b.id;
+  }
+};
+
+// Cars with a number of their own, the farther ones first.
 [[nodiscard]] inline std::size_t find_cars(const CarBodiesParams& params, const ObjectMap& objects,
                                            Span<std::uint16_t> car_of_id, Span<Car> cars) noexcept {
   const Shape shape = objects.labels.shape();
@@ -498,6 +529,8 @@ void draw_to_body(const CarFit& fit, ImageView<Vec3f> normals, ImageView<float> 
       ++car.pixels;
     }
   }
+  std::sort(cars.data(), cars.data() + count, FartherFirst{});
+  for (std::size_t i = 0; i < count; ++i) car_of_id[cars[i].id] = static_cast<std::uint16_t>(i + 1);
   return count;
 }
 
