@@ -438,7 +438,8 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
     if (!contact_at(fit, surface, x, y, contact)) continue;
     if (fit.w(seen, y, contact) > fit.w(1 - seen, y, contact)) continue;
     const float distance_m = -dot(fit.corner.normal[k], contact) - before_m;
-    fit.scratch[count++] = distance_m / fit.rows[k][static_cast<std::size_t>(y)].distance_m;
+    const float shrink = distance_m / fit.rows[k][static_cast<std::size_t>(y)].distance_m;
+    if (shrink > 0.0F) fit.scratch[count++] = shrink;  // else the side is not seen from here
   }
   return shrink_of(fit, count);
 }
