@@ -82,6 +82,21 @@ struct Street {
   [[nodiscard]] bool in_window(int x, int y) const {
     return face(x, y) == 0 && height(x, y) > 0.9F && height(x, y) < 1.35F;
   }
+  // Of f(x, y) over the pixels of a face that lie at most below_m high, away from the outline.
+  template <class F>
+  [[nodiscard]] double mean_of(std::uint8_t of, float below_m, int fewest, const F& f) const {
+    double sum = 0;
+    int n = 0;
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        if (face(x, y) != of || height(x, y) > below_m || near_outline(x, y)) continue;
+        sum += static_cast<double>(f(x, y));
+        ++n;
+      }
+    }
+    REQUIRE(n > fewest);
+    return sum / n;
+  }
   // Noise, windows that show what is 2 m behind them, and normals as such depth gives them: of windows anything.
   void measure() {
     for (int y = 0; y < kShape.height; ++y) {
@@ -377,17 +392,7 @@ TEST_CASE(
     params.most_shift = most_shift;
     SerialExecutor serial;
     REQUIRE(street.run(serial, params).ok());
-    double sum = 0;
-    int n = 0;
-    for (int y = 0; y < kShape.height; ++y) {
-      for (int x = 0; x < kShape.width; ++x) {
-        if (street.face(x, y) != 0 || street.height(x, y) > 0.6F || street.near_outline(x, y)) continue;
-        sum += static_cast<double>(street.surface(x, y) / street.truth(x, y));
-        ++n;
-      }
-    }
-    REQUIRE(n > 300);
-    return sum / n;
+    return street.mean_of(0, 0.6F, 300, [&](int x, int y) { return street.surface(x, y) / street.truth(x, y); });
   };
   CHECK(stands_at(1.06F, false, 0.0F) > 1.05);
   CHECK(stands_at(1.06F, false, 0.1F) == doctest::Approx(1.0).epsilon(0.01));
@@ -461,17 +466,7 @@ TEST_CASE("cars: an end that stereo sees as far off as the wheels behind it come
     params.overhang_m = overhang_m;
     SerialExecutor serial;
     REQUIRE(street.run(serial, params).ok());
-    double sum = 0;
-    int n = 0;
-    for (int y = 0; y < kShape.height; ++y) {
-      for (int x = 0; x < kShape.width; ++x) {
-        if (street.face(x, y) != 1 || street.height(x, y) > 0.8F || street.near_outline(x, y)) continue;
-        sum += static_cast<double>(street.surface(x, y) - street.truth(x, y));
-        ++n;
-      }
-    }
-    REQUIRE(n > 100);
-    return sum / n;
+    return street.mean_of(1, 0.8F, 100, [&](int x, int y) { return street.surface(x, y) - street.truth(x, y); });
   };
   CHECK(end_off_m(0.0F) > 0.5);
   CHECK(end_off_m(0.7F) < 0.4);

@@ -72,7 +72,6 @@ template <class Executor>
   const auto is_ground = [&](int x, int y) {
     return params.ground.contains(labels(x, y)) && is_valid_depth(surface(x, y));
   };
-  const auto fall_of = [&](int x, int y) { return -dot(ground.up, unproject_pixel(camera, x, y, 1.0F)); };
   executor.for_chunks(static_cast<std::size_t>(shape.width), kColumns, [&](std::size_t begin, std::size_t end) {
     float under_m[kColumns] = {};  // how far the ground met last lies below the camera; 0: none yet
     Vec3f normal[kColumns];
@@ -80,7 +79,7 @@ template <class Executor>
       for (std::size_t column = begin; column < end; ++column) {
         const auto x = static_cast<int>(column);
         const float z = surface(x, y);
-        const float fall = fall_of(x, y);
+        const float fall = depth_detail::fall_of_ray(ground, camera, x, y);
         if (!is_valid_depth(z) || !(fall > 0.0F)) continue;
         if (is_ground(x, y)) {
           const bool open = y > 0 && is_ground(x, y - 1);  // nothing stands here

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How high the ground is where a thing stands on it, from noisy depth.
+// How high the ground is where a thing stands on it, from noisy depth, and where rays meet it.
 //
 // At a pixel of the ground: the median of how far below the camera its row lies within kGroundLevelReach_m, 4 to 64 px
 // of it, where it has the same label, so that a kerb stays a step. One pixel's noise would be a step between
@@ -17,11 +17,17 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/vec.hpp"
+#include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
 namespace depth_detail {
+
+// How far a pixel's ray falls below the camera per metre of depth.
+[[nodiscard]] inline float fall_of_ray(const GroundPlane& ground, const Intrinsics& camera, int x, int y) noexcept {
+  return -dot(ground.up, unproject_pixel(camera, x, y, 1.0F));
+}
 
 inline constexpr float kGroundLevelReach_m = 0.2F;
 inline constexpr float kGroundLevelLeast_px = 4.0F;

@@ -168,6 +168,13 @@ struct CarFit {
   [[nodiscard]] float w(int k, int y, const Vec3f& ray) const noexcept {
     return plane_w(corner.normal[k], rows[k][static_cast<std::size_t>(y)].distance_m, ray);
   }
+  // Whether a ray of row y meets side k first.
+  [[nodiscard]] bool shows(int k, int y, const Vec3f& ray) const noexcept { return w(k, y, ray) <= w(1 - k, y, ray); }
+  // Whether a pixel shows a car farther than this one: of two cars the one that reaches lower is the nearer one.
+  [[nodiscard]] bool is_farther_car(int x, int y) const noexcept {
+    const std::uint16_t other = car_of_id[objects.instances(x, y)];
+    return other != 0 && cars[other - std::size_t{1}].y1 < car.y1;
+  }
   // The lowest row of the car in a column; car.y0 - 1: none.
   [[nodiscard]] int lowest_row(int x) const noexcept {
     int y = car.y1 - 1;
@@ -272,7 +279,7 @@ inline void see_rows(CarFit& fit, int k) noexcept {
       if (!fit.on_car(x, y)) continue;
       const Vec3f ray = unproject_pixel(fit.camera, x, y, 1.0F);
       const float a = -dot(fit.corner.normal[k], ray);
-      if (a < 0.05F || fit.w(k, y, ray) > fit.w(1 - k, y, ray)) continue;
+      if (a < 0.05F || !fit.shows(k, y, ray)) continue;
       fit.scratch[count++] = fit.depth(x, y) * a;
       rise += dot(fit.ground.up, ray) / a;
     }
@@ -282,15 +289,21 @@ inline void see_rows(CarFit& fit, int k) noexcept {
   }
 }
 
+// The rows within `window` of row i, of n: [first, end).
+struct RowsAround {
+  std::size_t first, end;
+  RowsAround(std::size_t i, std::size_t n, std::size_t window) noexcept
+      : first(i < window ? 0 : i - window), end(std::min(i + window + 1, n)) {}
+};
+
 // Medians have steps, which the edge between both sides would show: their mean over the rows within `window`.
 inline void average_rows(Span<Row> rows, std::size_t window) noexcept {
   for (Row& row : rows) row.lean_rad = row.distance_m;  // for now
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const std::size_t first = i < window ? 0 : i - window;
-    const std::size_t end = std::min(i + window + 1, rows.size());
+    const RowsAround around(i, rows.size(), window);
     float sum = 0.0F;
-    for (std::size_t j = first; j < end; ++j) sum += rows[j].lean_rad;
-    rows[i].distance_m = sum / static_cast<float>(end - first);
+    for (std::size_t j = around.first; j < around.end; ++j) sum += rows[j].lean_rad;
+    rows[i].distance_m = sum / static_cast<float>(around.end - around.first);
   }
 }
 
@@ -301,7 +314,8 @@ inline void smooth_rows(CarFit& fit, int k) noexcept {
   bool any = false;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     std::size_t count = 0;
-    for (std::size_t j = i < window ? 0 : i - window; j < rows.size() && j <= i + window; ++j) {
+    const RowsAround around(i, rows.size(), window);
+    for (std::size_t j = around.first; j < around.end; ++j) {
       if (rows[j].seen_m > 0.0F && count < fit.scratch.size()) fit.scratch[count++] = rows[j].seen_m;
     }
     const float smooth = count >= 3 ? median(fit.scratch.sub(0, count)) : 0.0F;
@@ -331,13 +345,12 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
   for (const Row& row : rows) fit.top_m[k] = max_of(fit.top_m[k], row.height_m);
   const std::size_t window = fit.window_px();
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const std::size_t first = i < window ? 0 : i - window;
-    const std::size_t last = i + window < rows.size() ? i + window : rows.size() - 1;
-    const float middle = 0.5F * static_cast<float>(last - first);
+    const RowsAround around(i, rows.size(), window);
+    const float middle = 0.5F * static_cast<float>(around.end - 1 - around.first);
     float back = 0.0F;
     float up = 0.0F;
-    for (std::size_t j = first; j <= last; ++j) {
-      const float above = middle - static_cast<float>(j - first);
+    for (std::size_t j = around.first; j < around.end; ++j) {
+      const float above = middle - static_cast<float>(j - around.first);
       back += above * rows[j].distance_m;
       up += above * rows[j].height_m;
     }
@@ -379,10 +392,9 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
   if (!kGroundLabels.contains(below) || !is_valid_depth(surface(x, y + 1))) return false;
   float under_m = depth_detail::below_camera_m(surface, fit.objects.labels, fit.camera, fit.ground.up, x, y + 1);
   if (!kCarriageway.contains(below)) under_m = max_of(under_m, fit.ground.camera_height_m);
-  const Vec3f ray = unproject_pixel(fit.camera, x, y, 1.0F);
-  const float fall = -dot(fit.ground.up, ray);
+  const float fall = depth_detail::fall_of_ray(fit.ground, fit.camera, x, y);
   if (!(fall > 0.0F) || !(under_m > 0.0F)) return false;
-  contact = ray * (under_m / fall);
+  contact = unproject_pixel(fit.camera, x, y, 1.0F) * (under_m / fall);
   return true;
 }
 
@@ -400,7 +412,7 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
   RowEnds ends{fit.car.x0, fit.car.x1 - 1, {false, false}};
   while (ends.first <= ends.last && !fit.on_car(ends.first, y)) ++ends.first;
   while (ends.first < ends.last && !fit.on_car(ends.last, y)) --ends.last;
-  // What stands beside it may stand before it; of two cars the one that reaches lower is the nearer one.
+  // What stands beside it may stand before it.
   constexpr float kBefore = 0.9F;  // of the car's depth
   const auto behind = [&](int x, int from_x) {
     if (x < 0 || x >= fit.depth.width()) return false;
@@ -409,8 +421,7 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
     if (!kStandingLabels.contains(beside)) {
       return !is_valid_depth(fit.depth(x, y)) || fit.depth(x, y) > kBefore * fit.depth(from_x, y);
     }
-    const std::uint16_t other = fit.car_of_id[fit.objects.instances(x, y)];
-    return other != 0 && fit.cars[other - std::size_t{1}].y1 < fit.car.y1;
+    return fit.is_farther_car(x, y);
   };
   if (ends.first > ends.last) return ends;
   ends.own[0] = behind(ends.first - 1, ends.first);
@@ -436,7 +447,7 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
     int y = 0;
     Vec3f contact;
     if (!contact_at(fit, surface, x, y, contact)) continue;
-    if (fit.w(seen, y, contact) > fit.w(1 - seen, y, contact)) continue;
+    if (!fit.shows(seen, y, contact)) continue;
     const float distance_m = -dot(fit.corner.normal[k], contact) - before_m;
     const float shrink = distance_m / fit.rows[k][static_cast<std::size_t>(y)].distance_m;
     if (shrink > 0.0F) fit.scratch[count++] = shrink;  // else the side is not seen from here
@@ -453,11 +464,10 @@ inline void lean_rows(CarFit& fit, int k) noexcept {
     for (const int off : {-1, 1}) {
       const int x = off < 0 ? ends.first : ends.last;
       if (!surface.contains(x + off, y) || !fit.params.cars.contains(fit.objects.labels(x + off, y))) continue;
-      const std::uint16_t other = fit.car_of_id[fit.objects.instances(x + off, y)];
-      if (other == 0 || fit.cars[other - std::size_t{1}].y1 >= fit.car.y1) continue;
+      if (!fit.is_farther_car(x + off, y)) continue;
       const Vec3f ray = unproject_pixel(fit.camera, x, y, 1.0F);
       const float z = surface(x + off, y);
-      if (!is_valid_depth(z) || fit.w(k, y, ray) > fit.w(1 - k, y, ray) || count == fit.scratch.size()) continue;
+      if (!is_valid_depth(z) || !fit.shows(k, y, ray) || count == fit.scratch.size()) continue;
       fit.scratch[count++] = fit.w(k, y, ray) * z;
     }
   }
@@ -501,7 +511,6 @@ void draw_to_body(const CarFit& fit, ImageView<Vec3f> normals, ImageView<float> 
   });
 }
 
-// Of two cars the one that reaches lower in the picture is the nearer one.
 struct FartherFirst {
   [[nodiscard]] bool operator()(const Car& a, const Car& b) const noexcept {
     return a.y1 != b.y1 ? a.y1 < b.y1 : a.id < b.id;

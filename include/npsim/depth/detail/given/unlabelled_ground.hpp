@@ -18,6 +18,7 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/detail/fill/scan_lines.hpp"
+#include "npsim/depth/detail/ground_level.hpp"
 #include "npsim/depth/detail/grow.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/geometry/ground.hpp"
@@ -26,11 +27,6 @@
 namespace npsim {
 inline namespace NPSIM_ABI {
 namespace refine_detail {
-
-// How far a pixel's ray falls below the camera per metre of depth.
-[[nodiscard]] inline float fall_of_ray(const GroundPlane& ground, const Intrinsics& camera, int x, int y) noexcept {
-  return -dot(ground.up, unproject_pixel(camera, x, y, 1.0F));
-}
 
 // Whether the surface rises by less than 20 degrees along its column, both from a few pixels below to (x, y) and from
 // there to a few pixels above.
@@ -147,12 +143,12 @@ inline constexpr float kFarGround_m = 100.0F;
     float under_m = 0.0F;  // how far its ground lies below the camera; 0: no ground
     for (int y = measured.height() - 1; y >= -1; --y) {
       if (y >= 0 && !is_valid_depth(lines(x, y))) continue;
-      const float fall = y < 0 ? 0.0F : fall_of_ray(ground, camera, x, y);
+      const float fall = y < 0 ? 0.0F : depth_detail::fall_of_ray(ground, camera, x, y);
       const float next_m = y < 0 ? 0.0F : fall * lines(x, y);
       const bool is_ground = std::fabs(ground.camera_height_m - next_m) < kGroundHeight_m;
       const float nearest = y < 0 ? kFarGround_m : std::min(kFarGround_m, lines(x, y));
       for (int v = seen - kGroundSeam_px; under_m > 0.0F && !is_ground && v > y + kGroundSeam_px; --v) {
-        const float fall_v = fall_of_ray(ground, camera, x, v);
+        const float fall_v = depth_detail::fall_of_ray(ground, camera, x, v);
         if (!(under_m < nearest * fall_v)) break;
         if (!answers(x, v)) measured(x, v) = under_m / fall_v;
       }
@@ -182,7 +178,7 @@ inline constexpr float kFarGround_m = 100.0F;
   }
   Span<float> scale;  // measured depth over the plane's, per column; 0: no ground there
   NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(width), scale));
-  const auto down = [&](int x, int y) { return fall_of_ray(ground, camera, x, y); };
+  const auto down = [&](int x, int y) { return depth_detail::fall_of_ray(ground, camera, x, y); };
   const auto lowest = [&](int x) {
     int y = height - 1;
     while (y >= 0 && !is_valid_depth(lines(x, y))) --y;
