@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "daylight.hpp"
 
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -12,10 +13,17 @@
 namespace npsim::tool {
 
 OrderedJson to_json(const DaylightReport& r) {
-  return {{"shadow_found", r.shadow},
-          {"sunlit_over_shadowed_rgb", {r.ratio.x, r.ratio.y, r.ratio.z}},
-          {"sunlit_share_of_ground", r.sunlit_share},
-          {"error_log2", r.error_log2}};
+  OrderedJson out = {{"shadow_found", r.shadow},
+                     {"sunlit_over_shadowed_rgb", {r.ratio.x, r.ratio.y, r.ratio.z}},
+                     {"sunlit_share_of_ground", r.sunlit_share},
+                     {"error_log2", r.error_log2}};
+  if (r.sun_found) {
+    constexpr double kDegrees = 57.29577951308232;
+    const Vec3d sun{static_cast<double>(r.sun.x), static_cast<double>(r.sun.y), static_cast<double>(r.sun.z)};
+    out["sun"] = {{"azimuth_deg", kDegrees * std::atan2(sun.x, sun.z)},  // 0 ahead, 90 to the right
+                  {"elevation_deg", kDegrees * std::asin(-sun.y)}};
+  }
+  return out;
 }
 
 io::Outcome write_daylight(const std::string& folder, const io::Scene& scene, const RefinedDepth& refined,

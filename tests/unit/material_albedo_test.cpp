@@ -7,6 +7,7 @@
 #include <cstring>
 #include <vector>
 
+#include "day_picture.hpp"
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
@@ -17,50 +18,8 @@ namespace {
 
 using namespace npsim;
 
-std::uint8_t encode(float linear) {
-  const float v = std::min(1.0F, std::max(0.0F, linear));
-  const double s = static_cast<double>(v);
-  const double e = s <= 0.0031308 ? 12.92 * s : 1.055 * std::pow(s, 1 / 2.4) - 0.055;
-  return static_cast<std::uint8_t>(std::lround(255 * e));
-}
-
-struct Picture {
-  Shape shape;
-  std::vector<Rgb8> day;
-  std::vector<Label> labels;
-  std::vector<Vec3f> albedo;
-  explicit Picture(int w, int h) : shape{w, h}, day(shape.pixels()), labels(shape.pixels()), albedo(shape.pixels()) {}
-  std::size_t i(int x, int y) const { return static_cast<std::size_t>(y * shape.width + x); }
-
-  std::vector<std::uint16_t> instances;
-  std::vector<float> sun;
-  DaylightReport report;
-
-  AlbedoScene scene(bool with_labels = true) const {
-    AlbedoScene out;
-    out.image = ImageView<const Rgb8>(day.data(), shape);
-    if (with_labels) out.labels = ImageView<const Label>(labels.data(), shape);
-    if (with_labels && !instances.empty()) out.instances = ImageView<const std::uint16_t>(instances.data(), shape);
-    return out;
-  }
-  template <class Executor = SerialExecutor>
-  Status run(const AlbedoParams& p = {}, bool with_labels = true, Executor executor = {}) {
-    npsim_test::Scratch scratch(estimate_albedo_workspace_bytes(p, shape));
-    sun.assign(shape.pixels(), -1.0F);
-    return estimate_albedo(p, scene(with_labels), scratch.workspace(),
-                           {ImageView<Vec3f>(albedo.data(), shape), ImageView<float>(sun.data(), shape)}, report,
-                           executor);
-  }
-  double median(Label l) const {
-    std::vector<float> v;
-    for (std::size_t k = 0; k < labels.size(); ++k) {
-      if (labels[k] == l) v.push_back(luminance(albedo[k]));
-    }
-    REQUIRE(!v.empty());
-    std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-    return static_cast<double>(v[v.size() / 2]);
-  }
-};
+using npsim_test::encode;
+using npsim_test::Picture;
 
 enum class Dark { nothing, shadow, wet };
 

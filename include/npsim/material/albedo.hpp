@@ -7,7 +7,8 @@
 // 3. Scale: asphalt in the sun meets the prior of detail/class_priors.hpp. All other ground, vehicles, people and things
 //    share this scale, so that a black car stays black; facades and plants, whose light differs by direction, meet
 //    their own priors.
-// 4. Standing things: detail/daylight/standing_light.hpp. On cars panes (detail/daylight/panes.hpp) and tyres are told
+// 4. Standing things: detail/daylight/standing_light.hpp, and walls by the sun's direction where they show it
+//    (detail/daylight/sun.hpp). On cars panes (detail/daylight/panes.hpp) and tyres are told
 //    from paint by where they are and how they differ. What is brighter than panes_limit times an object's median is
 //    half drawn in, because much of it is the sky that paint and panes show.
 // 5. Colour: the road's cast is divided out to the share that `cast_removal` states. What is saturated (a channel at or
@@ -42,6 +43,7 @@
 #include "npsim/material/detail/daylight/panes.hpp"
 #include "npsim/material/detail/daylight/picture.hpp"
 #include "npsim/material/detail/daylight/standing_light.hpp"
+#include "npsim/material/detail/daylight/sun.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -70,6 +72,8 @@ struct DaylightReport {
   Vec3f ratio{1, 1, 1};       // sunlit over shadowed light, per channel
   float sunlit_share = 1.0F;  // of the ground
   float error_log2 = 0.0F;    // estimate: spread of the ground's albedo that its light leaves
+  bool sun_found = false;     // from walls; only where shadow is true
+  Vec3f sun{0, -1, 0};        // unit, towards it, in the camera's frame
 };
 
 struct AlbedoEstimate {
@@ -87,6 +91,7 @@ struct Context {
   Picture picture;
   GroundLight ground;
   Objects objects;
+  Sun day;
   float scale = 0.0F;  // log2 of the luminance of albedo 1 on sunlit level ground
   float cast[3] = {};  // log2 of the sun's channels over its luminance
   Plane light;         // log2 of luminance over albedo
@@ -167,6 +172,7 @@ Status light_classes(const StandingLightParams& p, Context& c, Span<std::uint32_
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), level));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), wide));
   for (const Region region : {kFacade, kPlant}) {
+    if (region == kFacade && c.day.found) continue;
     const auto inside = [&](int x, int y) { return picture.region(x, y) == region; };
     const Label named = region == kFacade ? label::building : label::vegetation;
     const float median = plane_quantile(picture.shape(), inside, picture.log_y, 0.5F, histogram);
@@ -182,6 +188,36 @@ Status light_classes(const StandingLightParams& p, Context& c, Span<std::uint32_
       c.sun(x, y) = drop > 0.0F ? clamp_to((c.light(x, y) - c.scale) / drop + 1.0F, 0.0F, 1.0F) : 1.0F;
     });
   }
+  return {};
+}
+
+[[nodiscard]] inline auto walls_of(const Context& c) noexcept {
+  return [&c](int x, int y) { return c.picture.region(x, y) == kFacade; };
+}
+[[nodiscard]] inline auto normals_of(const Context& c) noexcept {
+  return [&c](int x, int y) { return c.working_normal(x, y); };
+}
+
+// The sun, where it shows on the ground. What is no wall by its label has albedos of all kinds.
+template <class Executor>
+Status find_day(const SunParams& p, Context& c, Workspace& workspace, Executor& executor) {
+  if (c.scene.labels.empty() || !c.ground.shadow) return {};
+  c.day = light_of_day(c.ground.ratio_y, c.scene.ground.up);
+  return find_sun(p, c.picture, walls_of(c), normals_of(c), c.scale, workspace, c.day, executor);
+}
+
+// Step 4 for facades where the sun is known.
+template <class Executor>
+Status light_walls(const SunParams& p, Context& c, Workspace& workspace, Executor& executor) {
+  const auto inside = walls_of(c);
+  const auto normal = normals_of(c);
+  NPSIM_RETURN_IF_ERROR(sun_on_walls(p, c.day, c.picture, inside, normal, c.scale, workspace, c.sun, executor));
+  for_pixels(c.picture.shape(), executor, [&](int x, int y) {
+    if (!inside(x, y)) return;
+    const float cosine = c.sun(x, y) * std::max(dot(normal(x, y), c.day.direction), 0.0F);
+    c.light(x, y) = c.scale + c.day.walls + c.day.log_light(normal(x, y), cosine);
+    c.sun(x, y) = std::min(cosine / c.day.sine(), 1.0F);
+  });
   return {};
 }
 
@@ -375,19 +411,10 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
   if (c.ground.shadow) {
     report.ratio = {exp2_of(c.ground.ratio.x), exp2_of(c.ground.ratio.y), exp2_of(c.ground.ratio.z)};
   }
-  double sunlit = 0.0;
-  double n = 0.0;
-  for (int y = 0; y < picture.shape().height; ++y) {
-    for (int x = 0; x < picture.shape().width; ++x) {
-      if (!ground(x, y)) continue;
-      sunlit += static_cast<double>(c.ground.sun(x, y));
-      n += 1.0;
-    }
-  }
-  if (n > 0.0) {
-    report.sunlit_share = static_cast<float>(sunlit / n);
-    report.error_log2 = plane_quantile(picture.shape(), ground, off, 0.5F, histogram);
-  }
+  report.sun_found = c.day.found;
+  report.sun = c.day.direction;
+  report.sunlit_share = sunlit_share(picture, c.ground);
+  report.error_log2 = plane_quantile(picture.shape(), ground, off, 0.5F, histogram);
   return report;
 }
 
@@ -432,10 +459,13 @@ Status estimate_albedo(const AlbedoParams& p, const AlbedoScene& scene, Workspac
   find_scale(c, histogram);
 
   const StandingLightParams standing;
+  const SunParams sun;
+  NPSIM_RETURN_IF_ERROR(find_day(sun, c, workspace, executor));
   NPSIM_RETURN_IF_ERROR(place_sun(standing, c.picture, c.ground, workspace, c.sun, executor));
   NPSIM_RETURN_IF_ERROR(light_objects(standing, c, workspace, executor));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.pane));
   NPSIM_RETURN_IF_ERROR(find_panes({}, c.scene, c.picture, c.objects, workspace, c.pane));
+  if (c.day.found) NPSIM_RETURN_IF_ERROR(light_walls(sun, c, workspace, executor));
   NPSIM_RETURN_IF_ERROR(light_classes(standing, c, histogram, workspace, executor));
   for_pixels(c.picture.shape(), executor, [&](int x, int y) {
     if (c.picture.region(x, y) == kNone) c.light(x, y) = c.scale;

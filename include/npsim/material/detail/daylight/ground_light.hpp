@@ -40,15 +40,20 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 namespace daylight_detail {
 
+struct MeanFieldParams {
+  float reach_px = 6.0F;  // lengths are for 960 px width
+  float epsilon = 0.02F;  // of the guided filter
+  int rounds = 6;
+  float weight = 3.0F;  // of unanimous neighbours, in log odds
+};
+
 struct GroundLightParams {
   bool enabled = true;
   LightMixtureParams mixture;
   StripeParams stripes;
   float smooth_px = 4.0F;  // lengths are for 960 px width
   float smooth_epsilon = 0.02F;
-  float field_px = 6.0F;
-  int field_rounds = 6;
-  float field_weight = 3.0F;  // of unanimous neighbours, in log odds
+  MeanFieldParams field;
   float edge_near_px = 3.0F;
   float edge_far_px = 16.0F;
   float penumbra_px = 6.0F;
@@ -79,6 +84,19 @@ static_assert(kGuidedFilterPlanes == 6 && kWindowMeanPlanes == 2);
 // log2 of the light at a share of sun over full sun, for a ratio of lights given as log2.
 [[nodiscard]] inline float log_light(float sun, float ratio) noexcept {
   return log2_of(sun + (1.0F - sun) * exp2_of(-ratio));
+}
+
+// Mean share of the sun on the ground; 1 where there is none.
+[[nodiscard]] inline float sunlit_share(const Picture& picture, const GroundLight& ground) noexcept {
+  double sum = 0.0, n = 0.0;
+  for (int y = 0; y < picture.shape().height; ++y) {
+    for (int x = 0; x < picture.shape().width; ++x) {
+      if (!picture.is_ground(x, y)) continue;
+      sum += static_cast<double>(ground.sun(x, y));
+      n += 1.0;
+    }
+  }
+  return n > 0.0 ? static_cast<float>(sum / n) : 1.0F;
 }
 
 // Log odds of sun against shadow.
@@ -166,14 +184,34 @@ inline void fit_lights(const GroundLightParams& p, const Picture& picture, Image
   }
 }
 
+// Shares of light from their log odds: neighbours that no edge of the picture separates share their light. In: the
+// shares of the pixels on their own; out: with their neighbours'.
+template <class Inside, class Guide, class Executor>
+Status mean_field(const MeanFieldParams& p, const Inside& inside, const Guide& guide, Plane odds,
+                  const Picture& picture, Workspace& workspace, Plane share, Executor& executor) {
+  const WorkspaceScope scope(workspace);
+  Plane mean;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), mean));
+  for (int round = 0; round < p.rounds; ++round) {
+    NPSIM_RETURN_IF_ERROR(
+        guided_filter(inside, guide, share, picture.radius(p.reach_px), p.epsilon, workspace, mean, executor));
+    for_pixels(picture.shape(), executor, [&](int x, int y) {
+      if (!inside(x, y)) return;
+      share(x, y) = logistic(0.5F * odds(x, y) + p.weight * (2.0F * clamp_to(mean(x, y), 0.0F, 1.0F) - 1.0F));
+    });
+  }
+  return {};
+}
+inline constexpr std::size_t kMeanFieldPlanes = 1 + kGuidedFilterPlanes;
+
 // Step 2.
 template <class Executor>
 Status shadow_field(const GroundLightParams& p, const Picture& picture, Plane smooth_y, Plane smooth_c,
                     Workspace& workspace, GroundLight& out, Executor& executor) {
   const WorkspaceScope scope(workspace);
   const Shape shape = picture.shape();
-  Plane odds, mean;
-  for (Plane* plane : {&odds, &mean}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *plane));
+  Plane odds;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, odds));
   const auto ground = [&](int x, int y) { return picture.is_ground(x, y); };
   for_pixels(shape, executor, [&](int x, int y) {
     const std::uint8_t kind = picture.region(x, y);
@@ -186,15 +224,7 @@ Status shadow_field(const GroundLightParams& p, const Picture& picture, Plane sm
     odds(x, y) = o;
     out.sun(x, y) = kind < kGroundRegions ? logistic(o) : 0.0F;
   });
-  for (int round = 0; round < p.field_rounds; ++round) {
-    NPSIM_RETURN_IF_ERROR(guided_filter(ground, smooth_y, out.sun, picture.radius(p.field_px), p.smooth_epsilon,
-                                        workspace, mean, executor));
-    for_pixels(shape, executor, [&](int x, int y) {
-      if (!picture.is_ground(x, y)) return;
-      out.sun(x, y) = logistic(0.5F * odds(x, y) + p.field_weight * (2.0F * clamp_to(mean(x, y), 0.0F, 1.0F) - 1.0F));
-    });
-  }
-  return {};
+  return mean_field(p.field, ground, smooth_y, odds, picture, workspace, out.sun, executor);
 }
 
 // Step 3.

@@ -99,16 +99,7 @@ Status place_sun(const StandingLightParams& p, const Picture& picture, const Gro
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, around));
   const auto is_ground = [&](int x, int y) { return picture.is_ground(x, y) ? 1.0F : 0.0F; };
   const auto sun = [&](int x, int y) { return ground.sun(x, y); };
-  double sum = 0.0;
-  double n = 0.0;
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      if (!picture.is_ground(x, y)) continue;
-      sum += static_cast<double>(sun(x, y));
-      n += 1.0;
-    }
-  }
-  const float rest = n > 0.0 ? static_cast<float>(sum / n) : 1.0F;
+  const float rest = sunlit_share(picture, ground);
   NPSIM_RETURN_IF_ERROR(
       window_mean(is_ground, sun, picture.radius(p.place_px), 1.0F, rest, workspace, around, executor));
   executor.for_chunks(static_cast<std::size_t>(shape.width), kWindowColumns, [&](std::size_t begin, std::size_t end) {

@@ -1,0 +1,266 @@
+// SPDX-License-Identifier: Apache-2.0
+// The sun's direction, from what it does to walls, and where it reaches them.
+//
+// Light of a face with normal n, over that of sunlit level ground, for a sun towards s, ground facing `up`, and a
+// shadow that is 2^-drop as bright as the sunlit ground (which ground_light.hpp measures):
+//   (1 - a) V max(0, n s) / (s up) + a (1 + n up) / 2 + r (1 - n up) / 2,   a = 2^-drop,
+// V: whether the sun reaches it; r = .2: what a street throws back that lies half in the sun. Cameras' tone curves
+// stretch contrasts: a drop over kMostDrop, which no clear day has, is taken for one of kMostDrop whose logarithms are
+// stretched, and those of walls likewise.
+// Walls have the albedo of plaster and brick or, fewer of them, of panes and openings. So each direction says how
+// likely their luminance is, V being either in each pixel that faces the sun. The mean over a grid of directions is the
+// estimate: no sun is found where what is likely is spread out, or where one light for all faces explains the walls as
+// well. How bright all walls are over the ground is free within a binary order or two: exposure and tone curve.
+// V follows from the posterior of each pixel and the mean field of its neighbours, as on the ground.
+// Error: on generated streets whose ground shows the sun rightly the direction is within 13 degrees.
+#ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUN_HPP
+#define NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUN_HPP
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+#include "npsim/core/algorithm.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/material/detail/daylight/ground_light.hpp"
+#include "npsim/material/detail/daylight/picture.hpp"
+#include "npsim/material/detail/daylight/planes.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+namespace daylight_detail {
+
+struct SunParams {
+  float block_px = 24.0F;       // at 960 px width: walls are alike within, so that as many pixels say what one does
+  float least_together = 0.9F;  // length of the mean direction
+  float least_gain = 0.08F;     // bits per pixel over one light for all faces
+  MeanFieldParams field;
+
+  SunParams() noexcept { field.reach_px = 24.0F; }
+};
+
+// What is known of the sun and its light.
+struct Sun {
+  bool found = false;
+  Vec3f direction{0, -1, 0};  // towards it
+  float walls = 0.0F;         // log2 of how much brighter all walls are than their light and albedo make them
+  // Of the light as such:
+  Vec3f up{0, -1, 0};
+  float sky = 1.0F;      // light of level ground that the sun does not reach
+  float thrown = 0.2F;   // light of what faces down
+  float stretch = 1.0F;  // of logarithms
+
+  // log2 of the light of a face; cosine: of the sun, 0 where it does not reach.
+  [[nodiscard]] float log_light(const Vec3f& normal, float cosine) const noexcept {
+    const float upward = 0.5F * (1.0F + dot(normal, up));
+    return stretch * log2_of((1.0F - sky) * cosine / sine() + sky * upward + thrown * (1.0F - upward));
+  }
+  // Of the sun above the ground; low suns are no brighter on walls than one at some 6 degrees.
+  [[nodiscard]] float sine() const noexcept { return std::max(dot(direction, up), 0.1F); }
+};
+
+// drop: log2 of luminance, sunlit over shadowed ground.
+[[nodiscard]] inline Sun light_of_day(float drop, const Vec3f& up) noexcept {
+  constexpr float kMostDrop = 3.0F;
+  Sun sun;
+  sun.up = up;
+  sun.stretch = std::max(1.0F, drop / kMostDrop);
+  sun.sky = exp2_of(-drop / sun.stretch);
+  return sun;
+}
+
+// log2 of the density of walls' albedo, by log2 of albedo: two Gaussians, and a floor.
+struct WallPrior {
+  static constexpr float kFirst = -12.0F;
+  static constexpr float kPerOctave = 32.0F;
+  std::array<float, 512> density;  // not its logarithm
+
+  WallPrior() noexcept {
+    constexpr float kLog2E = 1.44269504F;
+    constexpr float kWall = -1.5F, kWallSpread = 0.7F;  // of .35
+    constexpr float kPane = -3.5F, kPaneSpread = 1.2F, kPanes = 0.3F;
+    constexpr float kFloor = 1e-4F;
+    for (std::size_t i = 0; i < density.size(); ++i) {
+      const float x = kFirst + (static_cast<float>(i) + 0.5F) / kPerOctave;
+      const float a = (x - kWall) / kWallSpread;
+      const float b = (x - kPane) / kPaneSpread;
+      density[i] = kFloor + (1.0F - kPanes) / kWallSpread * exp2_of(-0.5F * kLog2E * a * a) +
+                   kPanes / kPaneSpread * exp2_of(-0.5F * kLog2E * b * b);
+    }
+  }
+  [[nodiscard]] float operator()(float log_albedo) const noexcept {
+    const float bin = (log_albedo - kFirst) * kPerOctave;
+    return density[static_cast<std::size_t>(clamp_to(bin, 0.0F, static_cast<float>(density.size() - 1)))];
+  }
+};
+
+// Directions over the upper half of the sky: rings of equal elevation, as dense as they are long.
+inline constexpr int kSunRings = 9;
+inline constexpr int kSunDirections = 304;
+struct SunGrid {
+  std::array<Vec3f, kSunDirections> direction;  // of a ground that faces -y
+  std::size_t count = 0;
+
+  SunGrid() noexcept {
+    constexpr float kTurn = 6.2831853F;
+    constexpr float kLowest = 0.2F, kStep = 0.14F;  // elevation, rad: 11 to 76 degrees
+    for (int ring = 0; ring < kSunRings; ++ring) {
+      const float elevation = kLowest + kStep * static_cast<float>(ring);
+      const int n = static_cast<int>(48.0F * std::cos(elevation));
+      for (int i = 0; i < n && count < direction.size(); ++i) {
+        const float azimuth = kTurn * static_cast<float>(i) / static_cast<float>(n);
+        direction[count++] = {std::cos(elevation) * std::sin(azimuth), -std::sin(elevation),
+                              std::cos(elevation) * std::cos(azimuth)};
+      }
+    }
+  }
+};
+
+// Roofs are darker than walls, and little stands between them and the sun.
+[[nodiscard]] inline bool is_roof(const Vec3f& normal, const Vec3f& up) noexcept { return dot(normal, up) > 0.35F; }
+
+struct WallSample {
+  Vec3f normal;
+  float log_albedo;  // as if lit like sunlit ground
+};
+inline constexpr std::size_t kWallSamples = 2048;
+// Levels of all walls that are tried: steps of half a binary order about 0.
+inline constexpr int kWallLevels = 13;
+[[nodiscard]] inline float wall_level(int k) noexcept { return 0.5F * static_cast<float>(k - kWallLevels / 2); }
+inline constexpr std::size_t kSunBytes =
+    allocation_bytes<WallSample>(kWallSamples) +
+    allocation_bytes<float>(kSunDirections * static_cast<std::size_t>(kWallLevels));
+
+// Walls on a lattice that is as fine as kWallSamples allow.
+template <class Inside, class Normal>
+std::size_t wall_samples(const Picture& picture, const Inside& facade, const Normal& normal, const Vec3f& up,
+                         float scale, Span<WallSample> out, std::size_t& pixels) {
+  const Shape shape = picture.shape();
+  const auto inside = [&](int x, int y) { return facade(x, y) && !is_roof(normal(x, y), up); };
+  pixels = 0;
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) pixels += inside(x, y) ? std::size_t{1} : std::size_t{0};
+  }
+  const auto step = 1 + static_cast<int>(std::sqrt(static_cast<float>(pixels) / static_cast<float>(out.size())));
+  std::size_t n = 0;
+  for (int y = step / 2; y < shape.height; y += step) {
+    for (int x = step / 2; x < shape.width && n < out.size(); x += step) {
+      if (inside(x, y)) out[n++] = {normal(x, y), picture.log_y(x, y) - scale};
+    }
+  }
+  return n;
+}
+
+// Finds sun.direction and sun.walls; scale: log2 of the luminance of albedo 1 on sunlit level ground.
+template <class Inside, class Normal, class Executor>
+Status find_sun(const SunParams& p, const Picture& picture, const Inside& inside, const Normal& normal, float scale,
+                Workspace& workspace, Sun& sun, Executor& executor) {
+  constexpr float kSunny = 0.6F;  // of walls that face the sun
+  constexpr float kLevelSpread = 1.0F;
+  constexpr float kLog2E = 1.44269504F;
+  constexpr std::size_t kFewest = 64;
+  const WorkspaceScope scope(workspace);
+  Span<WallSample> room;
+  Span<float> fit;  // bits per pixel, by direction and level
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(kWallSamples, room));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(kSunDirections * static_cast<std::size_t>(kWallLevels), fit));
+  std::size_t pixels = 0;
+  const Span<WallSample> walls = room.sub(0, wall_samples(picture, inside, normal, sun.up, scale, room, pixels));
+  if (walls.size() < kFewest) return {};
+  const WallPrior prior;
+  const SunGrid grid;
+  const auto n = static_cast<float>(walls.size());
+  const auto block = static_cast<float>(picture.radius(p.block_px));
+  const float independent = static_cast<float>(pixels) / (block * block);
+  const auto level_bits = [&](int k) {
+    const float off = wall_level(k) / kLevelSpread;
+    return 0.5F * kLog2E * off * off / independent;
+  };
+  executor.for_chunks(grid.count, 4, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      Sun tried = sun;
+      tried.direction = grid.direction[i];
+      float sums[kWallLevels] = {};
+      for (const WallSample& w : walls) {
+        const float cosine = dot(w.normal, tried.direction);
+        const float shade = w.log_albedo - tried.log_light(w.normal, 0.0F);
+        const float lit = cosine > 0.0F ? w.log_albedo - tried.log_light(w.normal, cosine) : shade;
+        for (int k = 0; k < kWallLevels; ++k) {
+          const float level = wall_level(k);
+          sums[k] += log2_of(kSunny * prior(lit - level) + (1.0F - kSunny) * prior(shade - level));
+        }
+      }
+      for (int k = 0; k < kWallLevels; ++k) {
+        fit[i * kWallLevels + static_cast<std::size_t>(k)] = sums[k] / n - level_bits(k);
+      }
+    }
+  });
+  float best = fit[0];
+  for (std::size_t i = 0; i < grid.count * kWallLevels; ++i) best = std::max(best, fit[i]);
+  double weight = 0.0, level = 0.0, mean[3] = {};
+  for (std::size_t i = 0; i < grid.count; ++i) {
+    for (int k = 0; k < kWallLevels; ++k) {
+      const float bits = independent * (fit[i * kWallLevels + static_cast<std::size_t>(k)] - best);
+      const auto w = static_cast<double>(exp2_of(std::max(bits, -100.0F)));
+      weight += w;
+      level += w * static_cast<double>(wall_level(k));
+      mean[0] += w * static_cast<double>(grid.direction[i].x);
+      mean[1] += w * static_cast<double>(grid.direction[i].y);
+      mean[2] += w * static_cast<double>(grid.direction[i].z);
+    }
+  }
+  const Vec3f direction{static_cast<float>(mean[0] / weight), static_cast<float>(mean[1] / weight),
+                        static_cast<float>(mean[2] / weight)};
+  // One light for all faces, at whatever level suits them best.
+  float alike = -1e30F;
+  for (float brightness = -10.0F; brightness < 4.0F; brightness += 0.25F) {
+    float sum = 0.0F;
+    for (const WallSample& w : walls) sum += log2_of(prior(w.log_albedo - brightness));
+    alike = std::max(alike, sum / n);
+  }
+  const float together = length(direction);
+  sun.found = together >= p.least_together && best >= alike + p.least_gain;
+  if (!sun.found) return {};
+  sun.direction = direction / together;
+  sun.walls = static_cast<float>(level / weight);
+  return {};
+}
+
+// share(x, y) of walls = how much of the sun reaches them, 0..1.
+template <class Inside, class Normal, class Executor>
+Status sun_on_walls(const SunParams& p, const Sun& sun, const Picture& picture, const Inside& inside,
+                    const Normal& normal, float scale, Workspace& workspace, Plane share, Executor& executor) {
+  constexpr float kLn2 = 0.69314718F;
+  constexpr float kSurest = 3.0F;  // log odds that the albedo of one pixel may give
+  constexpr float kAway = -4.0F;   // log odds of what faces away
+  const WorkspaceScope scope(workspace);
+  Plane odds;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), odds));
+  const WallPrior prior;
+  for_pixels(picture.shape(), executor, [&](int x, int y) {
+    if (!inside(x, y)) return;
+    const Vec3f face = normal(x, y);
+    const float cosine = dot(face, sun.direction);
+    odds(x, y) = cosine > 0.0F ? kSurest : kAway;
+    if (cosine > 0.0F && !is_roof(face, sun.up)) {
+      const float seen = picture.log_y(x, y) - scale - sun.walls;
+      const float lit = log2_of(prior(seen - sun.log_light(face, cosine)));
+      const float shade = log2_of(prior(seen - sun.log_light(face, 0.0F)));
+      odds(x, y) = clamp_to(kLn2 * (lit - shade), -kSurest, kSurest);
+    }
+    share(x, y) = logistic(odds(x, y));
+  });
+  return mean_field(p.field, inside, picture.log_y, odds, picture, workspace, share, executor);
+}
+
+}  // namespace daylight_detail
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUN_HPP

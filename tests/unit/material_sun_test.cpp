@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+// The sun from walls: its direction, shadows on facades, panes, and days on which walls do not show it.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstring>
+#include <vector>
+
+#include "day_picture.hpp"
+#include "fixture.hpp"
+#include "npsim/core/random.hpp"
+
+namespace {
+
+using namespace npsim;
+using npsim_test::encode;
+using npsim_test::Picture;
+
+struct Day {
+  Vec3f sun{0.5F, -0.75F, -0.43F};  // behind the camera, to the right
+  bool on_ground = true;            // shadow and sun on the road
+  bool on_walls = true;
+  float walls_seen = 1.0F;    // what a tone curve makes of walls
+  bool sides = true;          // walls along the street, beside that across
+  float shadow_below = 0.5F;  // of the height of the left wall
+};
+
+constexpr int kWidth = 480, kHeight = 270, kHorizon = 135;
+constexpr Vec3f kSky{0.11F, 0.13F, 0.17F};  // light of the sky over that of sky and sun, on the ground
+
+// A street between two rows of three houses, and a house across its end, with panes; the sun as given.
+Picture canyon(const Day& day) {
+  Picture p(kWidth, kHeight);
+  p.normals.assign(p.shape.pixels(), Vec3f{0, -1, 0});
+  const Vec3f sun = normalized(day.sun);
+  constexpr float kPaint[3] = {0.55F, 0.25F, 0.4F};
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      RandomStream r(5, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * kWidth + x), 0);
+      const std::size_t i = p.i(x, y);
+      Vec3f normal{0, -1, 0};
+      float albedo = 0.1F;
+      bool lit = x > 190;
+      p.labels[i] = label::road;
+      if (y < kHorizon) {
+        p.labels[i] = y < 20 ? label::sky : label::building;
+        normal = !day.sides || (x >= 150 && x < 330) ? Vec3f{0, 0, -1} : x < 150 ? Vec3f{1, 0, 0} : Vec3f{-1, 0, 0};
+        const bool pane = x % 24 >= 8 && x % 24 < 16 && y % 26 >= 6 && y % 26 < 18;
+        albedo = pane ? 0.03F : kPaint[(x / 50) % 3];
+        lit = x >= 150 || static_cast<float>(kHorizon - y) > day.shadow_below * static_cast<float>(kHorizon);
+      }
+      const float cosine = std::fmax(0.0F, dot(normal, sun));
+      const float upward = 0.5F - 0.5F * normal.y;
+      const bool reached = lit && (y < kHorizon ? day.on_walls : true);
+      const float direct = reached ? cosine / -sun.y : 0.0F;
+      const auto light = [&](float sky) { return (1.0F - sky) * direct + sky * upward + 0.2F * (1.0F - upward); };
+      Vec3f seen{light(kSky.x), light(kSky.y), light(kSky.z)};
+      if (y >= kHorizon && !day.on_ground) seen = {1, 1, 1};
+      seen *= albedo * 1.5F * (0.9F + 0.2F * r.uniform()) * (y < kHorizon ? day.walls_seen : 1.0F);
+      if (p.labels[i] == label::sky) seen = {0.5F, 0.6F, 0.8F};
+      p.normals[i] = normal;
+      p.day[i] = {encode(seen.x), encode(seen.y), encode(seen.z)};
+    }
+  }
+  return p;
+}
+
+// Mean log2 albedo of the painted wall in a rectangle.
+double paint(const Picture& p, int x0, int x1, int y0, int y1) {
+  double sum = 0.0, n = 0.0;
+  for (int y = y0; y < y1; ++y) {
+    for (int x = x0; x < x1; ++x) {
+      if ((x % 24 >= 6 && x % 24 < 18) || (y % 26 >= 4 && y % 26 < 20)) continue;
+      sum += std::log2(static_cast<double>(luminance(p.albedo[p.i(x, y)])));
+      n += 1.0;
+    }
+  }
+  return sum / n;
+}
+
+double degrees_off(const Picture& p, const Day& day) {
+  return 57.29578 * static_cast<double>(std::acos(std::fmin(1.0F, dot(p.report.sun, normalized(day.sun)))));
+}
+
+}  // namespace
+
+TEST_CASE(
+    "the sun is found from walls on all sides, and neither its shadow on a facade nor a side away from it stays") {
+  for (const float walls_seen : {1.0F, 0.5F, 2.0F}) {
+    INFO("walls seen " << walls_seen);
+    Day day;
+    day.walls_seen = walls_seen;
+    for (const float side : {1.0F, -1.0F}) {
+      day.sun.x = 0.5F * side;
+      Picture p = canyon(day);
+      REQUIRE(p.run().ok());
+      REQUIRE(p.report.shadow);
+      REQUIRE(p.report.sun_found);
+      CHECK(degrees_off(p, day) < 15.0);
+      // One house of the left row, above and below the edge of the shadow; by day four times as bright above.
+      CHECK(std::fabs(paint(p, 55, 95, 25, 55) - paint(p, 55, 95, 85, 130)) < 0.4);
+      // Houses of one paint on either side of the street, one of them away from the sun.
+      CHECK(std::fabs(paint(p, 55, 95, 25, 55) - paint(p, 355, 395, 25, 55)) < 0.5);
+      // Dark paint stays dark: .25 beside .55.
+      CHECK(std::fabs(paint(p, 5, 45, 25, 55) - paint(p, 55, 95, 25, 55) - 1.14) < 0.35);
+      CHECK(p.sun[p.i(60, 120)] < 0.1F);
+    }
+  }
+}
+
+TEST_CASE("no sun is looked for without a shadow on the ground, and none is found where walls show none") {
+  Day cloudy;
+  cloudy.on_ground = false;
+  Day in_the_shade;
+  in_the_shade.on_walls = false;
+  Day one_side;
+  one_side.sides = false;
+  for (const Day& day : {cloudy, in_the_shade, one_side}) {
+    Picture p = canyon(day);
+    REQUIRE(p.run().ok());
+    CHECK(!p.report.sun_found);
+    CHECK(p.report.shadow == day.on_ground);
+    CHECK(p.median(label::building) == doctest::Approx(0.27).epsilon(0.3));
+  }
+}
+
+TEST_CASE("walls in the sun: the order of chunks never changes a bit") {
+  Picture a = canyon({});
+  Picture b = a;
+  REQUIRE(a.run().ok());
+  REQUIRE(b.run({}, true, npsim_test::BackwardExecutor{}).ok());
+  REQUIRE(a.report.sun_found);
+  CHECK(std::memcmp(&a.report.sun, &b.report.sun, sizeof(Vec3f)) == 0);
+  CHECK(std::memcmp(a.albedo.data(), b.albedo.data(), a.albedo.size() * sizeof(Vec3f)) == 0);
+}
