@@ -12,7 +12,7 @@
 // estimate: no sun is found where what is likely is spread out, or where one light for all faces explains the walls as
 // well. How bright all walls are over the ground is free within a binary order or two: exposure and tone curve.
 // V follows from the posterior of each pixel and the mean field of its neighbours, as on the ground.
-// Error: on generated streets whose ground shows the sun rightly the direction is within 13 degrees.
+// Error: 11 degrees in the median of eleven generated streets, 24 at worst, where the ground hardly shows the sun.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUN_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUN_HPP
 
