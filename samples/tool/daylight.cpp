@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "daylight.hpp"
 
-#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -18,10 +17,9 @@ OrderedJson to_json(const DaylightReport& r) {
                      {"sunlit_share_of_ground", r.sunlit_share},
                      {"error_log2", r.error_log2}};
   if (r.sun_found) {
-    constexpr double kDegrees = 57.29577951308232;
-    const Vec3d sun{static_cast<double>(r.sun.x), static_cast<double>(r.sun.y), static_cast<double>(r.sun.z)};
-    out["sun"] = {{"azimuth_deg", kDegrees * std::atan2(sun.x, sun.z)},  // 0 ahead, 90 to the right
-                  {"elevation_deg", kDegrees * std::asin(-sun.y)}};
+    constexpr float kDegrees = 57.2957795F;
+    out["sun"] = {{"azimuth_deg", kDegrees * r.azimuth_rad},  // 0 ahead, 90 to the right
+                  {"elevation_deg", kDegrees * r.elevation_rad}};
   }
   return out;
 }

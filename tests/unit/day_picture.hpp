@@ -36,6 +36,7 @@ struct Picture {
 
   std::vector<std::uint16_t> instances;
   std::vector<Vec3f> normals;
+  GroundPlane ground;
   std::vector<float> sun;
   DaylightReport report;
 
@@ -45,6 +46,7 @@ struct Picture {
     if (with_labels) out.labels = ImageView<const Label>(labels.data(), shape);
     if (with_labels && !instances.empty()) out.instances = ImageView<const std::uint16_t>(instances.data(), shape);
     if (!normals.empty()) out.normals = ImageView<const Vec3f>(normals.data(), shape);
+    out.ground = ground;
     return out;
   }
   template <class Executor = SerialExecutor>

@@ -17,7 +17,7 @@
 //    that what differs stays different; values in [min_albedo, max_albedo].
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.
 // It is an estimate up to a factor that the road's prior sets, not a measurement.
-// Cost: some 110 passes over the working image. Memory: estimate_albedo_workspace_bytes(). The same bits for any thread
+// Cost: some 110 passes over the working image, 160 where the sun is found. Memory: estimate_albedo_workspace_bytes(). The same bits for any thread
 // count.
 #ifndef NPSIM_MATERIAL_ALBEDO_HPP
 #define NPSIM_MATERIAL_ALBEDO_HPP
@@ -68,17 +68,19 @@ struct AlbedoParams {
 
 // What was found of the day.
 struct DaylightReport {
-  bool shadow = false;        // sun and shadow on the ground are told apart
-  Vec3f ratio{1, 1, 1};       // sunlit over shadowed light, per channel
-  float sunlit_share = 1.0F;  // of the ground
-  float error_log2 = 0.0F;    // estimate: spread of the ground's albedo that its light leaves
-  bool sun_found = false;     // from walls; only where shadow is true
-  Vec3f sun{0, -1, 0};        // unit, towards it, in the camera's frame
+  bool shadow = false;         // sun and shadow on the ground are told apart
+  Vec3f ratio{1, 1, 1};        // sunlit over shadowed light, per channel
+  float sunlit_share = 1.0F;   // of the ground
+  float error_log2 = 0.0F;     // estimate: spread of the ground's albedo that its light leaves
+  bool sun_found = false;      // from walls; only where shadow is true
+  float azimuth_rad = 0.0F;    // of the sun, from where the camera looks over the ground, to the right
+  float elevation_rad = 0.0F;  // over the ground
 };
 
 struct AlbedoEstimate {
   ImageView<Vec3f> albedo;  // linear RGB
-  ImageView<float> sun;     // share of the direct sun, 0..1; 1 where none is known to be missing. May be empty
+  // Share of the direct sun, 0..1: on walls of what level ground gets; 1 where none is known to be missing. May be empty.
+  ImageView<float> sun;
 };
 
 namespace albedo_detail {
@@ -162,7 +164,8 @@ inline void find_scale(Context& c, Span<std::uint32_t> histogram) {
   }
 }
 
-// Step 4 for facades and plants: `share` of what is smooth in a class is light.
+// Step 4 for facades and plants: `share` of what is smooth in a class is light, besides that of the sun on walls, which
+// `light` of facades holds.
 template <class Executor>
 Status light_classes(const StandingLightParams& p, Context& c, Span<std::uint32_t> histogram, Workspace& workspace,
                      Executor& executor) {
@@ -172,18 +175,25 @@ Status light_classes(const StandingLightParams& p, Context& c, Span<std::uint32_
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), level));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), wide));
   for (const Region region : {kFacade, kPlant}) {
-    if (region == kFacade && c.day.found) continue;
     const auto inside = [&](int x, int y) { return picture.region(x, y) == region; };
     const Label named = region == kFacade ? label::building : label::vegetation;
-    const float median = plane_quantile(picture.shape(), inside, picture.log_y, 0.5F, histogram);
+    const bool sunny = region == kFacade && c.day.found;
+    const auto sunlight = [&](int x, int y) { return sunny ? c.light(x, y) : 0.0F; };
+    const auto seen = [&](int x, int y) { return picture.log_y(x, y) - sunlight(x, y); };
     const float prior = log2_of(surface_prior(named).albedo);
+    const float median =
+        sunny ? c.scale + c.day.exposure + prior : plane_quantile(picture.shape(), inside, seen, 0.5F, histogram);
     const auto normal = [&](int x, int y) { return c.working_normal(x, y); };
-    NPSIM_RETURN_IF_ERROR(smooth_by_facing(picture, region, p.smooth_px, median, normal, workspace, level, executor));
-    NPSIM_RETURN_IF_ERROR(smooth_by_facing(picture, region, p.wide_px, median, normal, workspace, wide, executor));
+    NPSIM_RETURN_IF_ERROR(
+        smooth_by_facing(picture, region, p.smooth_px, seen, median, normal, workspace, level, executor));
+    NPSIM_RETURN_IF_ERROR(
+        smooth_by_facing(picture, region, p.wide_px, seen, median, normal, workspace, wide, executor));
+    const float part = !c.params.remove_light ? 0.0F : sunny ? p.sunny_share : 1.0F;
     for_pixels(picture.shape(), executor, [&](int x, int y) {
       if (!inside(x, y)) return;
-      c.light(x, y) =
-          median - prior + (c.params.remove_light ? p.share * level(x, y) + p.wide_share * wide(x, y) : 0.0F);
+      const float smooth = p.share * level(x, y) + p.wide_share * wide(x, y);
+      c.light(x, y) = sunlight(x, y) + median - prior + part * smooth;
+      if (sunny) return;
       const float drop = c.ground.ratio_y;
       c.sun(x, y) = drop > 0.0F ? clamp_to((c.light(x, y) - c.scale) / drop + 1.0F, 0.0F, 1.0F) : 1.0F;
     });
@@ -194,19 +204,24 @@ Status light_classes(const StandingLightParams& p, Context& c, Span<std::uint32_
 [[nodiscard]] inline auto walls_of(const Context& c) noexcept {
   return [&c](int x, int y) { return c.picture.region(x, y) == kFacade; };
 }
+// Unit normals; zero where none is known.
 [[nodiscard]] inline auto normals_of(const Context& c) noexcept {
-  return [&c](int x, int y) { return c.working_normal(x, y); };
+  return [&c](int x, int y) {
+    const Vec3f n = c.working_normal(x, y);
+    const float square = dot(n, n);
+    return square > 0.9F && square < 1.1F ? n : Vec3f{};
+  };
 }
 
 // The sun, where it shows on the ground. What is no wall by its label has albedos of all kinds.
 template <class Executor>
 Status find_day(const SunParams& p, Context& c, Workspace& workspace, Executor& executor) {
   if (c.scene.labels.empty() || !c.ground.shadow) return {};
-  c.day = light_of_day(c.ground.ratio_y, c.scene.ground.up);
+  c.day = light_of_day(c.ground.ratio_y, c.scene.ground);
   return find_sun(p, c.picture, walls_of(c), normals_of(c), c.scale, workspace, c.day, executor);
 }
 
-// Step 4 for facades where the sun is known.
+// Step 4 for facades where the sun is known: its light and the sky's, relative to that of sunlit level ground.
 template <class Executor>
 Status light_walls(const SunParams& p, Context& c, Workspace& workspace, Executor& executor) {
   const auto inside = walls_of(c);
@@ -214,8 +229,8 @@ Status light_walls(const SunParams& p, Context& c, Workspace& workspace, Executo
   NPSIM_RETURN_IF_ERROR(sun_on_walls(p, c.day, c.picture, inside, normal, c.scale, workspace, c.sun, executor));
   for_pixels(c.picture.shape(), executor, [&](int x, int y) {
     if (!inside(x, y)) return;
-    const float cosine = c.sun(x, y) * std::max(dot(normal(x, y), c.day.direction), 0.0F);
-    c.light(x, y) = c.scale + c.day.walls + c.day.log_light(normal(x, y), cosine);
+    const float cosine = c.sun(x, y) * c.day.cosine(normal(x, y));
+    c.light(x, y) = c.day.log_light(normal(x, y), cosine);
     c.sun(x, y) = std::min(cosine / c.day.sine(), 1.0F);
   });
   return {};
@@ -412,7 +427,8 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
     report.ratio = {exp2_of(c.ground.ratio.x), exp2_of(c.ground.ratio.y), exp2_of(c.ground.ratio.z)};
   }
   report.sun_found = c.day.found;
-  report.sun = c.day.direction;
+  report.azimuth_rad = c.day.azimuth();
+  report.elevation_rad = std::asin(clamp_to(dot(c.day.direction, c.day.up), -1.0F, 1.0F));
   report.sunlit_share = sunlit_share(picture, c.ground);
   report.error_log2 = plane_quantile(picture.shape(), ground, off, 0.5F, histogram);
   return report;
@@ -424,7 +440,9 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
   using namespace daylight_detail;
   const Shape working = working_shape(shape);
   constexpr std::size_t kPlanes = kPicturePlanes + 2 + kGroundLightPlanes;
-  static_assert(2 + 1 + kPanePlanes <= kGroundLightPlanes);  // the ground's result, and where panes may be
+  // The ground's result, and where panes may be; the sun is found before objects are listed.
+  static_assert(2 + 1 + kPanePlanes <= kGroundLightPlanes && 2 + 1 + kSunPlanes <= kGroundLightPlanes);
+  static_assert(kSunBytes <= kObjectsBytes);
   return kPlanes * allocation_bytes<float>(working.pixels()) + 2 * allocation_bytes<std::uint8_t>(working.pixels()) +
          allocation_bytes<std::uint32_t>(static_cast<std::size_t>(kCellsY * kCellsC)) +
          allocation_bytes<LightCell>(static_cast<std::size_t>(kCellsY * kCellsC)) + kObjectsBytes +

@@ -34,7 +34,8 @@ struct StandingLightParams {
   float smooth_px = 128.0F;  // at 960 px width
   float share = 0.4F;        // of the smooth part that is light
   float wide_px = 512.0F;
-  float wide_share = 0.7F;  // of the mean of a direction
+  float wide_share = 0.7F;   // of the mean of a direction
+  float sunny_share = 0.5F;  // of both shares, where the sun on walls is known already
   float place_px = 24.0F;
   // What stands in the shadow may rise out of it: between these heights its light becomes that of the sun.
   float low_m = 1.5F;
@@ -55,9 +56,9 @@ inline constexpr int kFacings = 5;
   return c2 * c2 * c2;
 }
 
-// level(x, y) of one region = the smooth part of log_y among neighbours that face alike, about `median`.
-template <class Normal, class Executor>
-Status smooth_by_facing(const Picture& picture, std::uint8_t region, float length_px, float median,
+// level(x, y) of one region = the smooth part of `seen` among neighbours that face alike, about `median`.
+template <class Seen, class Normal, class Executor>
+Status smooth_by_facing(const Picture& picture, std::uint8_t region, float length_px, const Seen& seen, float median,
                         const Normal& normal, Workspace& workspace, Plane level, Executor& executor) {
   const WorkspaceScope scope(workspace);
   const Shape shape = picture.shape();
@@ -70,7 +71,7 @@ Status smooth_by_facing(const Picture& picture, std::uint8_t region, float lengt
   });
   const int radius = picture.radius(0.5F * length_px);
   const float prior = 0.01F * static_cast<float>((2 * radius + 1) * (2 * radius + 1));
-  const auto value = [&](int x, int y) { return clamp_to(picture.log_y(x, y) - median, -4.0F, 3.0F); };
+  const auto value = [&](int x, int y) { return clamp_to(seen(x, y) - median, -4.0F, 3.0F); };
   for (int facing = 0; facing < kFacings; ++facing) {
     const auto own = [&](int x, int y) {
       return picture.region(x, y) == region ? 0.05F + facing_weight(normal(x, y), facing) : 0.0F;

@@ -9,8 +9,8 @@
 // stretched, and those of walls likewise.
 // Walls have the albedo of plaster and brick or, fewer of them, of panes and openings. So each direction says how
 // likely their luminance is, V being either in each pixel that faces the sun. The mean over a grid of directions is the
-// estimate: no sun is found where what is likely is spread out, or where one light for all faces explains the walls as
-// well. How bright all walls are over the ground is free within a binary order or two: exposure and tone curve.
+// estimate: no sun is found where what is likely is spread out, or where two lights that ask for no direction explain
+// the walls as well. How bright all walls are over the ground is free within a binary order or two: exposure and tone curve.
 // V follows from the posterior of each pixel and the mean field of its neighbours, as on the ground.
 // Error: 11 degrees in the median of eleven generated streets, 24 at worst, where the ground hardly shows the sun.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUN_HPP
@@ -28,6 +28,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/geometry/ground.hpp"
 #include "npsim/material/detail/daylight/ground_light.hpp"
 #include "npsim/material/detail/daylight/picture.hpp"
 #include "npsim/material/detail/daylight/planes.hpp"
@@ -37,21 +38,25 @@ inline namespace NPSIM_ABI {
 namespace daylight_detail {
 
 struct SunParams {
-  float block_px = 24.0F;       // at 960 px width: walls are alike within, so that as many pixels say what one does
-  float least_together = 0.9F;  // length of the mean direction
-  float least_gain = 0.08F;     // bits per pixel over one light for all faces
+  float block_px = 64.0F;        // at 960 px width: walls are alike within, so that as many pixels say what one does
+  float least_together = 0.95F;  // length of the mean direction
+  float least_gain = 0.12F;      // bits per pixel over lights without direction
   MeanFieldParams field;
 
-  SunParams() noexcept { field.reach_px = 24.0F; }
+  SunParams() noexcept {
+    field.reach_px = 24.0F;
+    field.weight = 2.0F;  // a house in dark paint is not told from one in the shade: what is not sure stays between
+  }
 };
 
 // What is known of the sun and its light.
 struct Sun {
   bool found = false;
   Vec3f direction{0, -1, 0};  // towards it
-  float walls = 0.0F;         // log2 of how much brighter all walls are than their light and albedo make them
+  float exposure = 0.0F;      // log2 of how much brighter walls are seen than their light and albedo make them
   // Of the light as such:
   Vec3f up{0, -1, 0};
+  Vec3f ahead{0, 0, 1};
   float sky = 1.0F;      // light of level ground that the sun does not reach
   float thrown = 0.2F;   // light of what faces down
   float stretch = 1.0F;  // of logarithms
@@ -61,15 +66,22 @@ struct Sun {
     const float upward = 0.5F * (1.0F + dot(normal, up));
     return stretch * log2_of((1.0F - sky) * cosine / sine() + sky * upward + thrown * (1.0F - upward));
   }
+  // Between a face and the sun, 0 where it faces away; a middle one where its direction is not known.
+  [[nodiscard]] float cosine(const Vec3f& normal) const noexcept {
+    return normal == Vec3f{} ? 0.5F : std::max(dot(normal, direction), 0.0F);
+  }
+  [[nodiscard]] Vec3f right() const noexcept { return cross(ahead, up); }
+  [[nodiscard]] float azimuth() const noexcept { return std::atan2(dot(direction, right()), dot(direction, ahead)); }
   // Of the sun above the ground; low suns are no brighter on walls than one at some 6 degrees.
   [[nodiscard]] float sine() const noexcept { return std::max(dot(direction, up), 0.1F); }
 };
 
 // drop: log2 of luminance, sunlit over shadowed ground.
-[[nodiscard]] inline Sun light_of_day(float drop, const Vec3f& up) noexcept {
+[[nodiscard]] inline Sun light_of_day(float drop, const GroundPlane& ground) noexcept {
   constexpr float kMostDrop = 3.0F;
   Sun sun;
-  sun.up = up;
+  sun.up = ground.up;
+  sun.ahead = forward_on_ground(ground);
   sun.stretch = std::max(1.0F, drop / kMostDrop);
   sun.sky = exp2_of(-drop / sun.stretch);
   return sun;
@@ -83,7 +95,7 @@ struct WallPrior {
 
   WallPrior() noexcept {
     constexpr float kLog2E = 1.44269504F;
-    constexpr float kWall = -1.5F, kWallSpread = 0.7F;  // of .35
+    constexpr float kWall = -1.5F, kWallSpread = 0.9F;  // of .35
     constexpr float kPane = -3.5F, kPaneSpread = 1.2F, kPanes = 0.3F;
     constexpr float kFloor = 1e-4F;
     for (std::size_t i = 0; i < density.size(); ++i) {
@@ -102,12 +114,12 @@ struct WallPrior {
 
 // Directions over the upper half of the sky: rings of equal elevation, as dense as they are long.
 inline constexpr int kSunRings = 9;
-inline constexpr int kSunDirections = 304;
+inline constexpr int kMostSunDirections = 304;
 struct SunGrid {
-  std::array<Vec3f, kSunDirections> direction;  // of a ground that faces -y
+  std::array<Vec3f, kMostSunDirections> direction;
   std::size_t count = 0;
 
-  SunGrid() noexcept {
+  explicit SunGrid(const Sun& over) noexcept {
     constexpr float kTurn = 6.2831853F;
     constexpr float kLowest = 0.2F, kStep = 0.14F;  // elevation, rad: 11 to 76 degrees
     for (int ring = 0; ring < kSunRings; ++ring) {
@@ -115,8 +127,8 @@ struct SunGrid {
       const int n = static_cast<int>(48.0F * std::cos(elevation));
       for (int i = 0; i < n && count < direction.size(); ++i) {
         const float azimuth = kTurn * static_cast<float>(i) / static_cast<float>(n);
-        direction[count++] = {std::cos(elevation) * std::sin(azimuth), -std::sin(elevation),
-                              std::cos(elevation) * std::cos(azimuth)};
+        direction[count++] = over.up * std::sin(elevation) + over.right() * (std::cos(elevation) * std::sin(azimuth)) +
+                             over.ahead * (std::cos(elevation) * std::cos(azimuth));
       }
     }
   }
@@ -135,14 +147,16 @@ inline constexpr int kWallLevels = 13;
 [[nodiscard]] inline float wall_level(int k) noexcept { return 0.5F * static_cast<float>(k - kWallLevels / 2); }
 inline constexpr std::size_t kSunBytes =
     allocation_bytes<WallSample>(kWallSamples) +
-    allocation_bytes<float>(kSunDirections * static_cast<std::size_t>(kWallLevels));
+    allocation_bytes<float>(kMostSunDirections * static_cast<std::size_t>(kWallLevels));
 
 // Walls on a lattice that is as fine as kWallSamples allow.
 template <class Inside, class Normal>
 std::size_t wall_samples(const Picture& picture, const Inside& facade, const Normal& normal, const Vec3f& up,
                          float scale, Span<WallSample> out, std::size_t& pixels) {
   const Shape shape = picture.shape();
-  const auto inside = [&](int x, int y) { return facade(x, y) && !is_roof(normal(x, y), up); };
+  const auto inside = [&](int x, int y) {
+    return facade(x, y) && normal(x, y) != Vec3f{} && !is_roof(normal(x, y), up);
+  };
   pixels = 0;
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) pixels += inside(x, y) ? std::size_t{1} : std::size_t{0};
@@ -157,7 +171,7 @@ std::size_t wall_samples(const Picture& picture, const Inside& facade, const Nor
   return n;
 }
 
-// Finds sun.direction and sun.walls; scale: log2 of the luminance of albedo 1 on sunlit level ground.
+// Finds sun.direction and sun.exposure; scale: log2 of the luminance of albedo 1 on sunlit level ground.
 template <class Inside, class Normal, class Executor>
 Status find_sun(const SunParams& p, const Picture& picture, const Inside& inside, const Normal& normal, float scale,
                 Workspace& workspace, Sun& sun, Executor& executor) {
@@ -169,12 +183,12 @@ Status find_sun(const SunParams& p, const Picture& picture, const Inside& inside
   Span<WallSample> room;
   Span<float> fit;  // bits per pixel, by direction and level
   NPSIM_RETURN_IF_ERROR(workspace.allocate(kWallSamples, room));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(kSunDirections * static_cast<std::size_t>(kWallLevels), fit));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(kMostSunDirections * static_cast<std::size_t>(kWallLevels), fit));
   std::size_t pixels = 0;
   const Span<WallSample> walls = room.sub(0, wall_samples(picture, inside, normal, sun.up, scale, room, pixels));
   if (walls.size() < kFewest) return {};
   const WallPrior prior;
-  const SunGrid grid;
+  const SunGrid grid(sun);
   const auto n = static_cast<float>(walls.size());
   const auto block = static_cast<float>(picture.radius(p.block_px));
   const float independent = static_cast<float>(pixels) / (block * block);
@@ -217,22 +231,28 @@ Status find_sun(const SunParams& p, const Picture& picture, const Inside& inside
   }
   const Vec3f direction{static_cast<float>(mean[0] / weight), static_cast<float>(mean[1] / weight),
                         static_cast<float>(mean[2] / weight)};
-  // One light for all faces, at whatever level suits them best.
+  // Two lights, whatever the direction of a face, at the level and the ratio that suit them best.
   float alike = -1e30F;
   for (float brightness = -10.0F; brightness < 4.0F; brightness += 0.25F) {
-    float sum = 0.0F;
-    for (const WallSample& w : walls) sum += log2_of(prior(w.log_albedo - brightness));
-    alike = std::max(alike, sum / n);
+    for (float drop = 0.0F; drop < 4.0F; drop += 0.5F) {
+      float sum = 0.0F;
+      for (const WallSample& w : walls) {
+        const float lit = w.log_albedo - brightness;
+        sum += log2_of(kSunny * prior(lit) + (1.0F - kSunny) * prior(lit + drop));
+      }
+      alike = std::max(alike, sum / n);
+    }
   }
   const float together = length(direction);
   sun.found = together >= p.least_together && best >= alike + p.least_gain;
   if (!sun.found) return {};
   sun.direction = direction / together;
-  sun.walls = static_cast<float>(level / weight);
+  sun.exposure = static_cast<float>(level / weight);
   return {};
 }
 
 // share(x, y) of walls = how much of the sun reaches them, 0..1.
+inline constexpr std::size_t kSunPlanes = 1 + kMeanFieldPlanes;
 template <class Inside, class Normal, class Executor>
 Status sun_on_walls(const SunParams& p, const Sun& sun, const Picture& picture, const Inside& inside,
                     const Normal& normal, float scale, Workspace& workspace, Plane share, Executor& executor) {
@@ -246,10 +266,10 @@ Status sun_on_walls(const SunParams& p, const Sun& sun, const Picture& picture, 
   for_pixels(picture.shape(), executor, [&](int x, int y) {
     if (!inside(x, y)) return;
     const Vec3f face = normal(x, y);
-    const float cosine = dot(face, sun.direction);
+    const float cosine = sun.cosine(face);
     odds(x, y) = cosine > 0.0F ? kSurest : kAway;
     if (cosine > 0.0F && !is_roof(face, sun.up)) {
-      const float seen = picture.log_y(x, y) - scale - sun.walls;
+      const float seen = picture.log_y(x, y) - scale - sun.exposure;
       const float lit = log2_of(prior(seen - sun.log_light(face, cosine)));
       const float shade = log2_of(prior(seen - sun.log_light(face, 0.0F)));
       odds(x, y) = clamp_to(kLn2 * (lit - shade), -kSurest, kSurest);
