@@ -17,8 +17,8 @@
 //    that what differs stays different; values in [min_albedo, max_albedo].
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.
 // It is an estimate up to a factor that the road's prior sets, not a measurement.
-// Cost: some 110 passes over the working image, 160 where the sun is found. Memory: estimate_albedo_workspace_bytes(). The same bits for any thread
-// count.
+// Cost: some 110 passes over the working image, 160 where the sun is found. Memory: estimate_albedo_workspace_bytes().
+// The same bits for any thread count.
 #ifndef NPSIM_MATERIAL_ALBEDO_HPP
 #define NPSIM_MATERIAL_ALBEDO_HPP
 
@@ -79,7 +79,8 @@ struct DaylightReport {
 
 struct AlbedoEstimate {
   ImageView<Vec3f> albedo;  // linear RGB
-  // Share of the direct sun, 0..1: on walls of what level ground gets; 1 where none is known to be missing. May be empty.
+  // Share of the direct sun, 0..1; on walls, of what level ground gets; 1 where none is known to be missing. May be
+  // empty.
   ImageView<float> sun;
 };
 

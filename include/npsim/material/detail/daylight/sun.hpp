@@ -10,9 +10,10 @@
 // Walls have the albedo of plaster and brick or, fewer of them, of panes and openings. So each direction says how
 // likely their luminance is, V being either in each pixel that faces the sun. The mean over a grid of directions is the
 // estimate: no sun is found where what is likely is spread out, or where two lights that ask for no direction explain
-// the walls as well. How bright all walls are over the ground is free within a binary order or two: exposure and tone curve.
+// the walls as well. How bright all walls are over the ground is free within a binary order or two: exposure and tone
+// curve.
 // V follows from the posterior of each pixel and the mean field of its neighbours, as on the ground.
-// Error: 11 degrees in the median of eleven generated streets, 24 at worst, where the ground hardly shows the sun.
+// Error: 10 degrees in the median of the eight generated streets of sixteen where a sun is found, 20 at worst.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUN_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUN_HPP
 
