@@ -88,11 +88,11 @@ struct Sun {
   return sun;
 }
 
-// log2 of the density of walls' albedo, by log2 of albedo: two Gaussians, and a floor.
+// Density of log2 of walls' albedo: two Gaussians, and a floor.
 struct WallPrior {
   static constexpr float kFirst = -12.0F;
   static constexpr float kPerOctave = 32.0F;
-  std::array<float, 512> density;  // not its logarithm
+  std::array<float, 512> density;
 
   WallPrior() noexcept {
     constexpr float kLog2E = 1.44269504F;
