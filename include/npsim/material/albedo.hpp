@@ -165,6 +165,15 @@ inline void find_scale(Context& c, Span<std::uint32_t> histogram) {
   }
 }
 
+// Unit normals; zero where none is known.
+[[nodiscard]] inline auto normals_of(const Context& c) noexcept {
+  return [&c](int x, int y) {
+    const Vec3f n = c.working_normal(x, y);
+    const float square = dot(n, n);
+    return square > 0.9F && square < 1.1F ? n : Vec3f{};
+  };
+}
+
 // Step 4 for facades and plants: `share` of what is smooth in a class is light, besides that of the sun on walls, which
 // `light` of facades holds.
 template <class Executor>
@@ -175,6 +184,7 @@ Status light_classes(const StandingLightParams& p, Context& c, Span<std::uint32_
   Plane level, wide;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), level));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), wide));
+  const auto normal = normals_of(c);
   for (const Region region : {kFacade, kPlant}) {
     const auto inside = [&](int x, int y) { return picture.region(x, y) == region; };
     const Label named = region == kFacade ? label::building : label::vegetation;
@@ -184,7 +194,6 @@ Status light_classes(const StandingLightParams& p, Context& c, Span<std::uint32_
     const float prior = log2_of(surface_prior(named).albedo);
     const float median =
         sunny ? c.scale + c.day.exposure + prior : plane_quantile(picture.shape(), inside, seen, 0.5F, histogram);
-    const auto normal = [&](int x, int y) { return c.working_normal(x, y); };
     NPSIM_RETURN_IF_ERROR(
         smooth_by_facing(picture, region, p.smooth_px, seen, median, normal, workspace, level, executor));
     NPSIM_RETURN_IF_ERROR(
@@ -204,14 +213,6 @@ Status light_classes(const StandingLightParams& p, Context& c, Span<std::uint32_
 
 [[nodiscard]] inline auto walls_of(const Context& c) noexcept {
   return [&c](int x, int y) { return c.picture.region(x, y) == kFacade; };
-}
-// Unit normals; zero where none is known.
-[[nodiscard]] inline auto normals_of(const Context& c) noexcept {
-  return [&c](int x, int y) {
-    const Vec3f n = c.working_normal(x, y);
-    const float square = dot(n, n);
-    return square > 0.9F && square < 1.1F ? n : Vec3f{};
-  };
 }
 
 // The sun, where it shows on the ground. What is no wall by its label has albedos of all kinds.

@@ -102,13 +102,12 @@ static_assert(kGuidedFilterPlanes == 6 && kWindowMeanPlanes == 2);
 // Log odds of sun against shadow.
 [[nodiscard]] inline float sun_odds(const LightMixtureParams& p, const LightMixture& m, float y, float c) noexcept {
   const Likelihood l = likelihood(p, m, y, c);
-  constexpr float kLn2 = 0.69314718F;
   constexpr float kTiny = 1e-6F;
   return clamp_to(kLn2 * (log2_of(l.sun + l.sun_paint + kTiny) - log2_of(l.shadow + l.shadow_paint + kTiny)), -8.0F,
                   8.0F);
 }
 
-[[nodiscard]] inline float logistic(float odds) noexcept { return 1.0F / (1.0F + exp2_of(-1.44269504F * odds)); }
+[[nodiscard]] inline float logistic(float odds) noexcept { return 1.0F / (1.0F + exp2_of(-kLog2E * odds)); }
 
 // The lights of `lead` on another material: only its own level and colour are free. A kind that lies in one light alone
 // fits sun and shadow alike, so the level that materials of the ground differ by decides: within a binary order, grey.

@@ -95,7 +95,6 @@ struct Likelihood {
 
 [[nodiscard]] inline Likelihood likelihood(const LightMixtureParams& p, const LightMixture& m, float y,
                                            float c) noexcept {
-  constexpr float kLog2E = 1.44269504F;
   const auto density = [&](float dy, float dc) {
     const float a = dy / m.sigma_y;
     const float b = dc / m.sigma_c;

@@ -20,6 +20,9 @@ namespace daylight_detail {
 
 using Plane = ImageView<float>;
 
+inline constexpr float kLog2E = 1.44269504F;
+inline constexpr float kLn2 = 0.69314718F;
+
 // The same bits everywhere.
 [[nodiscard]] inline float log2_of(float x) noexcept { return simd::log2(simd::scalar::F32(x)).value; }
 [[nodiscard]] inline float exp2_of(float x) noexcept { return simd::exp2(simd::scalar::F32(x)).value; }

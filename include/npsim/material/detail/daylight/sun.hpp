@@ -95,7 +95,6 @@ struct WallPrior {
   std::array<float, 512> density;
 
   WallPrior() noexcept {
-    constexpr float kLog2E = 1.44269504F;
     constexpr float kWall = -1.5F, kWallSpread = 0.9F;  // of .35
     constexpr float kPane = -3.5F, kPaneSpread = 1.2F, kPanes = 0.3F;
     constexpr float kFloor = 1e-4F;
@@ -172,13 +171,29 @@ std::size_t wall_samples(const Picture& picture, const Inside& facade, const Nor
   return n;
 }
 
+inline constexpr float kSunny = 0.6F;  // of walls that face the sun
+
+// Bits per pixel of two lights, whatever the direction of a face, at the level and the ratio that suit them best.
+[[nodiscard]] inline float bits_without_direction(const WallPrior& prior, Span<const WallSample> walls) noexcept {
+  float best = -1e30F;
+  for (float brightness = -10.0F; brightness < 4.0F; brightness += 0.25F) {
+    for (float drop = 0.0F; drop < 4.0F; drop += 0.5F) {
+      float sum = 0.0F;
+      for (const WallSample& w : walls) {
+        const float lit = w.log_albedo - brightness;
+        sum += log2_of(kSunny * prior(lit) + (1.0F - kSunny) * prior(lit + drop));
+      }
+      best = std::max(best, sum / static_cast<float>(walls.size()));
+    }
+  }
+  return best;
+}
+
 // Finds sun.direction and sun.exposure; scale: log2 of the luminance of albedo 1 on sunlit level ground.
 template <class Inside, class Normal, class Executor>
 Status find_sun(const SunParams& p, const Picture& picture, const Inside& inside, const Normal& normal, float scale,
                 Workspace& workspace, Sun& sun, Executor& executor) {
-  constexpr float kSunny = 0.6F;  // of walls that face the sun
   constexpr float kLevelSpread = 1.0F;
-  constexpr float kLog2E = 1.44269504F;
   constexpr std::size_t kFewest = 64;
   const WorkspaceScope scope(workspace);
   Span<WallSample> room;
@@ -232,20 +247,8 @@ Status find_sun(const SunParams& p, const Picture& picture, const Inside& inside
   }
   const Vec3f direction{static_cast<float>(mean[0] / weight), static_cast<float>(mean[1] / weight),
                         static_cast<float>(mean[2] / weight)};
-  // Two lights, whatever the direction of a face, at the level and the ratio that suit them best.
-  float alike = -1e30F;
-  for (float brightness = -10.0F; brightness < 4.0F; brightness += 0.25F) {
-    for (float drop = 0.0F; drop < 4.0F; drop += 0.5F) {
-      float sum = 0.0F;
-      for (const WallSample& w : walls) {
-        const float lit = w.log_albedo - brightness;
-        sum += log2_of(kSunny * prior(lit) + (1.0F - kSunny) * prior(lit + drop));
-      }
-      alike = std::max(alike, sum / n);
-    }
-  }
   const float together = length(direction);
-  sun.found = together >= p.least_together && best >= alike + p.least_gain;
+  sun.found = together >= p.least_together && best >= bits_without_direction(prior, walls) + p.least_gain;
   if (!sun.found) return {};
   sun.direction = direction / together;
   sun.exposure = static_cast<float>(level / weight);
@@ -257,7 +260,6 @@ inline constexpr std::size_t kSunPlanes = 1 + kMeanFieldPlanes;
 template <class Inside, class Normal, class Executor>
 Status sun_on_walls(const SunParams& p, const Sun& sun, const Picture& picture, const Inside& inside,
                     const Normal& normal, float scale, Workspace& workspace, Plane share, Executor& executor) {
-  constexpr float kLn2 = 0.69314718F;
   constexpr float kSurest = 3.0F;  // log odds that the albedo of one pixel may give
   constexpr float kAway = -4.0F;   // log odds of what faces away
   const WorkspaceScope scope(workspace);
