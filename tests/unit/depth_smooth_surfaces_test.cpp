@@ -65,8 +65,9 @@ struct Street {
     PlanarMap planes;
     planes.segments = Span<PlanarSegment>(&wall, 1);
     planes.of = plane_of.view();
+    npsim_test::Scratch memory(smooth_surfaces_workspace_bytes(kShape));
     return smooth_surfaces(params, depth.cview(), ObjectMap{labels.cview(), {}}, planes, noise, k, ground,
-                           smooth.view(), executor);
+                           smooth.view(), memory.workspace(), executor);
   }
   // Root mean square of 1/z off the truth, in deviations of the noise.
   template <class Where>
@@ -105,6 +106,32 @@ TEST_CASE("smooth surfaces: noise leaves road and wall, and what moved stays wit
       REQUIRE(moved <= 1.001F * most * street.noise.amplitude);
     }
   }
+}
+
+TEST_CASE(
+    "smooth surfaces: where samples of a fit stand far apart, what noise is left does not change from pixel to pixel") {
+  Street street(0.0F);
+  street.add_noise();
+  SmoothSurfacesParams params;
+  params.fit.angle_rad = 0.003F;  // 26 px, of samples 3 px apart
+  SerialExecutor serial;
+  REQUIRE(street.run(serial, params).ok());
+  double left = 0;
+  double change = 0;
+  int count = 0;
+  for (int y = kHorizon + 40; y < kShape.height - 20; ++y) {
+    for (int x = 20; x < kShape.width - 22; ++x) {
+      const auto off = [&](int u) {
+        return 1.0 / static_cast<double>(street.smooth(u, y)) - 1.0 / static_cast<double>(street.truth(u, y));
+      };
+      left += off(x) * off(x);
+      change += (off(x + 2) - off(x)) * (off(x + 2) - off(x));
+      ++count;
+    }
+  }
+  CAPTURE(std::sqrt(left / count) / static_cast<double>(street.noise.amplitude));
+  CAPTURE(std::sqrt(change / count) / static_cast<double>(street.noise.amplitude));
+  CHECK(std::sqrt(change / count) < 0.08 * static_cast<double>(street.noise.amplitude));
 }
 
 TEST_CASE(

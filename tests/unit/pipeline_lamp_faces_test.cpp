@@ -190,3 +190,28 @@ TEST_CASE("lamp faces: of implicit faces and of the same faces indexed alike") {
   CHECK(std::count(marks.begin() + static_cast<std::ptrdiff_t>(layer), marks.end(), 0) ==
         static_cast<std::ptrdiff_t>(layer));
 }
+
+TEST_CASE(
+    "lamp faces: the mast below a street lamp is its own, what stands beside it or above and masts of signals are "
+    "not") {
+  Scene s;
+  s.lamp(LightClass::street_light_ht, {2.3F, 0.3F, 5}, 0.1F);
+  s.emitters[0].axis = {0, 1, 0};  // down
+  s.emitters[0].profile = EmissionProfile::lantern;
+  s.light_index(0, 0) = 1;
+  for (int y = 0; y < 4; ++y) {
+    for (int x = 0; x < 8; ++x) s.object(x, y) = 1;
+  }
+  s.face(2, 2);  // 2 m straight down
+  s.face(3, 2);  // as deep, a metre beside it
+  s.sheet_faces = s.faces.size();
+  s.vertices.push_back({0, 0, 0});  // a back: the mesh has solids
+  s.pixels.push_back(0);
+  s.faces.push_back({s.at(7, 3), s.at(7, 3), s.at(7, 3)});
+  CHECK(s.marks() == std::vector<std::uint16_t>{1, 0, 0});
+  s.emitters[0].axis = {0, -1, 0};
+  CHECK(s.marks() == std::vector<std::uint16_t>{0, 0, 0});
+  s.emitters[0].axis = {0, 1, 0};
+  s.emitters[0].profile = EmissionProfile::signal;
+  CHECK(s.marks() == std::vector<std::uint16_t>{0, 0, 0});
+}

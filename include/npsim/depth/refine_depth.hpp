@@ -45,6 +45,7 @@
 #include "npsim/depth/detail/measured/border_spill.hpp"
 #include "npsim/depth/detail/measured/ground_mismatches.hpp"
 #include "npsim/depth/detail/measured/smooth_surfaces.hpp"
+#include "npsim/depth/detail/measured/standing_poles.hpp"
 #include "npsim/depth/detail/measured/street_furniture.hpp"
 #include "npsim/depth/detail/normals/guiding_normals.hpp"
 #include "npsim/depth/detail/normals/kerb_faces.hpp"
@@ -116,6 +117,7 @@ struct RefineDepthParams {
   BorderSpillParams spill;          // of stereo
   CarBodiesParams cars;             // of stereo
   StreetFurnitureParams furniture;  // of stereo and laser without given normals
+  StandingPolesParams masts;        // likewise
   GroundContactParams contact;
   bool guess_ground = true;  // without labels
   // The caller's memory for the losses before each step of the refinement and at its end (figure 4.4), at most
@@ -145,6 +147,7 @@ struct RefineDepthParams {
     params.kerbs.enabled = false;
     params.cars.enabled = false;
     params.furniture.enabled = false;
+    params.masts.enabled = false;
     params.contact.most_share = 0;
     params.guess_ground = false;
     return params;
@@ -267,6 +270,7 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.spill));
   NPSIM_RETURN_IF_ERROR(validate(params.cars));
   NPSIM_RETURN_IF_ERROR(validate(params.furniture));
+  NPSIM_RETURN_IF_ERROR(validate(params.masts));
   NPSIM_RETURN_IF_ERROR(validate(params.contact));
   return validate(params.refine);
 }
@@ -301,7 +305,7 @@ namespace refine_detail {
       guiding_normals_workspace_bytes(params.normals, shape),
       refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels),
       kerb_faces_workspace_bytes(shape), ground_mismatches_workspace_bytes(shape),
-      shape_cars_workspace_bytes(params.cars, shape));
+      smooth_surfaces_workspace_bytes(shape), shape_cars_workspace_bytes(params.cars, shape));
   return 3 * allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
          allocation_bytes<Vec3f>(pixels) + planar_map_bytes(params.planes, shape) + steps + kWorkspaceAlignment;
 }
@@ -596,10 +600,12 @@ template <class Executor>
   out.mesh_depth = out.filled;  // its memory: no step asks any more
   out.filled = {};
   NPSIM_RETURN_IF_ERROR(smooth_surfaces(params.smooth, ImageView<const float>(out.depth), objects, out.planes,
-                                        out.noise, scene.camera, out.ground, out.mesh_depth, executor));
+                                        out.noise, scene.camera, out.ground, out.mesh_depth, workspace, executor));
   if (!scene.normals.empty()) return {};  // given normals know more than shapes do
   NPSIM_RETURN_IF_ERROR(shape_furniture(params.furniture, ImageView<const float>(out.depth), objects, out.planes,
                                         scene.camera, out.ground.up, out.normals, out.mesh_depth, executor));
+  NPSIM_RETURN_IF_ERROR(stand_poles(params.masts, ImageView<const float>(out.depth), scene.labels, scene.camera,
+                                    out.ground, out.mesh_depth));
   if (out.source != DepthSource::stereo) return {};
   return shape_cars(params.cars, ImageView<const float>(out.depth), objects, out.noise, scene.camera, out.ground,
                     out.normals, out.mesh_depth, workspace, executor);

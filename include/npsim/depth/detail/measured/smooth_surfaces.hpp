@@ -9,9 +9,11 @@
 //   but for bulges of bulge_m, which no facade has: they are the plane's;
 //   else the middle of the plane in 1/z that fits its surroundings (detail/normals/fitted_normals.hpp), by at most `deviations`, on the
 //   ground ground_deviations. A kerb is another plane to such a fit, and stays, and so do the gaps of a crown that is
-//   near enough to have been measured with them.
+//   near enough to have been measured with them. Far ground is fitted once more, over as little as a fit may take in:
+//   the samples of the first fit stand further apart there than noise is wide, so that neighbours have not seen the
+//   same ones, and what is left changes from pixel to pixel.
 // Error: |1/smooth - 1/depth| is at most that many deviations, but for bulges.
-// Cost: 2 x 81 samples per pixel that lies on no plane. Memory: that of the result.
+// Cost: 2 x 81 samples per pixel that lies on no plane, on the ground twice that. Memory: a number a pixel.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_SMOOTH_SURFACES_HPP
 #define NPSIM_DEPTH_DETAIL_MEASURED_SMOOTH_SURFACES_HPP
 
@@ -22,6 +24,7 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
+#include "npsim/core/workspace.hpp"
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/detail/measured/ground_mismatches.hpp"
 #include "npsim/depth/detail/normals/fitted_normals.hpp"
@@ -51,12 +54,16 @@ struct SmoothSurfacesParams {
   return validate(p.fit);
 }
 
+[[nodiscard]] constexpr std::size_t smooth_surfaces_workspace_bytes(Shape shape) noexcept {
+  return allocation_bytes<float>(shape.pixels()) + kWorkspaceAlignment;
+}
+
 // planes: of this depth, or empty. smooth: not the memory of the depth.
 template <class Executor>
 [[nodiscard]] Status smooth_surfaces(const SmoothSurfacesParams& params, ImageView<const float> depth,
                                      const ObjectMap& objects, const PlanarMap& planes, const DepthNoise& noise,
                                      const Intrinsics& camera, const GroundPlane& ground, ImageView<float> smooth,
-                                     Executor& executor) noexcept {
+                                     Workspace& workspace, Executor& executor) noexcept {
   NPSIM_RETURN_IF_ERROR(validate(params));
   const Shape shape = depth.shape();
   if (smooth.shape() != shape || !objects.fits(shape) || !(planes.of.empty() || planes.of.shape() == shape)) {
@@ -64,18 +71,34 @@ template <class Executor>
   }
   copy_pixels(depth, smooth);
   if (!params.enabled) return {};
+  const WorkspaceScope scope(workspace);
+  ImageView<float> coarse;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, coarse));
+  copy_pixels(depth, coarse);
   const GroundTest is_ground(params.ground, params.ground_height_m, objects, camera, ground, depth);
   const auto draw = [&](int x, int y, float w, float deviations) {
     const float here = 1.0F / depth(x, y);
     const float most = deviations * noise.deviation(here);
-    smooth(x, y) = 1.0F / (here + clamp_to(w - here, -most, most));
+    return 1.0F / (here + clamp_to(w - here, -most, most));
   };
   const auto fitted = [&](int x, int y) { return planes.at(x, y) == nullptr; };
-  const auto draw_to_fit = [&](int x, int y, const depth_detail::FittedPlane& plane) {
-    draw(x, y, plane.c, is_ground(x, y) ? params.ground_deviations : params.deviations);
-  };
-  NPSIM_RETURN_IF_ERROR(
-      depth_detail::for_fitted_planes(params.fit, depth, objects, noise, camera, shape, fitted, draw_to_fit, executor));
+  NPSIM_RETURN_IF_ERROR(depth_detail::for_fitted_planes(
+      params.fit, depth, objects, noise, camera, shape, fitted,
+      [&](int x, int y, const depth_detail::FittedPlane& plane) {
+        const bool on_ground = is_ground(x, y);
+        smooth(x, y) = draw(x, y, plane.c, on_ground ? params.ground_deviations : params.deviations);
+        if (on_ground) coarse(x, y) = 1.0F / plane.c;
+      },
+      executor));
+  FittedNormalsParams narrow = params.fit;
+  narrow.max_size_m = narrow.broad_size_m = 1e-3F;  // min_px remains
+  NPSIM_RETURN_IF_ERROR(depth_detail::for_fitted_planes(
+      narrow, ImageView<const float>(coarse), objects, noise, camera, shape,
+      [&](int x, int y) { return fitted(x, y) && is_ground(x, y); },
+      [&](int x, int y, const depth_detail::FittedPlane& plane) {
+        smooth(x, y) = draw(x, y, plane.c, params.ground_deviations);
+      },
+      executor));
   executor.for_chunks(static_cast<std::size_t>(shape.height), 16, [&](std::size_t begin, std::size_t end) {
     for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
       for (int x = 0; x < shape.width; ++x) {
@@ -86,7 +109,7 @@ template <class Executor>
         if (1.0F / w - depth(x, y) > params.bulge_m) {
           smooth(x, y) = 1.0F / w;
         } else {
-          draw(x, y, w, params.plane_deviations);
+          smooth(x, y) = draw(x, y, w, params.plane_deviations);
         }
       }
     }
