@@ -195,8 +195,8 @@ TEST_CASE(
     "lamp faces: the mast below a street lamp is its own, what stands beside it or above and masts of signals are "
     "not") {
   Scene s;
-  s.lamp(LightClass::street_light_ht, {2.3F, 0.3F, 5}, 0.1F);
-  s.emitters[0].axis = {0, 1, 0};  // down
+  s.lamp(LightClass::street_light_ht, {2.75F, 0.3F, 5}, 0.1F);  // .42 and .58 m beside the faces' middles
+  s.emitters[0].axis = {0, 1, 0};                               // down
   s.emitters[0].profile = EmissionProfile::lantern;
   s.light_index(0, 0) = 1;
   for (int y = 0; y < 4; ++y) {

@@ -305,7 +305,8 @@ namespace refine_detail {
       guiding_normals_workspace_bytes(params.normals, shape),
       refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels),
       kerb_faces_workspace_bytes(shape), ground_mismatches_workspace_bytes(shape),
-      smooth_surfaces_workspace_bytes(shape), shape_cars_workspace_bytes(params.cars, shape));
+      smooth_surfaces_workspace_bytes(shape), stand_poles_workspace_bytes(shape),
+      shape_cars_workspace_bytes(params.cars, shape));
   return 3 * allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
          allocation_bytes<Vec3f>(pixels) + planar_map_bytes(params.planes, shape) + steps + kWorkspaceAlignment;
 }
@@ -605,7 +606,7 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(shape_furniture(params.furniture, ImageView<const float>(out.depth), objects, out.planes,
                                         scene.camera, out.ground.up, out.normals, out.mesh_depth, executor));
   NPSIM_RETURN_IF_ERROR(stand_poles(params.masts, ImageView<const float>(out.depth), scene.labels, scene.camera,
-                                    out.ground, out.mesh_depth));
+                                    out.ground, out.mesh_depth, workspace));
   if (out.source != DepthSource::stereo) return {};
   return shape_cars(params.cars, ImageView<const float>(out.depth), objects, out.noise, scene.camera, out.ground,
                     out.normals, out.mesh_depth, workspace, executor);

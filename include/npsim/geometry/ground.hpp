@@ -164,6 +164,14 @@ template <class Wanted>
 
 }  // namespace geometry_detail
 
+// By how many columns the picture of a vertical moves for a row further down, at (u, v); 0 where it lies flat there.
+[[nodiscard]] inline float vertical_slope(const GroundPlane& ground, const Intrinsics& k, float u, float v) noexcept {
+  const Vec3f ray = unproject(k, u, v, 1.0F);
+  const Vec3f& up = ground.up;
+  const float fall = up.y - ray.y * up.z;
+  return std::fabs(fall) > 0.1F ? (up.x - ray.x * up.z) * k.fx / (fall * k.fy) : 0.0F;
+}
+
 // `labels` may be empty; otherwise they have the shape of `depth`.
 [[nodiscard]] inline Status estimate_ground(const GroundParams& p, ImageView<const float> depth,
                                             ImageView<const Label> labels, const Intrinsics& k, Workspace& workspace,

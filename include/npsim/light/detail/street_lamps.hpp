@@ -154,10 +154,7 @@ template <class Visit>
   float column = static_cast<float>(x);
   int last = y;  // row that shows the pole or one of its signs
   for (int row = y + 1; row < labels.height() && row - last <= std::max(3, (last - y) / 4); ++row) {
-    const Vec3f ray = unproject(lamp.camera, column + 0.5F, static_cast<float>(row), 1.0F);
-    const Vec3f& up = lamp.ground.up;
-    const float fall = up.y - ray.y * up.z;
-    if (std::fabs(fall) > 0.1F) column += (up.x - ray.x * up.z) * lamp.camera.fx / (fall * lamp.camera.fy);
+    column += vertical_slope(lamp.ground, lamp.camera, column + 0.5F, static_cast<float>(row));
     const int middle = static_cast<int>(std::lround(clamp_to(column, -2.0F, static_cast<float>(labels.width() + 1))));
     const auto shown = [&](LabelSet set, int at) {
       return at >= 0 && at < labels.width() && set.contains(labels(at, row));

@@ -5,8 +5,9 @@
 // pixel is not walled in by its rim; backs and rims of objects have their fronts' pixels. Where objects are solids and
 // a mark lies on one, the faces of that object within the lamp's reach belong to it too: its emitter hangs at the rim
 // of the solid (a lantern on its pole) or inside (a lamp behind the curved front of a car). Reach: from the emitter's
-// centre to the corner of its patch; of a street lamp also what is kOwnMast_m or less from the line straight down, for
-// the mast below a lamp hides but its own foot, though a decimetre before the lamp it would hide half of the street.
+// centre to the corner of its patch; of a street lamp also what of that object is kOwnMast_m or less from the line down
+// its axis: the mast below a lamp hides but its own foot, though a decimetre before the lamp it would hide half of the
+// street. A mast beside a longer arm throws its shadow.
 // Marks of pixels go before reach, the first of the emitters before later ones; marks of groups (the body of a car)
 // name no lamp and do not count. Cost: the faces, those of objects with lamps times that object's lamps. Memory: 4 bytes
 // a pixel and an emitter. Error: none; a rule.

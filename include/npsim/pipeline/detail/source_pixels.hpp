@@ -147,8 +147,9 @@ inline void source_brightness(const SceneView& scene, Span<const Emitter> emitte
   }
 }
 
-// The frame that rectification leaves around some data sets' pictures shows nothing; it repeats what is next to it,
-// towards the middle of the image, within 3 % of the image's size.
+// The frame that rectification leaves around some data sets' pictures shows nothing; it mirrors what is next to it,
+// towards the middle of the image, within 3 % of the image's size. Where that is another thing than the pixel next to
+// the frame, that pixel is repeated.
 inline void continue_over_frame(ImageView<const Label> labels, ImageView<Vec3f> image) {
   if (labels.empty()) return;
   constexpr LabelSet kFrame = LabelSet::of(label::rectification_border, label::out_of_roi);
@@ -166,7 +167,11 @@ inline void continue_over_frame(ImageView<const Label> labels, ImageView<Vec3f> 
         if (border_x) qx += qx < shape.width / 2 ? 1 : -1;
         if (border_y) qy += qy < shape.height / 2 ? 1 : -1;
       }
-      if (!kFrame.contains(labels(qx, qy))) image(x, y) = image(qx, qy);
+      if (kFrame.contains(labels(qx, qy))) continue;
+      const int mx = 2 * qx - x;
+      const int my = 2 * qy - y;
+      const bool mirrored = labels.contains(mx, my) && labels(mx, my) == labels(qx, qy);
+      image(x, y) = mirrored ? image(mx, my) : image(qx, qy);
     }
   }
 }
