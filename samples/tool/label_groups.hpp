@@ -26,7 +26,7 @@ inline constexpr std::array<LabelGroup, 8> kLabelGroups = {{
     {"plants", LabelSet::of(label::vegetation)},
     {"vehicles", kVehicleLabels},
     {"persons", LabelSet::of(label::person, label::rider)},
-    {"thin", LabelSet::of(label::pole, label::polegroup, label::traffic_light, label::traffic_sign)},
+    {"thin", kPoleLabels | kSignLabels},
 }};
 
 // Without labels a pixel is in the first alone.

@@ -50,8 +50,8 @@ struct FillParams {
   LabelSet planar = kGroundLabels;
   LabelSet behind = kHouseLabels;  // go on behind what stands before them
   float behind_reach = 0.125F;     // of the width
-  LabelSet hung = LabelSet::of(label::pole, label::polegroup, label::traffic_light, label::traffic_sign,
-                               label::vegetation, label::static_object, label::dynamic_object);  // on one another
+  LabelSet hung = kPoleLabels | kSignLabels |
+                  LabelSet::of(label::vegetation, label::static_object, label::dynamic_object);  // on one another
   float upright_reach = 0.01F;  // of the width: what hangs, and is farther from all measured of it, is upright
   float ground_outlier = 2;     // farther than this many times the near ground: filled anew; 0: kept
   int max_sweeps = 32;          // per level

@@ -93,6 +93,11 @@ inline constexpr LabelSet kStandingLabels =
 inline constexpr LabelSet kVehicleLabels = LabelSet::of(label::car, label::truck, label::bus, label::caravan,
                                                         label::trailer, label::train, label::motorcycle, label::bicycle);
 
+inline constexpr LabelSet kPoleLabels = LabelSet::of(label::pole, label::polegroup);
+
+// What hangs on poles.
+inline constexpr LabelSet kSignLabels = LabelSet::of(label::traffic_light, label::traffic_sign);
+
 // What one walks or drives on.
 inline constexpr LabelSet kGroundLabels =
     LabelSet::of(label::road, label::sidewalk, label::parking, label::ground, label::rail_track, label::terrain);

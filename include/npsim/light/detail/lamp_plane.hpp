@@ -48,9 +48,7 @@ inline constexpr float kCutShare = 0.25F;       // of a side that something stan
 
 // What may stand before a window without being part of its wall.
 inline constexpr LabelSet kBeforeWall =
-    LabelSet::of(label::pole, label::polegroup, label::traffic_light, label::traffic_sign, label::person, label::rider,
-                 label::car, label::truck, label::bus, label::caravan, label::trailer, label::train, label::motorcycle,
-                 label::bicycle, label::vegetation, label::static_object, label::dynamic_object);
+    kForegroundLabels | LabelSet::of(label::vegetation, label::static_object, label::dynamic_object);
 
 // Upright plane: dot(normal, X) = offset, the normal facing the camera, so offset < 0.
 struct UprightPlane {

@@ -59,11 +59,8 @@ inline constexpr float kBehind = 1.15F;          // of what is seen around a hea
 inline constexpr float kVague = 0.15F;           // relative error above which the default height helps
 inline constexpr float kHeightGuess_m = 2.0F;    // standard deviation of default_height_m [default]
 
-inline constexpr LabelSet kPoleLabels = LabelSet::of(label::pole, label::polegroup);
-inline constexpr LabelSet kSignLabels = LabelSet::of(label::traffic_light, label::traffic_sign);
 inline constexpr LabelSet kLampHeadLabels =
-    LabelSet::of(label::pole, label::polegroup, label::traffic_light, label::traffic_sign, label::static_object,
-                 label::dynamic_object, label::unlabeled);
+    kPoleLabels | kSignLabels | LabelSet::of(label::static_object, label::dynamic_object, label::unlabeled);
 
 // ln z and its standard deviation, which is the relative error of z.
 struct LogDepth {

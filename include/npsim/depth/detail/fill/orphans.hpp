@@ -83,7 +83,7 @@ inline void continue_behind(LabelSet behind, int reach, const OrphanView& view) 
 
 // What poles carry is as far away as they are; else a thing is carried by its own kind.
 [[nodiscard]] inline bool carries(Label lower, Label upper) noexcept {
-  constexpr LabelSet kOnPoles = LabelSet::of(label::pole, label::polegroup, label::traffic_light, label::traffic_sign);
+  constexpr LabelSet kOnPoles = kPoleLabels | kSignLabels;
   return lower == upper || (kOnPoles.contains(lower) && kOnPoles.contains(upper));
 }
 

@@ -43,8 +43,8 @@ inline namespace NPSIM_ABI {
 
 struct StandingPolesParams {
   bool enabled = true;
-  LabelSet poles = LabelSet::of(label::pole, label::polegroup);
-  LabelSet signs = LabelSet::of(label::traffic_sign, label::traffic_light);  // that hang on them
+  LabelSet poles = kPoleLabels;
+  LabelSet signs = kSignLabels;  // that hang on them
   float max_width_m = 1.0F;
   float tolerance = 0.05F;  // relative, between depths of one mast
   float contrast = 0.07F;   // relative, by which a mast is nearer than what is seen beside it

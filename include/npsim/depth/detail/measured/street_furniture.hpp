@@ -40,12 +40,12 @@ inline namespace NPSIM_ABI {
 
 struct StreetFurnitureParams {
   bool enabled = true;
-  LabelSet poles = LabelSet::of(label::pole, label::polegroup);
+  LabelSet poles = kPoleLabels;
   LabelSet persons = LabelSet::of(label::person, label::rider);  // with a number of their own; they stand
-  LabelSet plates = LabelSet::of(label::traffic_sign, label::traffic_light);
+  LabelSet plates = kSignLabels;
   LabelSet hanging = LabelSet::of(label::static_object);
   LabelSet behind_hanging =  // what is seen below it
-      kHouseLabels | LabelSet::of(label::vegetation, label::sky, label::pole, label::polegroup);
+      kHouseLabels | kPoleLabels | LabelSet::of(label::vegetation, label::sky);
   float reach_m = 1.5F;      // along the thing, to either side
   float max_width_m = 1.0F;  // of what is round or hangs: larger ones have a shape that can be measured
   float plane_m2 = 2.0F;     // of the plane of a plate: a larger one has the angle that was measured
