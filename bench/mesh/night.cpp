@@ -20,10 +20,10 @@
 #include "../host.hpp"
 #include "../named_scene.hpp"
 #include "../options.hpp"
+#include "lab/kept_night.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "tool/engine.hpp"
-#include "tool/kept_night.hpp"
 
 namespace {
 
@@ -79,8 +79,8 @@ int main(int argc, char** argv) {
     std::printf("%s,%s,%g,%zu,%.4f,%.2f,%.2f,%.1f,%.5f,%.2f\n", name.c_str(), bound < 0.0F ? "layers" : "mesh",
                 static_cast<double>(std::max(bound, 0.0F)), night.faces,
                 static_cast<double>(night.faces) / static_cast<double>(full.faces),
-                clock.of(Stage::complete) + clock.of(Stage::mesh), clock.of(Stage::build_trace), clock.of(Stage::render), mean_colour_change(full, night),
-                rms_change_codes(full, night));
+                clock.of(Stage::complete) + clock.of(Stage::mesh), clock.of(Stage::build_trace),
+                clock.of(Stage::render), mean_colour_change(full, night), rms_change_codes(full, night));
     std::fflush(stdout);
   }
   return 0;

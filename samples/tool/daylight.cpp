@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "engine.hpp"
 #include "npsim/color/srgb.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/io/png_jpeg.hpp"
@@ -34,8 +35,8 @@ io::Outcome write_daylight(const std::string& folder, const io::Scene& scene, co
   io::Image<Vec3f> albedo(shape);
   io::Image<float> sun(shape);
   DaylightReport found;
-  const Status status = estimate_albedo(params, albedo_scene(scene.view(), refined), workspace,
-                                        AlbedoEstimate{albedo.view(), sun.view()}, found, pool);
+  const Status status = engine::estimate_albedo(params, albedo_scene(scene.view(), refined), workspace,
+                                                AlbedoEstimate{albedo.view(), sun.view()}, found, pool);
   if (!status.ok()) return io::Error{folder, kDaylightFiles[0], status.message()};
   report = to_json(found);
   io::Image<Rgb8> picture(shape);

@@ -13,6 +13,7 @@
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/material/albedo.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "npsim/pipeline/photograph.hpp"
 
@@ -58,6 +59,9 @@ class AnySink {
                                           const RefinedDepth& refined, Workspace& workspace, AnyExecutor executor,
                                           AnyObserver observer, AnySink sink);
 
+[[nodiscard]] Status estimate_albedo(const AlbedoParams& params, const AlbedoScene& scene, Workspace& workspace,
+                                     const AlbedoEstimate& out, DaylightReport& report, AnyExecutor executor);
+
 // Of what make_nights() hands out.
 [[nodiscard]] Status picture_masks(const SignalMaskParams& params, const PhotographParams& camera,
                                    const Intrinsics& intrinsics, const Night& night, const SignalMasks& out,
@@ -76,5 +80,8 @@ extern template npsim::Status npsim::build_mesh(const npsim::ReconstructParams&,
                                                 const npsim::RefinedDepth&, const npsim::SceneLayers&,
                                                 npsim::Workspace&, npsim::AnyExecutor&, npsim::AnyObserver&,
                                                 npsim::SceneMesh&);
+extern template npsim::Status npsim::estimate_albedo(const npsim::AlbedoParams&, const npsim::AlbedoScene&,
+                                                     npsim::Workspace&, const npsim::AlbedoEstimate&,
+                                                     npsim::DaylightReport&, npsim::AnyExecutor&);
 
 #endif  // NPSIM_SAMPLES_TOOL_ENGINE_HPP

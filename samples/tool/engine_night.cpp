@@ -5,6 +5,10 @@
 #include "npsim/pipeline/photograph.hpp"
 #include "tool/engine.hpp"
 
+template npsim::Status npsim::estimate_albedo(const npsim::AlbedoParams&, const npsim::AlbedoScene&, npsim::Workspace&,
+                                              const npsim::AlbedoEstimate&, npsim::DaylightReport&,
+                                              npsim::AnyExecutor&);
+
 namespace npsim::engine {
 
 Status make_nights(const NightParams& params, const SceneView& scene, Workspace& workspace, AnyExecutor executor,
@@ -20,6 +24,11 @@ Status make_large_nights(const NightParams& params, const SceneView& photograph,
 Status make_nights_of_depth(const NightParams& params, const SceneView& scene, const RefinedDepth& refined,
                             Workspace& workspace, AnyExecutor executor, AnyObserver observer, AnySink sink) {
   return npsim::make_nights_of_depth(params, scene, refined, workspace, executor, observer, sink);
+}
+
+Status estimate_albedo(const AlbedoParams& params, const AlbedoScene& scene, Workspace& workspace,
+                       const AlbedoEstimate& out, DaylightReport& report, AnyExecutor executor) {
+  return npsim::estimate_albedo(params, scene, workspace, out, report, executor);
 }
 
 Status picture_masks(const SignalMaskParams& params, const PhotographParams& camera, const Intrinsics& intrinsics,

@@ -40,7 +40,7 @@
 #include "options.hpp"
 #include "outputs.hpp"
 #include "pictures.hpp"
-#include "true_lamps.hpp"
+#include "lamp_names.hpp"
 
 namespace npsim::tool {
 namespace {

@@ -7,12 +7,12 @@
 #include <cstdint>
 #include <vector>
 
+#include "lab/kept_night.hpp"
 #include "night_of_street.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
-#include "tool/kept_night.hpp"
 
 namespace {
 

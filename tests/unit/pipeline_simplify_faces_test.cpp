@@ -7,17 +7,17 @@
 #include <cstdint>
 #include <vector>
 
+#include "fixture.hpp"
+#include "lab/kept_night.hpp"
 #include "night_of_street.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/exec/thread_pool.hpp"
-#include "tool/kept_night.hpp"
 #include "npsim/mesh/check.hpp"
-#include "npsim/pipeline/night.hpp"
 #include "npsim/pipeline/detail/point_of_hit.hpp"
+#include "npsim/pipeline/night.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
 #include "tool/engine.hpp"
-#include "fixture.hpp"
 
 namespace {
 
@@ -121,7 +121,7 @@ TEST_CASE("simplified faces: a quarter of a pixel and half a percent leave a ten
   }
   ReconstructParams params;
   npsim_test::Scratch memory(uncertainty_workspace_bytes({}, scene.shape()) +
-                                    reconstruct_workspace_bytes(params, scene.shape()));
+                             reconstruct_workspace_bytes(params, scene.shape()));
   Workspace& workspace = memory.workspace();
   UncertaintyOutput marked;
   marked.mask = uncertain.view();
@@ -156,7 +156,7 @@ TEST_CASE("simplified faces: labels of another shape and vertices of another lay
   SerialExecutor serial;
   REQUIRE(build_sheet(SheetParams{}, ImageView<const float>(depth.view()), {}, camera, layer, serial).ok());
   npsim_test::Scratch memory(simplify_faces_workspace_bytes({}, shape, {2 * shape.pixels(), 2 * shape.pixels()}) +
-                                    index_layer_workspace_bytes(shape));
+                             index_layer_workspace_bytes(shape));
   Workspace& workspace = memory.workspace();
   std::vector<Vec3f> points(shape.pixels());
   std::vector<std::uint32_t> pixels(shape.pixels());

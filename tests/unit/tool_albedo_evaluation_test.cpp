@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "fixture.hpp"
-#include "tool/albedo_evaluation.hpp"
+#include "lab/albedo_evaluation.hpp"
 #include "tool_fixture.hpp"
 
 namespace {

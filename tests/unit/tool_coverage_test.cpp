@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "fixture.hpp"
-#include "tool/coverage_errors.hpp"
+#include "lab/coverage_errors.hpp"
 #include "tool_fixture.hpp"
 
 using namespace npsim;

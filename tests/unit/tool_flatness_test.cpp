@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tool/flatness.hpp"
+#include "lab/flatness.hpp"
 
 #include <doctest/doctest.h>
 

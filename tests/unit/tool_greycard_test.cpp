@@ -7,11 +7,11 @@
 #include <cmath>
 #include <string>
 
+#include "lab/greycard_command.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/io/pfm.hpp"
 #include "npsim/io/png_jpeg.hpp"
-#include "tool/greycard_command.hpp"
 #include "tool_fixture.hpp"
 
 using namespace tool_test;

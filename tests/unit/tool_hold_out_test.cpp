@@ -6,9 +6,9 @@
 #include <limits>
 
 #include "fixture.hpp"
+#include "lab/hold_out.hpp"
+#include "lab/simple_fill.hpp"
 #include "npsim/core/random.hpp"
-#include "tool/hold_out.hpp"
-#include "tool/simple_fill.hpp"
 
 using namespace npsim;
 using npsim_test::Image;

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "tool/night_stages.hpp"
+#include "lab/night_stages.hpp"
 #include "tool_fixture.hpp"
 
 using namespace tool_test;

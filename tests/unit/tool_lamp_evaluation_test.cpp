@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "tool/lamp_evaluation.hpp"
+#include "lab/lamp_evaluation.hpp"
 
 using namespace npsim;
 

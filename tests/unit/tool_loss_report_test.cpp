@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "tool/charts.hpp"
+#include "lab/charts.hpp"
 #include "tool_fixture.hpp"
 
 using namespace tool_test;

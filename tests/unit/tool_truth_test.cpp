@@ -11,13 +11,13 @@
 #include <string>
 #include <utility>
 
+#include "lab/true_lamps.hpp"
+#include "lab/truth_night.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/observe.hpp"
 #include "npsim/io/pfm.hpp"
 #include "npsim/io/scene.hpp"
 #include "npsim/io/scene_resize.hpp"
-#include "tool/true_lamps.hpp"
-#include "tool/truth_night.hpp"
 #include "tool_fixture.hpp"
 
 using namespace tool_test;
