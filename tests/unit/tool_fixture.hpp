@@ -30,9 +30,9 @@ struct Run {
   std::string output;  // both streams
 };
 
-inline Run run_tool(const std::string& arguments) {
+inline Run run_program(const std::string& program, const std::string& arguments) {
   Run run;
-  const std::string command = std::string("'") + NPSIM_TOOL + "' " + arguments + " 2>&1";
+  const std::string command = "'" + program + "' " + arguments + " 2>&1";
   std::FILE* pipe = popen(command.c_str(), "r");
   REQUIRE(pipe != nullptr);
   std::array<char, 4096> buffer{};
@@ -42,6 +42,8 @@ inline Run run_tool(const std::string& arguments) {
   run.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   return run;
 }
+
+inline Run run_tool(const std::string& arguments) { return run_program(NPSIM_TOOL, arguments); }
 
 inline std::string bytes_of(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);

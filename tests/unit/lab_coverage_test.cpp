@@ -166,7 +166,7 @@ TEST_CASE("coverage: relief that the picture does not resolve counts among all n
   CHECK(e.normals[0].smooth[0]->mean_deg == doctest::Approx(0.0));
 }
 
-TEST_CASE("tool: evaluate judges what a laser did not hit, and with --depth-only nothing but the depth") {
+TEST_CASE("lab: evaluate judges what a laser did not hit, and with --depth-only nothing but the depth") {
   using namespace tool_test;
   const std::string street = fixture().out("lidar");
   REQUIRE(run_tool("street '" + street + "' --seed 2 --size 160x90 --depth lidar --quiet").status == 0);

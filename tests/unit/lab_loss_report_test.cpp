@@ -35,7 +35,7 @@ std::size_t count_of(const std::string& text, const std::string& what) {
 
 }  // namespace
 
-TEST_CASE("tool: losses are written step by step, and never rise; the sum is that of the weighted terms") {
+TEST_CASE("lab: losses are written step by step, and never rise; the sum is that of the weighted terms") {
   const std::string folder = fixture().out("losses");
   const Run run = run_tool("evaluate '" + fixture().street + "' --size 160x90 --losses '" + folder + "' --quiet");
   REQUIRE_MESSAGE(run.status == 0, run.output);
@@ -58,7 +58,7 @@ TEST_CASE("tool: losses are written step by step, and never rise; the sum is tha
   CHECK(!fs::exists(folder + "/weights.csv"));
 }
 
-TEST_CASE("tool: the grid has appendix B's 49 weights, and depth moves less the more it weighs") {
+TEST_CASE("lab: the grid has appendix B's 49 weights, and depth moves less the more it weighs") {
   const std::string folder = fixture().out("grid");
   const Run run =
       run_tool("evaluate '" + fixture().street + "' --size 96x54 --losses '" + folder + "' --weights grid --quiet");
@@ -81,7 +81,7 @@ TEST_CASE("tool: the grid has appendix B's 49 weights, and depth moves less the 
   CHECK(count_of(bytes_of(folder + "/weights.svg"), "<rect x=") == 6 * 49);
 }
 
-TEST_CASE("tool: measured depth has no losses to report, and weights belong to losses") {
+TEST_CASE("lab: measured depth has no losses to report, and weights belong to losses") {
   const std::string street = fixture().out("measured");
   REQUIRE(run_tool("street '" + street + "' --size 96x54 --depth lidar --quiet").status == 0);
   const std::string folder = fixture().out("no_losses");

@@ -26,7 +26,7 @@ TEST_CASE("judge: a label that one street shows in a few pixels counts as they d
   CHECK(mean[0].by_label[1]->trimmed_relative_squared == doctest::Approx(2.0));
 }
 
-TEST_CASE("tool: judge makes streets, true nights, pictures and a table; evaluate finds the same figures") {
+TEST_CASE("lab: judge makes streets, true nights, pictures and a table; evaluate finds the same figures") {
   const std::string folder = fixture().out("judge");
   const std::string command =
       "judge '" + folder + "' --first 3 --last 3 --size 96x54 --samples 8 --transport 4 --quiet";
@@ -76,7 +76,7 @@ TEST_CASE("tool: judge makes streets, true nights, pictures and a table; evaluat
   CHECK(bytes_of(folder + "/truth_3.pfm") == truth);
 }
 
-TEST_CASE("tool: a true night of another size, or none, is refused in one line") {
+TEST_CASE("lab: a true night of another size, or none, is refused in one line") {
   check_refused(run_tool("evaluate '" + fixture().street + "' --size 64x36 --night '" + fixture().street +
                          "/truth/normals.pfm' --quiet"),
                 "normals.pfm");

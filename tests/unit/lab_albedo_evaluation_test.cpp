@@ -92,7 +92,7 @@ TEST_CASE("a shadow that the estimate cannot know counts as one that is left; ev
   CHECK(error_of(even, "all") < 0.15);
 }
 
-TEST_CASE("tool: a scene without materials is judged by its truth, and comes out as the same scene with them") {
+TEST_CASE("lab: a scene without materials is judged by its truth, and comes out as the same scene with them") {
   using namespace tool_test;
   const std::string street = fixture().out("without_materials");
   REQUIRE(run_tool("street '" + street + "' --seed 1 --size 320x180 --albedo none --quiet").status == 0);
