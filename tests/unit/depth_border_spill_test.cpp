@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <doctest/doctest.h>
 
+#include <algorithm>
+
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/depth/detail/measured/border_spill.hpp"
@@ -265,6 +267,40 @@ TEST_CASE("border spill: the ground under a car takes not its depth, wherever it
       for (int x = 0; x < kShape.width; ++x) labels(x, y) = label::sidewalk;
     }
     CHECK(kept(view) == depth);
+  }
+}
+
+TEST_CASE("border spill: pavement that rises from its kerb to the foot of a house stays") {
+  constexpr Shape kShape{200, 160};
+  SpillView view;
+  view.camera = {500, 500, 100, 10};
+  view.ground.camera_height_m = 1.5F;
+  view.ground.inlier_share = 0.9F;
+  view.focal_baseline_px_m = 470.0F;
+  const auto foot = [](int x) { return 50 + x / 4; };  // of a house along the street
+  for (const float rise : {0.0F, 0.02F, 0.07F}) {      // per metre beyond the kerb, 8 m ahead
+    const auto pavement_m = [&](int y) {
+      return (1.5F + 8.0F * rise) / (unproject_pixel(view.camera, 0, y, 1.0F).y + rise);
+    };
+    Image<float> depth(kShape);
+    Image<Label> labels(kShape, label::sidewalk);
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        if (y < foot(x)) labels(x, y) = label::building;
+        depth(x, y) = pavement_m(std::max(y, foot(x)));
+      }
+    }
+    Image<float> out = depth;
+    const SerialExecutor executor;
+    REQUIRE(drop_border_spill({}, depth.view(), ObjectMap{labels.cview(), {}}, view, out.view(), executor).ok());
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 60; x < kShape.width; ++x) {  // left of it a row has too little pavement to know it by
+        CAPTURE(rise);
+        CAPTURE(x);
+        CAPTURE(y);
+        CHECK(out(x, y) == depth(x, y));
+      }
+    }
   }
 }
 
