@@ -270,15 +270,16 @@ TEST_CASE("border spill: the ground under a car takes not its depth, wherever it
   }
 }
 
-TEST_CASE("border spill: pavement that rises from its kerb to the foot of a house stays") {
-  constexpr Shape kShape{200, 160};
+TEST_CASE("border spill: pavement that rises from its kerb to the foot of a house stays, what is nearer not") {
+  constexpr Shape kShape{200, 220};
   SpillView view;
   view.camera = {500, 500, 100, 10};
   view.ground.camera_height_m = 1.5F;
   view.ground.inlier_share = 0.9F;
   view.focal_baseline_px_m = 470.0F;
-  const auto foot = [](int x) { return 50 + x / 4; };  // of a house along the street
-  for (const float rise : {0.0F, 0.02F, 0.07F}) {      // per metre beyond the kerb, 8 m ahead
+  const auto foot = [](int x) { return 40 + x / 2; };  // of a house along the street
+  const auto is_nearer = [&](int x, int y) { return x >= 100 && x % 20 < 5 && y >= foot(x) && y < foot(x) + 12; };
+  for (const float rise : {0.0F, 0.02F, 0.1F}) {  // per metre beyond the kerb, 8 m ahead
     const auto pavement_m = [&](int y) {
       return (1.5F + 8.0F * rise) / (unproject_pixel(view.camera, 0, y, 1.0F).y + rise);
     };
@@ -286,8 +287,12 @@ TEST_CASE("border spill: pavement that rises from its kerb to the foot of a hous
     Image<Label> labels(kShape, label::sidewalk);
     for (int y = 0; y < kShape.height; ++y) {
       for (int x = 0; x < kShape.width; ++x) {
-        if (y < foot(x)) labels(x, y) = label::building;
         depth(x, y) = pavement_m(std::max(y, foot(x)));
+        if (y < foot(x)) {
+          labels(x, y) = label::building;
+          if (rise == 0.0F && x >= 150) depth(x, y) *= 1.3F;  // its foot is hidden
+        }
+        if (is_nearer(x, y)) depth(x, y) = 470.0F / (470.0F / depth(x, y) + 2.0F);
       }
     }
     Image<float> out = depth;
@@ -298,7 +303,7 @@ TEST_CASE("border spill: pavement that rises from its kerb to the foot of a hous
         CAPTURE(rise);
         CAPTURE(x);
         CAPTURE(y);
-        CHECK(out(x, y) == depth(x, y));
+        CHECK(out(x, y) == (is_nearer(x, y) ? 0.0F : depth(x, y)));
       }
     }
   }

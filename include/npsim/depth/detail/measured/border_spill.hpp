@@ -20,8 +20,8 @@
 // further down: there the ground goes on in parallel to the ground plane, through the median of one reach of samples
 // farther down, and what is nearer than that by more than `under_px` within `under_reaches` is spilled. (On
 // three photographs by a stereo camera of .17 px of noise the excess is 1.5 to 3.4 px at the upper quartile and is gone
-// after 20 to 30 rows.) Not below houses: nothing of a house is nearer than the ground at its foot, and pavements rise
-// to it.
+// after 20 to 30 rows.) But a house stands on its ground: below one it is at least as near as the line to the house's
+// foot, the median of a reach above the border, for pavements rise to it.
 // Cost: about 15 ns per pixel; where near things stand side by side before a house, the widest band for each. Memory:
 // 1 KiB of stack.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_BORDER_SPILL_HPP
@@ -214,10 +214,18 @@ struct SpillLine {
     const float there = plane.at + plane.slope * farther_k;
     if (!(farther > 0.0F && there > 0.0F)) return;
     const float ratio = farther / there;  // of the plane's height below the camera to the ground's
+    float foot = 0.0F;                    // of a house
+    if (goes_on_behind(i - 1)) {
+      int from = 0;
+      float unused = 0.0F;
+      foot = median(depth_m, i - 1, -1, from, reach, params.reach_px, unused);
+    }
     const float least = params.under_px / view.focal_baseline_px_m;
     for (int k = 0; k < reach && same(i + k, i); ++k) {
       const float z = depth(i + k);
-      if (is_valid_depth(z) && 1.0F / z - ratio * plane(k) > least) kept(x(i + k), y(i + k)) = 0.0F;
+      float own = ratio * plane(k);
+      if (foot > 0.0F) own = max_of(own, foot + (farther - foot) * static_cast<float>(k) / farther_k);
+      if (is_valid_depth(z) && 1.0F / z - own > least) kept(x(i + k), y(i + k)) = 0.0F;
     }
   }
 
@@ -229,7 +237,7 @@ struct SpillLine {
       const bool ground_after = is_ground(i);
       if (!ground_before && (!ground_after || (knows_ground && is_paved(i)))) drop(i, 1);
       if (!ground_after && (!ground_before || (knows_ground && is_paved(i - 1)))) drop(i - 1, -1);
-      if (column && knows_ground && !ground_before && is_paved(i) && !goes_on_behind(i - 1)) drop_under(i);
+      if (column && knows_ground && !ground_before && is_paved(i)) drop_under(i);
     }
   }
 };
