@@ -8,7 +8,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <iterator>
 #include <string>
@@ -34,9 +36,12 @@ constexpr const char* kAbout =
     "  npsim evaluate my_street        errors of depth and normals, as given and after each step, where the truth is "
     "known";
 
-[[nodiscard]] bool is_lab_command(const std::string& name) {
+// Whether the command, behind options of the program itself, is one of npsim-lab.
+[[nodiscard]] bool is_for_lab(int argc, char** argv) {
+  char** const command = std::find_if(argv + 1, argv + argc, [](const char* word) { return word[0] != '-'; });
+  if (command == argv + argc) return false;
   return std::any_of(std::begin(npsim::tool::kLabCommands), std::end(npsim::tool::kLabCommands),
-                     [&](const npsim::tool::LabCommand& command) { return name == command.name; });
+                     [&](const npsim::tool::LabCommand& lab) { return std::string(*command) == lab.name; });
 }
 
 // Does not come back where npsim-lab stands beside this program.
@@ -47,7 +52,7 @@ constexpr const char* kAbout =
   if (unknown) self = argv[0];
   const std::string lab = self.replace_filename("npsim-lab").string();
   execvp(lab.c_str(), argv);
-  std::fprintf(stderr, "npsim: %s: expected %s; it is built by the target npsim_lab\n", argv[1], lab.c_str());
+  std::fprintf(stderr, "npsim: %s: %s; it is built by the target npsim_lab\n", lab.c_str(), std::strerror(errno));
   return npsim::tool::kExitFailed;
 }
 
@@ -55,7 +60,7 @@ constexpr const char* kAbout =
 
 int main(int argc, char** argv) {
   using namespace npsim::tool;
-  if (argc > 1 && is_lab_command(argv[1])) return run_lab(argv);
+  if (is_for_lab(argc, argv)) return run_lab(argv);
   tune_memory();
   CLI::App app{kAbout, "npsim"};
   prepare(app);

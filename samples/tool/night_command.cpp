@@ -20,6 +20,7 @@
 #include "console.hpp"
 #include "daylight.hpp"
 #include "engine.hpp"
+#include "lamp_names.hpp"
 #include "loading.hpp"
 #include "mesh_export.hpp"
 #include "mesh_views.hpp"
@@ -40,7 +41,6 @@
 #include "options.hpp"
 #include "outputs.hpp"
 #include "pictures.hpp"
-#include "lamp_names.hpp"
 
 namespace npsim::tool {
 namespace {

@@ -309,6 +309,36 @@ TEST_CASE("border spill: pavement that rises from its kerb to the foot of a hous
   }
 }
 
+TEST_CASE("border spill: a corner of a house takes the pavement behind it no farther than it reaches") {
+  constexpr Shape kShape{200, 160};
+  SpillView view;
+  view.camera = {500, 500, 100, 10};
+  view.ground.camera_height_m = 1.5F;
+  view.ground.inlier_share = 0.9F;
+  const auto pavement_m = [&](int y) { return 1.66F / (unproject_pixel(view.camera, 0, y, 1.0F).y + 0.02F); };
+  constexpr int kFoot = 140, kCorner = 120;
+  Image<float> depth(kShape);
+  Image<Label> labels(kShape, label::sidewalk);
+  const auto is_spilled = [](int x, int y) { return y >= 50 && y < 80 && x >= kCorner - 5 && x < kCorner; };
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      const bool house = x >= kCorner && y < kFoot;
+      if (house || y < 40) labels(x, y) = label::building;
+      depth(x, y) = house || is_spilled(x, y) ? pavement_m(kFoot) : pavement_m(std::max(y, 40));
+    }
+  }
+  Image<float> out = depth;
+  const SerialExecutor executor;
+  REQUIRE(drop_border_spill({}, depth.view(), ObjectMap{labels.cview(), {}}, view, out.view(), executor).ok());
+  for (int y = 41; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      CAPTURE(x);
+      CAPTURE(y);
+      CHECK(out(x, y) == (is_spilled(x, y) ? 0.0F : depth(x, y)));
+    }
+  }
+}
+
 TEST_CASE("border spill: one pixel, nothing measured, parameters and sizes out of range") {
   const SerialExecutor executor;
   Image<float> one({1, 1}, 3.0F);

@@ -290,7 +290,8 @@ TEST_CASE("tool: commands that npsim-lab has are in its help, and without npsim-
     CHECK_MESSAGE(help.find("\n  " + std::string(command)) != std::string::npos, command);
     const Run own = run_tool(std::string(command) + " --help");
     CHECK_MESSAGE(own.status == 0, own.output);
-    CHECK_MESSAGE(own.output.find("npsim " + std::string(command)) != std::string::npos, own.output);
+    CHECK_MESSAGE(own.output.find("Positionals:") != std::string::npos, own.output);
+    CHECK(run_tool("--help " + std::string(command)).output == own.output);
   }
   const fs::path alone = fixture().out("alone");
   fs::create_directories(alone);
@@ -298,7 +299,7 @@ TEST_CASE("tool: commands that npsim-lab has are in its help, and without npsim-
   const Run run = run_program((alone / "npsim").string(), "judge '" + fixture().out("judged") + "'");
   CHECK(run.status == 1);
   CHECK(line_count(run.output) == 1);
-  CHECK_MESSAGE(run.output.find("judge: expected " + (alone / "npsim-lab").string()) != std::string::npos, run.output);
+  CHECK_MESSAGE(run.output.find((alone / "npsim-lab").string() + ": No such file") != std::string::npos, run.output);
   CHECK(!fs::exists(fixture().out("judged")));
 }
 

@@ -12,8 +12,8 @@
 // depths, over the first `reach` samples beyond the reach and over as many behind those. In the hidden band these begin
 // beyond the widest band that the near object can have, and where the far object has none there, which a sliver of wall
 // between two poles has not, a median beyond the near object stands in. Of the ground it is the ground plane that goes
-// on, or, where the first of these medians shows that the ground lies higher, as a pavement does, in parallel through
-// it. Where the near one is more than `contrast` times the far one, samples of the far object within the reach, or in
+// on, or beside a house, where the first of these medians lies higher, as a pavement does, its parallel through that.
+// Where the near one is more than `contrast` times the far one, samples of the far object within the reach, or in
 // the band, that lie nearer to the near object than to their own are spilled. Objects of which six reaches hold less
 // than half of these samples are left.
 // Down a column, below what stands on it, the ground is dark, and matching carries the depth of a bumper or a foot
@@ -160,7 +160,8 @@ struct SpillLine {
     return {w(i), w(i + step) - w(i), 0.0F, 0.0F};
   }
 
-  // Of ground at i that may lie higher than the plane, as a pavement does: measured from `from` steps on.
+  // Of ground at i, beside a house, that may lie higher than the plane: measured from `from` steps on. Beside other
+  // things these samples may be spilled as well.
   [[nodiscard]] Continued raised_ground(int i, int step, int from) const noexcept {
     Continued far = ground(i, step);
     float k = 0.0F;
@@ -186,7 +187,7 @@ struct SpillLine {
     const int widest = hidden ? static_cast<int>(clamp_to(view.focal_baseline_px_m * near, 0.0F, 2048.0F)) : 0;
     Continued far;
     if (is_paved(i)) {
-      far = raised_ground(i, step, max_of(reach, widest));
+      far = goes_on_behind(i - step) ? raised_ground(i, step, max_of(reach, widest)) : ground(i, step);
     } else {
       far = far_object(i, step, max_of(reach, widest));
       if (!(far.at > 0.0F) && goes_on_behind(i)) far = across(i, step);
