@@ -8,8 +8,13 @@
 #include <string>
 #include <vector>
 
+#include "lab/svg_text.hpp"
+
 namespace npsim::bench {
 namespace {
+
+using tool::escaped;
+using tool::print;
 
 constexpr double kWidth = 720;
 constexpr double kHeight = 440;
@@ -62,26 +67,6 @@ struct Axis {
     return values;
   }
 };
-
-template <class... T>
-void print(std::string& out, const char* format, T... values) {
-  char line[1024];
-  std::snprintf(line, sizeof(line), format, values...);
-  out += line;
-}
-
-[[nodiscard]] std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&': out += "&amp;"; break;
-      case '<': out += "&lt;"; break;
-      case '>': out += "&gt;"; break;
-      default: out += c;
-    }
-  }
-  return out;
-}
 
 [[nodiscard]] std::string time_text(double ms) {
   std::string out;

@@ -8,6 +8,8 @@
 #include <cstdio>
 #include <limits>
 
+#include "svg_text.hpp"
+
 namespace npsim::tool {
 namespace {
 
@@ -18,26 +20,6 @@ constexpr const char* kStyle =
     "@media(prefers-color-scheme:dark){text{fill:#d0cfca}.b{fill:#171716}.t{fill:#fff}.s{fill:#9a9993}"
     ".g{stroke:#33332f}.a{stroke:#6a6a64}}</style>\n";
 constexpr std::array<const char*, 6> kColours = {"#1f6fd0", "#c2410c", "#2e8b57", "#8a5cc2", "#b8860b", "#6b6b68"};
-
-[[nodiscard]] std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&': out += "&amp;"; break;
-      case '<': out += "&lt;"; break;
-      case '>': out += "&gt;"; break;
-      default: out += c;
-    }
-  }
-  return out;
-}
-
-template <class... T>
-void print(std::string& out, const char* format, T... values) {
-  char line[512];
-  std::snprintf(line, sizeof line, format, values...);
-  out += line;
-}
 
 void begin(std::string& out, const std::string& title, double width, double height) {
   print(out,

@@ -48,6 +48,15 @@ struct Street {
 constexpr float kFocalBaseline = 240.0F;  // px m
 int hidden_band() { return static_cast<int>(kFocalBaseline * (1.0F / 8.0F - 1.0F / Street::wall(60))); }
 
+// Over a level road, without a second camera.
+SpillView road_view() {
+  SpillView view;
+  view.camera = {500, 500, 100, 10};
+  view.ground.camera_height_m = 1.5F;
+  view.ground.inlier_share = 0.9F;
+  return view;
+}
+
 }  // namespace
 
 TEST_CASE("border spill: a pole's depth is dropped from the wall beside it, nothing else, along rows and columns") {
@@ -272,10 +281,7 @@ TEST_CASE("border spill: the ground under a car takes not its depth, wherever it
 
 TEST_CASE("border spill: pavement that rises from its kerb to the foot of a house stays, what is nearer not") {
   constexpr Shape kShape{200, 220};
-  SpillView view;
-  view.camera = {500, 500, 100, 10};
-  view.ground.camera_height_m = 1.5F;
-  view.ground.inlier_share = 0.9F;
+  SpillView view = road_view();
   view.focal_baseline_px_m = 470.0F;
   const auto foot = [](int x) { return 40 + x / 2; };  // of a house along the street
   const auto is_nearer = [&](int x, int y) { return x >= 100 && x % 20 < 5 && y >= foot(x) && y < foot(x) + 12; };
@@ -311,10 +317,7 @@ TEST_CASE("border spill: pavement that rises from its kerb to the foot of a hous
 
 TEST_CASE("border spill: a corner of a house takes the pavement behind it no farther than it reaches") {
   constexpr Shape kShape{200, 160};
-  SpillView view;
-  view.camera = {500, 500, 100, 10};
-  view.ground.camera_height_m = 1.5F;
-  view.ground.inlier_share = 0.9F;
+  SpillView view = road_view();
   const auto pavement_m = [&](int y) { return 1.66F / (unproject_pixel(view.camera, 0, y, 1.0F).y + 0.02F); };
   constexpr int kFoot = 140, kCorner = 120;
   Image<float> depth(kShape);

@@ -113,6 +113,13 @@ struct SpillLine {
     return some[count / 2];
   }
 
+  // Of the object before the border at i, over samples within `end` of it.
+  [[nodiscard]] float before(int i, int step, int end, int most) const noexcept {
+    int from = 0;
+    float unused = 0.0F;
+    return median(depth_m, i - step, -step, from, end, most, unused);
+  }
+
   // Inverse depth of an object along the line: at + slope (k - k0).
   struct Continued {
     float at = 0.0F;  // 0: not known
@@ -177,11 +184,7 @@ struct SpillLine {
   void drop(int i, int step) const noexcept {
     const int reach = params.reach_px;
     float near = 0.0F;
-    for (int most = reach; most >= 1 && !(near > 0.0F); most /= 2) {
-      int from = 0;
-      float unused = 0.0F;
-      near = median(depth_m, i - step, -step, from, reach, most, unused);
-    }
+    for (int most = reach; most >= 1 && !(near > 0.0F); most /= 2) near = before(i, step, reach, most);
     if (!(near > 0.0F)) return;
     const bool hidden = !column && step < 0 && view.focal_baseline_px_m > 0.0F && (is_paved(i) || goes_on_behind(i));
     const int widest = hidden ? static_cast<int>(clamp_to(view.focal_baseline_px_m * near, 0.0F, 2048.0F)) : 0;
@@ -215,12 +218,7 @@ struct SpillLine {
     const float there = plane.at + plane.slope * farther_k;
     if (!(farther > 0.0F && there > 0.0F)) return;
     const float ratio = farther / there;  // of the plane's height below the camera to the ground's
-    float foot = 0.0F;                    // of a house
-    if (goes_on_behind(i - 1)) {
-      int from = 0;
-      float unused = 0.0F;
-      foot = median(depth_m, i - 1, -1, from, reach, params.reach_px, unused);
-    }
+    const float foot = goes_on_behind(i - 1) ? before(i, 1, reach, params.reach_px) : 0.0F;  // of a house
     const float least = params.under_px / view.focal_baseline_px_m;
     for (int k = 0; k < reach && same(i + k, i); ++k) {
       const float z = depth(i + k);
