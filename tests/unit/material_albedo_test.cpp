@@ -125,6 +125,53 @@ TEST_CASE("a cast shadow leaves the road, with its colour; its paint stays, and 
   CHECK(mean(wet, 300, 370, 230, 265) / mean(wet, 20, 150, 230, 265) > 2.0);
 }
 
+TEST_CASE(
+    "a shadow on a road that shines towards the sun leaves it, though its edges fall by less than the lights differ") {
+  // Low sun ahead: the farther the sunlit road, the brighter, by 1.5 octaves; all of the shade lies near.
+  Picture p(480, 270);
+  for (int y = 0; y < 270; ++y) {
+    for (int x = 0; x < 480; ++x) {
+      RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * 480 + x), 0);
+      const float gloss = std::exp2(1.5F * clamp_to(static_cast<float>(186 - y) / 20.0F, 0.0F, 1.0F));
+      const bool shade = x < 240 && y > 190;
+      const float value = 0.14F * (0.85F + 0.3F * r.uniform());
+      const Vec3f light = shade ? Vec3f{0.13F, 0.155F, 0.21F} : Vec3f{gloss, gloss, gloss};
+      p.labels[p.i(x, y)] = y < 135 ? label::sky : label::road;
+      p.day[p.i(x, y)] = {encode(value * light.x), encode(value * light.y), encode(value * light.z)};
+    }
+  }
+  REQUIRE(p.run().ok());
+  REQUIRE(p.report.shadow);
+  CHECK(mean(p, 300, 460, 230, 265) / mean(p, 20, 200, 230, 265) == doctest::Approx(1.0).epsilon(0.15));
+}
+
+TEST_CASE("yellow and bluish paint goes on from the sun into the shadow as bright and as coloured as it was") {
+  for (const Vec3f paint : {Vec3f{0.6F, 0.38F, 0.1F}, Vec3f{0.307F, 0.35F, 0.4F}}) {
+    INFO("blue " << paint.z);
+    Picture p(480, 270);
+    for (int y = 0; y < 270; ++y) {
+      for (int x = 0; x < 480; ++x) {
+        RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * 480 + x), 0);
+        Vec3f value = x >= 360 && x < 372 ? paint : Vec3f{0.1F, 0.1F, 0.1F};
+        value *= 1.4F * (0.9F + 0.2F * r.uniform());
+        value.z *= std::exp2(r.uniform() - 0.5F);  // grain
+        if (y > 200) value = value * Vec3f{0.13F, 0.155F, 0.21F};
+        p.labels[p.i(x, y)] = y < 135 ? label::sky : label::road;
+        p.day[p.i(x, y)] = {encode(value.x), encode(value.y), encode(value.z)};
+      }
+    }
+    REQUIRE(p.run().ok());
+    REQUIRE(p.report.shadow);
+    const double lit = mean(p, 362, 370, 145, 180);
+    const double shade = mean(p, 362, 370, 220, 260);
+    CHECK(std::fabs(std::log2(shade / lit)) < 0.2);
+    CHECK(shade > 2.5 * mean(p, 100, 250, 220, 260));
+    Vec3f sum;
+    for (int y = 225; y < 255; ++y) sum += p.albedo[p.i(366, y)];
+    CHECK((paint.x > paint.z ? sum.x > 2.0F * sum.z : sum.x < sum.z));
+  }
+}
+
 TEST_CASE("the wide stripes of a crossing stay as bright as they are, while light that changes slowly leaves") {
   Picture p(480, 270);
   const auto painted = [](int x, int y) { return y >= 205 && y < 255 && x % 56 < 28; };

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sun from walls: its direction, shadows on facades, panes, and days on which walls do not show it.
+// The sun from walls and on things: its direction, shadows on facades, panes, days on which walls do not show it, and
+// things that are seen against it.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -169,5 +170,70 @@ TEST_CASE("walls whose normal is not known or no number have no say, and get an 
   for (std::size_t i = 0; i < p.albedo.size(); ++i) {
     CHECK_UNARY(is_finite(p.albedo[i]) && p.albedo[i].x >= 0.01F && p.albedo[i].x <= 0.9F);
     CHECK_UNARY(p.sun[i] >= 0.0F && p.sun[i] <= 1.0F);
+  }
+}
+
+namespace {
+
+// Signs and persons on a road in the sun, seen from the side that it reaches or against it. The nine things have albedos
+// from .05 to .6; the last stands in the shadow that lies over the left of the road.
+Picture things(bool against_the_sun, bool with_normals) {
+  Picture p(kWidth, kHeight);
+  if (with_normals) p.normals.assign(p.shape.pixels(), Vec3f{0, -1, 0});
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      RandomStream r(6, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * kWidth + x), 0);
+      const std::size_t i = p.i(x, y);
+      const bool sky = y < 60;
+      const int k = (x - 20) / 50;
+      const bool thing = y >= 80 && y < 170 && x >= 20 && x < 470 && (x - 20) % 50 < 30;
+      p.labels[i] = sky ? label::sky : thing ? (k % 2 == 0 ? label::traffic_sign : label::person) : label::road;
+      const bool in_sun = x > 65;
+      constexpr float kAlbedo[9] = {0.3F, 0.3F, 0.05F, 0.6F, 0.2F, 0.1F, 0.4F, 0.05F, 0.3F};
+      Vec3f light = in_sun ? Vec3f{1, 1, 1} : kSky;
+      if (thing) {
+        const Vec3f turned_away = kSky * 0.5F + Vec3f{0.1F, 0.1F, 0.1F};
+        light = !in_sun ? kSky * 0.6F : against_the_sun ? turned_away : Vec3f{0.75F, 0.75F, 0.75F};
+        if (with_normals) p.normals[i] = {0, 0, -1};
+      }
+      const Vec3f seen = light * ((thing ? kAlbedo[k] : 0.1F) * 1.5F * (0.9F + 0.2F * r.uniform()));
+      p.day[i] = sky ? Rgb8{200, 210, 230} : Rgb8{encode(seen.x), encode(seen.y), encode(seen.z)};
+    }
+  }
+  return p;
+}
+
+double mean_of_thing(const Picture& p, int k) {
+  double sum = 0.0;
+  for (int y = 90; y < 160; ++y) {
+    for (int x = 0; x < 20; ++x) sum += static_cast<double>(luminance(p.albedo[p.i(25 + 50 * k + x, y)]));
+  }
+  return sum / (70.0 * 20.0);
+}
+
+}  // namespace
+
+TEST_CASE("what is seen against the sun is as bright as from its sunny side, and black paint stays black in both") {
+  for (const bool with_normals : {true, false}) {
+    INFO("normals " << with_normals);
+    Picture sunny = things(false, with_normals);
+    Picture against = things(true, with_normals);
+    REQUIRE(sunny.run().ok());
+    REQUIRE(against.run().ok());
+    REQUIRE(sunny.report.shadow);
+    REQUIRE(against.report.shadow);
+    for (int k = 1; k < 9; ++k) {
+      INFO("thing " << k);
+      // Four times as dark by day against the sun.
+      CHECK(std::fabs(std::log2(mean_of_thing(against, k) / mean_of_thing(sunny, k))) < 0.7);
+    }
+    for (const Picture* p : {&sunny, &against}) {
+      CHECK(mean_of_thing(*p, 3) > 0.35);
+      CHECK(mean_of_thing(*p, 7) < 0.1);
+    }
+    CHECK(sunny.sun[sunny.i(240, 120)] > 0.8F);
+    CHECK(against.sun[against.i(240, 120)] < 0.2F);
+    // What stands in the shadow is not asked.
+    CHECK(std::fabs(std::log2(mean_of_thing(against, 0) / mean_of_thing(sunny, 0))) < 0.1);
   }
 }

@@ -7,10 +7,11 @@
 // 3. Scale: asphalt in the sun meets the prior of detail/class_priors.hpp. All other ground, vehicles, people and things
 //    share this scale, so that a black car stays black; facades and plants, whose light differs by direction, meet
 //    their own priors.
-// 4. Standing things: detail/daylight/standing_light.hpp, and walls by the sun's direction where they show it
-//    (detail/daylight/sun.hpp). On cars panes (detail/daylight/panes.hpp) and tyres are told
-//    from paint by where they are and how they differ. What is brighter than panes_limit times an object's median is
-//    half drawn in, because much of it is the sky that paint and panes show.
+// 4. Standing things: detail/daylight/standing_light.hpp, walls by the sun's direction where they show it
+//    (detail/daylight/sun.hpp), and which faces of objects the sun reaches (detail/daylight/sunny_faces.hpp). On cars
+//    panes (detail/daylight/panes.hpp) and tyres are told from paint by where they are and how they differ. What is
+//    brighter than panes_limit times an object's median is half drawn in, because much of it is the sky that paint and
+//    panes show.
 // 5. Colour: the road's cast is divided out to the share that `cast_removal` states. What is saturated (a channel at or
 //    above saturated_level) or dark has no trustworthy colour and becomes grey; no channel leaves the bounds of paint.
 // 6. Bounds: a pixel further from its class's level than a factor of `free_ratio` is drawn in, by a slope, not cut, so
@@ -44,6 +45,7 @@
 #include "npsim/material/detail/daylight/picture.hpp"
 #include "npsim/material/detail/daylight/standing_light.hpp"
 #include "npsim/material/detail/daylight/sun.hpp"
+#include "npsim/material/detail/daylight/sunny_faces.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -218,8 +220,9 @@ Status light_classes(const StandingLightParams& p, Context& c, Span<std::uint32_
 // The sun, where it shows on the ground. What is no wall by its label has albedos of all kinds.
 template <class Executor>
 Status find_day(const SunParams& p, Context& c, Workspace& workspace, Executor& executor) {
-  if (c.scene.labels.empty() || !c.ground.shadow) return {};
+  if (!c.ground.shadow) return {};
   c.day = light_of_day(c.ground.ratio_y, c.scene.ground);
+  if (c.scene.labels.empty()) return {};
   return find_sun(p, c.picture, walls_of(c), normals_of(c), c.scale, workspace, c.day, executor);
 }
 
@@ -243,15 +246,28 @@ template <class Executor>
 Status light_objects(const StandingLightParams& p, Context& c, Workspace& workspace, Executor& executor) {
   const Picture& picture = c.picture;
   NPSIM_RETURN_IF_ERROR(list_objects(c.scene, picture, c.sun, workspace, c.objects));
-  for_pixels(picture.shape(), executor, [&](int x, int y) {
-    const std::uint8_t region = picture.region(x, y);
-    if (region != kVehicle && region != kOther) return;
+  const auto is_thing = [&](int x, int y) {
+    return picture.region(x, y) == kVehicle || picture.region(x, y) == kOther;
+  };
+  const auto place = [&](int x, int y) {
     const std::size_t slot =
         c.objects.of(c.scene, picture.middle_x(x, c.scene.image.width()), picture.middle_y(y, c.scene.image.height()));
-    float sun = slot == 0 ? c.sun(x, y) : c.objects.sun[slot];
-    if (region == kOther)
+    return slot == 0 ? c.sun(x, y) : c.objects.sun[slot];
+  };
+  const auto normal = normals_of(c);
+  SunnyFaces faces;
+  if (c.ground.shadow) {
+    constexpr float kInSun = 0.9F;
+    const auto in_sun = [&](int x, int y) { return is_thing(x, y) && place(x, y) > kInSun; };
+    NPSIM_RETURN_IF_ERROR(find_sunny_faces(picture, in_sun, normal, c.scale, c.day, workspace, faces));
+  }
+  for_pixels(picture.shape(), executor, [&](int x, int y) {
+    if (!is_thing(x, y)) return;
+    float sun = place(x, y);
+    if (picture.region(x, y) == kOther)
       sun += (1.0F - sun) * clamp_to((c.working_height(x, y) - p.low_m) / (p.high_m - p.low_m), 0.0F, 1.0F);
     const float upward = clamp_to(dot(c.working_normal(x, y), c.scene.ground.up), 0.0F, 1.0F);
+    if (c.ground.shadow) sun *= faces.share(seen_face(normal(x, y)));
     c.light(x, y) = c.scale + log_light(sun, c.ground.ratio_y) + (1.0F - upward) * p.upright;
     c.sun(x, y) = sun;
   });
@@ -445,10 +461,10 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
   // The ground's result, and where panes may be; the sun is found before objects are listed.
   static_assert(2 + 1 + kPanePlanes <= kGroundLightPlanes && 2 + 1 + kSunPlanes <= kGroundLightPlanes);
   static_assert(kSunBytes <= kObjectsBytes);
-  return kPlanes * allocation_bytes<float>(working.pixels()) + 2 * allocation_bytes<std::uint8_t>(working.pixels()) +
+  return kPlanes * allocation_bytes<float>(working.pixels()) + 3 * allocation_bytes<std::uint8_t>(working.pixels()) +
          allocation_bytes<std::uint32_t>(static_cast<std::size_t>(kCellsY * kCellsC)) +
          allocation_bytes<LightCell>(static_cast<std::size_t>(kCellsY * kCellsC)) + kObjectsBytes +
-         allocation_bytes<std::uint32_t>(4096) + kWorkspaceAlignment;
+         allocation_bytes<FaceSample>(kFaceSamples) + allocation_bytes<std::uint32_t>(4096) + kWorkspaceAlignment;
 }
 
 // All of `scene` but the photograph may be empty.

@@ -6,6 +6,7 @@
 //    on a cloudy day are not the sun (stripes.hpp). No shadow found: the ground is left as it is, so that overcast
 //    scenes do not change.
 // 2. Posterior of each pixel, then mean field: neighbours that no edge of the picture separates share their light.
+//    Coloured paint says nothing of it, and lies in that of the ground around it.
 // 3. The ratio of lights, per channel, is measured where it shows best: means on either side of shadows' edges, the
 //    median over all edges of the road.
 // 4. Penumbra: within a few pixels of an edge the share of the sun is the mean of its posterior over nine levels.
@@ -54,6 +55,7 @@ struct GroundLightParams {
   float smooth_px = 4.0F;  // lengths are for 960 px width
   float smooth_epsilon = 0.02F;
   MeanFieldParams field;
+  float around_px = 16.0F;
   float edge_near_px = 3.0F;
   float edge_far_px = 16.0F;
   float penumbra_px = 6.0F;
@@ -63,6 +65,7 @@ struct GroundLightParams {
   float paint_step_in_shade = 1.0F;  // where leaves let more or less of the sky through
   float contact_px = 30.0F;
   float min_edge_drop = 0.85F;        // of the mixture's drop, measured at edges
+  float clear_edge_drop = 1.5F;       // log2: as much is enough. Gloss that changes slowly has no such edges
   float min_edge_bluer = 0.05F;       // log2(blue / red), measured at edges
   float min_drop_of_pavement = 1.0F;  // pavements are of several materials: weak light is not told from them
 };
@@ -75,6 +78,7 @@ struct GroundLight {
   float ratio_y = 0.0F;                  // of luminance
   Plane sun;                             // share of the sun, 0..1, on the ground
   Plane level;                           // log2: what is left of the light, relative to the road's level
+  ImageView<std::uint8_t> coloured;      // 1 on coloured paint of the road, where there is a shadow
 };
 
 // Its result, the smoothed picture, and what the greediest of the steps takes: shadow_field() and measure_ratio().
@@ -101,10 +105,18 @@ static_assert(kGuidedFilterPlanes == 6 && kWindowMeanPlanes == 2);
 
 // Log odds of sun against shadow.
 [[nodiscard]] inline float sun_odds(const LightMixtureParams& p, const LightMixture& m, float y, float c) noexcept {
-  const Likelihood l = likelihood(p, m, y, c);
+  constexpr float kPaintColour = 0.2F;  // log2(blue / red): white paint is yellowish or bluish
   constexpr float kTiny = 1e-6F;
+  const Likelihood l = likelihood(p, m, y, c, kPaintColour);
   return clamp_to(kLn2 * (log2_of(l.sun + l.sun_paint + kTiny) - log2_of(l.shadow + l.shadow_paint + kTiny)), -8.0F,
                   8.0F);
+}
+
+// Coloured paint: no light makes asphalt of it, and by its luminance it may lie in either.
+[[nodiscard]] inline bool is_coloured(const LightMixture& m, float y, float c) noexcept {
+  constexpr float kFar = 4.0F;  // spreads
+  const float off = kFar * m.sigma_c;
+  return y > m.sun_y - m.drop && (c < m.sun_c - off || c > m.sun_c + m.bluer + off);
 }
 
 [[nodiscard]] inline float logistic(float odds) noexcept { return 1.0F / (1.0F + exp2_of(-kLog2E * odds)); }
@@ -203,7 +215,7 @@ Status mean_field(const MeanFieldParams& p, const Inside& inside, const Guide& g
 }
 inline constexpr std::size_t kMeanFieldPlanes = 1 + kGuidedFilterPlanes;
 
-// Step 2.
+// Step 2. Coloured paint lies in the light of the ground around it.
 template <class Executor>
 Status shadow_field(const GroundLightParams& p, const Picture& picture, Plane smooth_y, Plane smooth_c,
                     Workspace& workspace, GroundLight& out, Executor& executor) {
@@ -215,15 +227,25 @@ Status shadow_field(const GroundLightParams& p, const Picture& picture, Plane sm
   for_pixels(shape, executor, [&](int x, int y) {
     const std::uint8_t kind = picture.region(x, y);
     float o = 0.0F;
+    out.coloured(x, y) = 0;
     if (kind < kGroundRegions) {
       const LightMixture& m = out.mixture[kind];
       o = m.known ? sun_odds(p.mixture, m, smooth_y(x, y), smooth_c(x, y)) : 0.0F;
       if (kind == kRails) o = 8.0F;  // between stones and sleepers it is dark in any light
+      if (kind == kRoad && m.known && is_coloured(m, smooth_y(x, y), smooth_c(x, y))) out.coloured(x, y) = 1;
     }
     odds(x, y) = o;
     out.sun(x, y) = kind < kGroundRegions ? logistic(o) : 0.0F;
   });
-  return mean_field(p.field, ground, smooth_y, odds, picture, workspace, out.sun, executor);
+  NPSIM_RETURN_IF_ERROR(mean_field(p.field, ground, smooth_y, odds, picture, workspace, out.sun, executor));
+  const auto plain = [&](int x, int y) { return ground(x, y) && out.coloured(x, y) == 0 ? 1.0F : 0.0F; };
+  const Plane around = odds;
+  NPSIM_RETURN_IF_ERROR(
+      window_mean(plain, out.sun, picture.radius(p.around_px), 0.5F, 0.5F, workspace, around, executor));
+  for_pixels(shape, executor, [&](int x, int y) {
+    if (ground(x, y) && out.coloured(x, y) != 0) out.sun(x, y) = around(x, y);
+  });
+  return {};
 }
 
 // Step 3.
@@ -328,7 +350,7 @@ Status soften_edges(const GroundLightParams& p, const Picture& picture, Plane sm
   }
   for_pixels(shape, executor, [&](int x, int y) {
     const float near = blurred(x, y);
-    if (!picture.is_ground(x, y) || near < 0.02F || near > 0.98F) return;
+    if (!picture.is_ground(x, y) || out.coloured(x, y) != 0 || near < 0.02F || near > 0.98F) return;
     const LightMixture& m = out.mixture[picture.region(x, y)];
     const float seen = picture.log_y(x, y) - m.sun_y - base(x, y);
     const float colour = smooth_c(x, y) - m.sun_c;
@@ -461,6 +483,7 @@ Status find_ground_light(const GroundLightParams& p, const AlbedoScene& scene, c
   const Shape shape = picture.shape();
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.sun));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.level));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.coloured));
   for_pixels(shape, executor, [&](int x, int y) {
     out.sun(x, y) = 1.0F;
     out.level(x, y) = 0.0F;
@@ -487,8 +510,8 @@ Status find_ground_light(const GroundLightParams& p, const AlbedoScene& scene, c
   if (out.shadow) {
     NPSIM_RETURN_IF_ERROR(shadow_field(p, picture, smooth_y, smooth_c, workspace, out, executor));
     NPSIM_RETURN_IF_ERROR(measure_ratio(p, picture, stripe, histogram, workspace, out, executor));
-    out.shadow =
-        out.ratio_y >= p.min_edge_drop * out.mixture[out.lead].drop && out.ratio.x - out.ratio.z >= p.min_edge_bluer;
+    out.shadow = out.ratio_y >= std::min(p.min_edge_drop * out.mixture[out.lead].drop, p.clear_edge_drop) &&
+                 out.ratio.x - out.ratio.z >= p.min_edge_bluer;
   }
   if (out.shadow) {
     NPSIM_RETURN_IF_ERROR(soften_edges(p, picture, smooth_c, workspace, out, executor));

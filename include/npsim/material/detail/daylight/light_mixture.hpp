@@ -93,13 +93,16 @@ struct Likelihood {
   float outlier;
 };
 
-[[nodiscard]] inline Likelihood likelihood(const LightMixtureParams& p, const LightMixture& m, float y,
-                                           float c) noexcept {
-  const auto density = [&](float dy, float dc) {
+// paint_c: how much the colours of paint differ besides.
+[[nodiscard]] inline Likelihood likelihood(const LightMixtureParams& p, const LightMixture& m, float y, float c,
+                                           float paint_c = 0.0F) noexcept {
+  const auto density_of = [&](float dy, float dc, float sigma_c) {
     const float a = dy / m.sigma_y;
-    const float b = dc / m.sigma_c;
-    return exp2_of(-0.5F * kLog2E * (a * a + b * b)) / (6.2831853F * m.sigma_y * m.sigma_c);
+    const float b = dc / sigma_c;
+    return exp2_of(-0.5F * kLog2E * (a * a + b * b)) / (6.2831853F * m.sigma_y * sigma_c);
   };
+  const auto density = [&](float dy, float dc) { return density_of(dy, dc, m.sigma_c); };
+  const auto density_of_paint = [&](float dy, float dc) { return density_of(dy, dc, m.sigma_c + paint_c); };
   const float dy = y - m.sun_y;
   const float dc = c - m.sun_c;
   const float shade = 1.0F - m.sunlit;
@@ -108,8 +111,8 @@ struct Likelihood {
   const float plain = (1.0F - kOutliers) * (1.0F - m.paint);
   const float painted = (1.0F - kOutliers) * m.paint;
   return {plain * m.sunlit * density(dy, dc), plain * shade * density(dy + m.drop, dc - m.bluer),
-          painted * m.sunlit * density(dy - p.paint_step, dc),
-          painted * shade * density(dy + m.drop - p.paint_step, dc - m.bluer), kOutlierDensity};
+          painted * m.sunlit * density_of_paint(dy - p.paint_step, dc),
+          painted * shade * density_of_paint(dy + m.drop - p.paint_step, dc - m.bluer), kOutlierDensity};
 }
 
 // One round of expectation and maximisation. hold_light: drop and bluer stay.

@@ -5,8 +5,8 @@
 // face alike share it more. Of both means, over the class's median, the larger part is divided out; the rest is the
 // albedo of whole houses.
 // Vehicles, people and other objects vary too much in albedo to tell it from light. Their light is that of the place
-// where they stand: of the ground below them, as faces of their direction receive it. So a black car stays black, and
-// one in the shadow is as bright as one in the sun.
+// where they stand: of the ground below them, as faces of their direction receive it (sunny_faces.hpp). So a black car
+// stays black, and one in the shadow is as bright as one in the sun.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_STANDING_LIGHT_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_STANDING_LIGHT_HPP
 

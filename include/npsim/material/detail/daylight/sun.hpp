@@ -88,22 +88,20 @@ struct Sun {
   return sun;
 }
 
-// Density of log2 of walls' albedo: two Gaussians, and a floor.
-struct WallPrior {
+// Density of log2 of albedo: two Gaussians, of which the second has `darker` of all, and a floor.
+struct AlbedoPrior {
   static constexpr float kFirst = -12.0F;
   static constexpr float kPerOctave = 32.0F;
   std::array<float, 512> density;
 
-  WallPrior() noexcept {
-    constexpr float kWall = -1.5F, kWallSpread = 0.9F;  // of .35
-    constexpr float kPane = -3.5F, kPaneSpread = 1.2F, kPanes = 0.3F;
+  AlbedoPrior(float usual, float usual_spread, float dark, float dark_spread, float darker) noexcept {
     constexpr float kFloor = 1e-4F;
     for (std::size_t i = 0; i < density.size(); ++i) {
       const float x = kFirst + (static_cast<float>(i) + 0.5F) / kPerOctave;
-      const float a = (x - kWall) / kWallSpread;
-      const float b = (x - kPane) / kPaneSpread;
-      density[i] = kFloor + (1.0F - kPanes) / kWallSpread * exp2_of(-0.5F * kLog2E * a * a) +
-                   kPanes / kPaneSpread * exp2_of(-0.5F * kLog2E * b * b);
+      const float a = (x - usual) / usual_spread;
+      const float b = (x - dark) / dark_spread;
+      density[i] = kFloor + (1.0F - darker) / usual_spread * exp2_of(-0.5F * kLog2E * a * a) +
+                   darker / dark_spread * exp2_of(-0.5F * kLog2E * b * b);
     }
   }
   [[nodiscard]] float operator()(float log_albedo) const noexcept {
@@ -111,6 +109,8 @@ struct WallPrior {
     return density[static_cast<std::size_t>(clamp_to(bin, 0.0F, static_cast<float>(density.size() - 1)))];
   }
 };
+// Plaster and brick of .35; panes and openings.
+[[nodiscard]] inline AlbedoPrior prior_of_walls() noexcept { return AlbedoPrior(-1.5F, 0.9F, -3.5F, 1.2F, 0.3F); }
 
 // Directions over the upper half of the sky: rings of equal elevation, as dense as they are long.
 inline constexpr int kSunRings = 9;
@@ -137,22 +137,22 @@ struct SunGrid {
 // Roofs are darker than walls, and little stands between them and the sun.
 [[nodiscard]] inline bool is_roof(const Vec3f& normal, const Vec3f& up) noexcept { return dot(normal, up) > 0.35F; }
 
-struct WallSample {
+struct FaceSample {
   Vec3f normal;
   float log_albedo;  // as if lit like sunlit ground
 };
-inline constexpr std::size_t kWallSamples = 2048;
+inline constexpr std::size_t kFaceSamples = 2048;
 // Levels of all walls that are tried: steps of half a binary order about 0.
 inline constexpr int kWallLevels = 13;
 [[nodiscard]] inline float wall_level(int k) noexcept { return 0.5F * static_cast<float>(k - kWallLevels / 2); }
 inline constexpr std::size_t kSunBytes =
-    allocation_bytes<WallSample>(kWallSamples) +
+    allocation_bytes<FaceSample>(kFaceSamples) +
     allocation_bytes<float>(kMostSunDirections * static_cast<std::size_t>(kWallLevels));
 
-// Walls on a lattice that is as fine as kWallSamples allow.
+// Walls on a lattice that is as fine as kFaceSamples allow.
 template <class Inside, class Normal>
-std::size_t wall_samples(const Picture& picture, const Inside& facade, const Normal& normal, const Vec3f& up,
-                         float scale, Span<WallSample> out, std::size_t& pixels) {
+std::size_t face_samples(const Picture& picture, const Inside& facade, const Normal& normal, const Vec3f& up,
+                         float scale, Span<FaceSample> out, std::size_t& pixels) {
   const Shape shape = picture.shape();
   const auto inside = [&](int x, int y) {
     return facade(x, y) && normal(x, y) != Vec3f{} && !is_roof(normal(x, y), up);
@@ -174,12 +174,12 @@ std::size_t wall_samples(const Picture& picture, const Inside& facade, const Nor
 inline constexpr float kSunny = 0.6F;  // of walls that face the sun
 
 // Bits per pixel of two lights, whatever the direction of a face, at the level and the ratio that suit them best.
-[[nodiscard]] inline float bits_without_direction(const WallPrior& prior, Span<const WallSample> walls) noexcept {
+[[nodiscard]] inline float bits_without_direction(const AlbedoPrior& prior, Span<const FaceSample> walls) noexcept {
   float best = -1e30F;
   for (float brightness = -10.0F; brightness < 4.0F; brightness += 0.25F) {
     for (float drop = 0.0F; drop < 4.0F; drop += 0.5F) {
       float sum = 0.0F;
-      for (const WallSample& w : walls) {
+      for (const FaceSample& w : walls) {
         const float lit = w.log_albedo - brightness;
         sum += log2_of(kSunny * prior(lit) + (1.0F - kSunny) * prior(lit + drop));
       }
@@ -196,14 +196,14 @@ Status find_sun(const SunParams& p, const Picture& picture, const Inside& inside
   constexpr float kLevelSpread = 1.0F;
   constexpr std::size_t kFewest = 64;
   const WorkspaceScope scope(workspace);
-  Span<WallSample> room;
+  Span<FaceSample> room;
   Span<float> fit;  // bits per pixel, by direction and level
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(kWallSamples, room));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(kFaceSamples, room));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(kMostSunDirections * static_cast<std::size_t>(kWallLevels), fit));
   std::size_t pixels = 0;
-  const Span<WallSample> walls = room.sub(0, wall_samples(picture, inside, normal, sun.up, scale, room, pixels));
+  const Span<FaceSample> walls = room.sub(0, face_samples(picture, inside, normal, sun.up, scale, room, pixels));
   if (walls.size() < kFewest) return {};
-  const WallPrior prior;
+  const AlbedoPrior prior = prior_of_walls();
   const SunGrid grid(sun);
   const auto n = static_cast<float>(walls.size());
   const auto block = static_cast<float>(picture.radius(p.block_px));
@@ -217,7 +217,7 @@ Status find_sun(const SunParams& p, const Picture& picture, const Inside& inside
       Sun tried = sun;
       tried.direction = grid.direction[i];
       float sums[kWallLevels] = {};
-      for (const WallSample& w : walls) {
+      for (const FaceSample& w : walls) {
         const float cosine = dot(w.normal, tried.direction);
         const float shade = w.log_albedo - tried.log_light(w.normal, 0.0F);
         const float lit = cosine > 0.0F ? w.log_albedo - tried.log_light(w.normal, cosine) : shade;
@@ -265,7 +265,7 @@ Status sun_on_walls(const SunParams& p, const Sun& sun, const Picture& picture, 
   const WorkspaceScope scope(workspace);
   Plane odds;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), odds));
-  const WallPrior prior;
+  const AlbedoPrior prior = prior_of_walls();
   for_pixels(picture.shape(), executor, [&](int x, int y) {
     if (!inside(x, y)) return;
     const Vec3f face = normal(x, y);

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which faces of things the sun reaches, where it shines on the ground around them.
+//
+// Against the sun, what a photograph shows of a sign, a person or a car is its shaded side, and is as dark there as
+// black paint in the sun. One thing alone does not tell which; all that stand in the sun share its direction. Their
+// albedos are those of paint, cloth and sheet metal or, fewer of them, of tyres, panes and black paint. So each
+// direction of sun.hpp's grid says how likely their luminance is, as it does for walls, and the share of the sun that
+// a face gets is the weight of the directions from which it is reached. Where little stands in the sun that is between
+// all and nothing for faces of every direction; where walls have told the sun, theirs counts.
+// Roofs and bonnets see the sun from everywhere.
+#ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUNNY_FACES_HPP
+#define NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUNNY_FACES_HPP
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+#include "npsim/core/algorithm.hpp"
+#include "npsim/core/config.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/material/detail/daylight/picture.hpp"
+#include "npsim/material/detail/daylight/planes.hpp"
+#include "npsim/material/detail/daylight/sun.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+namespace daylight_detail {
+
+inline constexpr int kFaceTurns = 32;  // directions of upright faces that are told apart
+
+struct SunnyFaces {
+  Vec3f up{0, -1, 0};
+  Vec3f ahead{0, 0, 1};
+  std::array<float, kFaceTurns> upright{};  // share of the sun, by the turn of the normal from `ahead` to the right
+
+  // Share of the sun that reaches a face, 0..1.
+  [[nodiscard]] float share(const Vec3f& normal) const noexcept {
+    constexpr float kPerTurn = static_cast<float>(kFaceTurns) / 6.2831853F;
+    const float upward = clamp_to(dot(normal, up), 0.0F, 1.0F);
+    const float turn = std::atan2(dot(normal, cross(ahead, up)), dot(normal, ahead)) * kPerTurn;
+    const int k = (static_cast<int>(std::floor(turn + 0.5F)) + kFaceTurns) % kFaceTurns;
+    return upward + (1.0F - upward) * upright[static_cast<std::size_t>(k)];
+  }
+};
+
+// The face that a thing whose normal is not known shows: what is seen faces the camera.
+[[nodiscard]] inline Vec3f seen_face(const Vec3f& normal) noexcept {
+  return normal == Vec3f{} ? Vec3f{0, 0, -1} : normal;
+}
+
+// Density of log2 of the albedo of things: paint, cloth and metal; black; and a floor.
+[[nodiscard]] inline AlbedoPrior prior_of_things() noexcept { return AlbedoPrior(-2.2F, 1.2F, -4.6F, 1.0F, 0.2F); }
+
+// in_sun(x, y): a thing that stands in the sun. `sun`: its light, and its direction if that is known.
+template <class InSun, class Normal>
+Status find_sunny_faces(const Picture& picture, const InSun& in_sun, const Normal& normal, float scale, const Sun& sun,
+                        Workspace& workspace, SunnyFaces& out) {
+  constexpr float kBlock_px = 24.0F;    // at 960 px width: things are alike within
+  constexpr float kWallsError = 0.25F;  // rad
+  constexpr float kSoft = 5.0F;         // of the border between lit and turned away: .1 of a cosine either way
+  const WorkspaceScope scope(workspace);
+  out.up = sun.up;
+  out.ahead = sun.ahead;
+  const SunGrid grid(sun);
+  std::array<float, kMostSunDirections> weight{};
+  Span<FaceSample> room;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(kFaceSamples, room));
+  std::size_t pixels = 0;
+  const auto face = [&](int x, int y) { return seen_face(normal(x, y)); };
+  const Span<FaceSample> things = room.sub(0, face_samples(picture, in_sun, face, sun.up, scale, room, pixels));
+  const AlbedoPrior prior = prior_of_things();
+  const auto block = static_cast<float>(picture.radius(kBlock_px));
+  const float independent = static_cast<float>(pixels) / (block * block);
+  float best = -1e30F;
+  for (std::size_t i = 0; i < grid.count; ++i) {
+    Sun tried = sun;
+    tried.direction = grid.direction[i];
+    float sum = 0.0F;
+    for (const FaceSample& t : things) {
+      const float cosine = dot(t.normal, tried.direction);
+      const float shade = prior(t.log_albedo - tried.log_light(t.normal, 0.0F));
+      const float lit = cosine > 0.0F ? prior(t.log_albedo - tried.log_light(t.normal, cosine)) : shade;
+      sum += log2_of(kSunny * lit + (1.0F - kSunny) * shade);
+    }
+    weight[i] = things.empty() ? 0.0F : independent * sum / static_cast<float>(things.size());
+    const Vec3f off = sun.direction - grid.direction[i];
+    if (sun.found) weight[i] -= 0.5F * kLog2E * dot(off, off) / (kWallsError * kWallsError);
+    best = std::max(best, weight[i]);
+  }
+  float total = 0.0F;
+  for (std::size_t i = 0; i < grid.count; ++i) total += weight[i] = exp2_of(std::max(weight[i] - best, -100.0F));
+  for (int k = 0; k < kFaceTurns; ++k) {
+    const float turn = 6.2831853F * static_cast<float>(k) / static_cast<float>(kFaceTurns);
+    const Vec3f turned = sun.ahead * std::cos(turn) + sun.right() * std::sin(turn);
+    float share = 0.0F;
+    for (std::size_t i = 0; i < grid.count; ++i) {
+      share += weight[i] * clamp_to(0.5F + kSoft * dot(turned, grid.direction[i]), 0.0F, 1.0F) / total;
+    }
+    out.upright[static_cast<std::size_t>(k)] = share;
+  }
+  return {};
+}
+
+}  // namespace daylight_detail
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUNNY_FACES_HPP
