@@ -441,6 +441,38 @@ TEST_CASE("what hangs over nothing that was measured takes its surroundings' dep
   CHECK(s.out(32, 15) == doctest::Approx(50).epsilon(0.01));
 }
 
+TEST_CASE("a rider whom nothing measured stands where the wheels meet the road, which is farther off between them") {
+  Scene s({80, 80});
+  s.plane(0.02, 0, 0, 0, 0, 80, 30, label::building);
+  s.plane(-0.1, 0, 0.005, 0, 30, 80, 80, label::road);  // 20 m at row 30, 3.4 m at the bottom
+  const auto put = [&](int left, int top, int right, int bottom, Label l) {
+    for (int y = top; y < bottom; ++y) {
+      for (int x = left; x < right; ++x) {
+        s.labels(x, y) = l;
+        s.depth(x, y) = 0;
+        s.truth(x, y) = 1.0F / (-0.1F + 0.005F * 66.0F);  // of the road below the wheels
+      }
+    }
+  };
+  put(30, 54, 34, 66, label::bicycle);
+  put(48, 54, 52, 66, label::bicycle);
+  put(34, 52, 48, 56, label::bicycle);
+  put(36, 16, 48, 52, label::rider);
+  put(60, 20, 70, 40, label::person);
+  put(60, 40, 70, 50, label::wall);
+  for (int x = 60; x < 70; ++x) s.depth(x, 45) = s.truth(x, 45) = 6.0F;  // before the feet
+  REQUIRE(s.run().ok());
+  CHECK(s.worst_relative_error(label::bicycle) < 0.01);
+  CHECK(s.worst_relative_error(label::rider) < 0.01);
+  // Without feet a person is where its surroundings are.
+  CHECK(s.out(65, 25) > 15.0F);
+  FillParams none;
+  none.standing = {};
+  const SerialExecutor serial;
+  REQUIRE(s.run(serial, true, none).ok());
+  CHECK(s.worst_relative_error(label::rider) > 1.0);
+}
+
 TEST_CASE("objects of one label do not share depth where there are instances") {
   Scene s({60, 20}, label::car);
   Image<std::uint16_t> instances(s.shape, 1);

@@ -52,6 +52,7 @@ struct FillParams {
   float behind_reach = 0.125F;     // of the width
   LabelSet hung = kPoleLabels | kSignLabels |
                   LabelSet::of(label::vegetation, label::static_object, label::dynamic_object);  // on one another
+  LabelSet standing = kVehicleLabels | kPoleLabels | LabelSet::of(label::person, label::rider);  // on the ground
   float upright_reach = 0.01F;  // of the width: what hangs, and is farther from all measured of it, is upright
   float ground_outlier = 2;     // farther than this many times the near ground: filled anew; 0: kept
   int max_sweeps = 32;          // per level
@@ -66,7 +67,7 @@ struct FillParams {
 [[nodiscard]] constexpr std::size_t fill_workspace_bytes(const FillParams&, Shape shape) noexcept {
   return kWorkspaceAlignment + allocation_bytes<float>(shape.pixels()) +
          allocation_bytes<std::int32_t>(shape.pixels()) + allocation_bytes<std::uint8_t>(shape.pixels()) +
-         max_of(depth_detail::fill_pyramid_bytes(shape), depth_detail::hang_on_supports_bytes(shape));
+         max_of(depth_detail::fill_pyramid_bytes(shape), depth_detail::carry_regions_bytes(shape));
 }
 
 [[nodiscard]] inline Status validate(const FillParams& params) noexcept {
@@ -340,6 +341,7 @@ inline void spread(FillState& state, FillReach reach) noexcept {
     const float reach = params.behind_reach * static_cast<float>(state.w.width());
     continue_behind(params.behind, static_cast<int>(reach), orphans);
     NPSIM_RETURN_IF_ERROR(hang_on_supports(params.hung, orphans, workspace));
+    NPSIM_RETURN_IF_ERROR(stand_on_ground(params.standing, params.planar, orphans, workspace));
   }
   spread(state, FillReach::any_surface);
   spread(state, FillReach::anything);

@@ -2,12 +2,16 @@
 // Depth of regions in which nothing was measured, from what they are a part of.
 //
 // What surrounds such a region in the picture is mostly behind it, or before it: a crown above the rows of a laser
-// would lie on the house behind it, and a sliver of house between two poles at the poles. Two kinds are known better:
+// would lie on the house behind it, and a sliver of house between two poles at the poles. Three kinds are known better:
 //   behind   houses go on behind what stands before them: the line between the nearest sources of houses to the left
 //            and to the right in the row, or the value of one. Not between leaves: there the label is a guess.
 //   hung     a sign is as far away as the pole below it, and a crown as its trunk, also where a sign comes between. The
 //            median over the region's columns.
-// Both keep what they are given. Error: what is in fact another house, or another tree's trunk, is taken for its own.
+//   standing a person, a vehicle or a pole is as far away as the ground at its feet: laser maps leave out what moves.
+//            The nearest quarter of its columns that end on the ground, as between feet and wheels it is farther off; a
+//            rider and what is ridden are one.
+// All keep what they are given. Error: what is in fact another house, or another tree's trunk, is taken for its own; a
+// row of the picture off at the feet is the more of the distance the farther they are.
 #ifndef NPSIM_DEPTH_DETAIL_FILL_ORPHANS_HPP
 #define NPSIM_DEPTH_DETAIL_FILL_ORPHANS_HPP
 
@@ -95,12 +99,15 @@ inline void continue_behind(LabelSet behind, int reach, const OrphanView& view) 
   return 0.0F;
 }
 
-[[nodiscard]] constexpr std::size_t hang_on_supports_bytes(Shape shape) noexcept {
+[[nodiscard]] constexpr std::size_t carry_regions_bytes(Shape shape) noexcept {
   return allocation_bytes<std::uint32_t>(shape.pixels()) + kWorkspaceAlignment;
 }
 
-// And 2 KiB of stack.
-[[nodiscard]] inline Status hang_on_supports(LabelSet hung, const OrphanView& view, Workspace& workspace) noexcept {
+// Gives each region of orphans that `joins` connects one inverse depth: of those that support(x, y) finds below its
+// columns, 0 where there is none, the one that `nearer` of them exceed. And 2 KiB of stack.
+template <class Joins, class Support>
+[[nodiscard]] Status carry_regions(LabelSet labels, float nearer, const Joins& joins, const Support& support,
+                                   const OrphanView& view, Workspace& workspace) noexcept {
   constexpr std::size_t kMost = 512;
   const WorkspaceScope scope(workspace);
   const Shape shape = view.w.shape();
@@ -110,7 +117,7 @@ inline void continue_behind(LabelSet behind, int reach, const OrphanView& view) 
   constexpr std::int32_t kSeen = -1;
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
-      if (!view.is_orphan(hung, x, y) || view.steps(x, y) == kSeen) continue;
+      if (!view.is_orphan(labels, x, y) || view.steps(x, y) == kSeen) continue;
       std::size_t count = 0;
       const auto reach = [&](int u, int v) {
         view.steps(u, v) = kSeen;
@@ -125,16 +132,17 @@ inline void continue_behind(LabelSet behind, int reach, const OrphanView& view) 
         const int around[4][2] = {{u - 1, v}, {u + 1, v}, {u, v - 1}, {u, v + 1}};
         for (const auto& at : around) {
           if (!view.w.contains(at[0], at[1]) || view.kind(at[0], at[1]) != kOrphan) continue;
-          if (view.steps(at[0], at[1]) != kSeen && view.objects.same(u, v, at[0], at[1])) reach(at[0], at[1]);
+          if (view.steps(at[0], at[1]) != kSeen && joins(u, v, at[0], at[1])) reach(at[0], at[1]);
         }
-        if (v + 1 < shape.height && view.objects.same(u, v, u, v + 1)) continue;
-        const float below = support_below(hung, view, u, v);
+        if (v + 1 < shape.height && joins(u, v, u, v + 1)) continue;
+        const float below = support(u, v);
         if (below > 0.0F && found < kMost) supports[found++] = below;
       }
       if (found == 0) continue;
-      select_nth(supports, supports + found / 2, supports + found);
+      const auto chosen = static_cast<std::size_t>((1.0F - nearer) * static_cast<float>(found));
+      select_nth(supports, supports + chosen, supports + found);
       for (std::size_t i = 0; i < count; ++i) {
-        view.give(static_cast<int>(region[i] % width), static_cast<int>(region[i] / width), supports[found / 2]);
+        view.give(static_cast<int>(region[i] % width), static_cast<int>(region[i] / width), supports[chosen]);
       }
     }
   }
@@ -144,6 +152,26 @@ inline void continue_behind(LabelSet behind, int reach, const OrphanView& view) 
     }
   }
   return {};
+}
+
+[[nodiscard]] inline Status hang_on_supports(LabelSet hung, const OrphanView& view, Workspace& workspace) noexcept {
+  const auto joins = [&](int x, int y, int u, int v) { return view.objects.same(x, y, u, v); };
+  const auto support = [&](int x, int y) { return support_below(hung, view, x, y); };
+  return carry_regions(hung, 0.5F, joins, support, view, workspace);
+}
+
+[[nodiscard]] inline Status stand_on_ground(LabelSet standing, LabelSet ground, const OrphanView& view,
+                                            Workspace& workspace) noexcept {
+  constexpr LabelSet kRidden = LabelSet::of(label::rider, label::bicycle, label::motorcycle);
+  const auto ridden = [&](int x, int y, int u, int v) {
+    return kRidden.contains(view.label(x, y)) && kRidden.contains(view.label(u, v));
+  };
+  const auto joins = [&](int x, int y, int u, int v) { return view.objects.same(x, y, u, v) || ridden(x, y, u, v); };
+  const auto support = [&](int x, int y) {
+    const bool on_ground = view.w.contains(x, y + 1) && ground.contains(view.label(x, y + 1));
+    return on_ground && view.kind(x, y + 1) != kOrphan ? view.w(x, y + 1) : 0.0F;
+  };
+  return carry_regions(standing, 0.25F, joins, support, view, workspace);
 }
 
 }  // namespace depth_detail
