@@ -145,14 +145,20 @@ TEST_CASE(
   CHECK(mean(p, 300, 460, 230, 265) / mean(p, 20, 200, 230, 265) == doctest::Approx(1.0).epsilon(0.15));
 }
 
-TEST_CASE("yellow and bluish paint goes on from the sun into the shadow as bright and as coloured as it was") {
-  for (const Vec3f paint : {Vec3f{0.6F, 0.38F, 0.1F}, Vec3f{0.307F, 0.35F, 0.4F}}) {
-    INFO("blue " << paint.z);
+TEST_CASE("paint and wide lanes of colour go on from the sun into the shadow as bright and as coloured as they were") {
+  struct Lane {
+    Vec3f albedo;
+    int width;
+  };
+  for (const Lane lane :
+       {Lane{{0.6F, 0.38F, 0.1F}, 12}, Lane{{0.307F, 0.35F, 0.4F}, 12}, Lane{{0.3F, 0.1F, 0.07F}, 90}}) {
+    INFO("width " << lane.width << ", blue " << lane.albedo.z);
     Picture p(480, 270);
+    const int left = 360 - lane.width / 2;
     for (int y = 0; y < 270; ++y) {
       for (int x = 0; x < 480; ++x) {
         RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * 480 + x), 0);
-        Vec3f value = x >= 360 && x < 372 ? paint : Vec3f{0.1F, 0.1F, 0.1F};
+        Vec3f value = x >= left && x < left + lane.width ? lane.albedo : Vec3f{0.1F, 0.1F, 0.1F};
         value *= 1.4F * (0.9F + 0.2F * r.uniform());
         value.z *= std::exp2(r.uniform() - 0.5F);  // grain
         if (y > 200) value = value * Vec3f{0.13F, 0.155F, 0.21F};
@@ -162,13 +168,15 @@ TEST_CASE("yellow and bluish paint goes on from the sun into the shadow as brigh
     }
     REQUIRE(p.run().ok());
     REQUIRE(p.report.shadow);
-    const double lit = mean(p, 362, 370, 145, 180);
-    const double shade = mean(p, 362, 370, 220, 260);
-    CHECK(std::fabs(std::log2(shade / lit)) < 0.2);
-    CHECK(shade > 2.5 * mean(p, 100, 250, 220, 260));
+    const double lit = mean(p, 356, 364, 145, 180);
+    CHECK(std::fabs(std::log2(mean(p, 356, 364, 220, 260) / lit)) < 0.2);
+    // As close to the edge as the ground beside is sure of its light.
+    CHECK(std::fabs(std::log2(mean(p, 356, 364, 210, 214) / lit)) < 0.35);
+    CHECK(std::fabs(std::log2(mean(p, 356, 364, 188, 192) / lit)) < 0.35);
+    CHECK(mean(p, 100, 250, 220, 260) == doctest::Approx(0.1).epsilon(0.02));
     Vec3f sum;
-    for (int y = 225; y < 255; ++y) sum += p.albedo[p.i(366, y)];
-    CHECK((paint.x > paint.z ? sum.x > 2.0F * sum.z : sum.x < sum.z));
+    for (int y = 225; y < 255; ++y) sum += p.albedo[p.i(360, y)];
+    CHECK((lane.albedo.x > lane.albedo.z ? sum.x > 2.0F * sum.z : sum.x < sum.z));
   }
 }
 

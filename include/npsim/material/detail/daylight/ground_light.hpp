@@ -55,7 +55,7 @@ struct GroundLightParams {
   float smooth_px = 4.0F;  // lengths are for 960 px width
   float smooth_epsilon = 0.02F;
   MeanFieldParams field;
-  float around_px = 16.0F;
+  float around_px = 4.0F;
   float edge_near_px = 3.0F;
   float edge_far_px = 16.0F;
   float penumbra_px = 6.0F;
@@ -65,7 +65,7 @@ struct GroundLightParams {
   float paint_step_in_shade = 1.0F;  // where leaves let more or less of the sky through
   float contact_px = 30.0F;
   float min_edge_drop = 0.85F;        // of the mixture's drop, measured at edges
-  float clear_edge_drop = 1.5F;       // log2: as much is enough. Gloss that changes slowly has no such edges
+  float clear_edge_drop = 2.0F;       // log2: as much is enough; kinds of asphalt differ by less
   float min_edge_bluer = 0.05F;       // log2(blue / red), measured at edges
   float min_drop_of_pavement = 1.0F;  // pavements are of several materials: weak light is not told from them
 };
@@ -78,7 +78,7 @@ struct GroundLight {
   float ratio_y = 0.0F;                  // of luminance
   Plane sun;                             // share of the sun, 0..1, on the ground
   Plane level;                           // log2: what is left of the light, relative to the road's level
-  ImageView<std::uint8_t> coloured;      // 1 on coloured paint of the road, where there is a shadow
+  ImageView<std::uint8_t> coloured;      // not 0 on coloured paint of the road; read where there is a shadow
 };
 
 // Its result, the smoothed picture, and what the greediest of the steps takes: shadow_field() and measure_ratio().
@@ -215,7 +215,35 @@ Status mean_field(const MeanFieldParams& p, const Inside& inside, const Guide& g
 }
 inline constexpr std::size_t kMeanFieldPlanes = 1 + kGuidedFilterPlanes;
 
-// Step 2. Coloured paint lies in the light of the ground around it.
+// Step 2 on coloured ground: its light is that of what is plain within around_px, then that of what is coloured beside
+// it, so that edges of shadows stay as sharp as they are on the ground beside paint. `around` is scratch.
+template <class Executor>
+Status light_coloured(const GroundLightParams& p, const Picture& picture, Workspace& workspace, Plane around,
+                      GroundLight& out, Executor& executor) {
+  constexpr std::uint8_t kWaits = 1, kLit = 2;
+  constexpr int kRounds = 32;
+  constexpr float kNone = -1.0F;
+  const auto known = [&](int x, int y) {
+    return picture.is_ground(x, y) && out.coloured(x, y) != kWaits ? 1.0F : 0.0F;
+  };
+  bool goes_on = true;
+  for (int round = 0; round < kRounds && goes_on; ++round) {
+    NPSIM_RETURN_IF_ERROR(
+        window_mean(known, out.sun, picture.radius(p.around_px), 0.0F, kNone, workspace, around, executor));
+    goes_on = false;
+    for (int y = 0; y < picture.shape().height; ++y) {
+      for (int x = 0; x < picture.shape().width; ++x) {
+        if (out.coloured(x, y) != kWaits || around(x, y) < 0.5F * kNone) continue;
+        out.sun(x, y) = clamp_to(around(x, y), 0.0F, 1.0F);
+        out.coloured(x, y) = kLit;
+        goes_on = true;
+      }
+    }
+  }
+  return {};
+}
+
+// Step 2.
 template <class Executor>
 Status shadow_field(const GroundLightParams& p, const Picture& picture, Plane smooth_y, Plane smooth_c,
                     Workspace& workspace, GroundLight& out, Executor& executor) {
@@ -238,14 +266,7 @@ Status shadow_field(const GroundLightParams& p, const Picture& picture, Plane sm
     out.sun(x, y) = kind < kGroundRegions ? logistic(o) : 0.0F;
   });
   NPSIM_RETURN_IF_ERROR(mean_field(p.field, ground, smooth_y, odds, picture, workspace, out.sun, executor));
-  const auto plain = [&](int x, int y) { return ground(x, y) && out.coloured(x, y) == 0 ? 1.0F : 0.0F; };
-  const Plane around = odds;
-  NPSIM_RETURN_IF_ERROR(
-      window_mean(plain, out.sun, picture.radius(p.around_px), 0.5F, 0.5F, workspace, around, executor));
-  for_pixels(shape, executor, [&](int x, int y) {
-    if (ground(x, y) && out.coloured(x, y) != 0) out.sun(x, y) = around(x, y);
-  });
-  return {};
+  return light_coloured(p, picture, workspace, odds, out, executor);
 }
 
 // Step 3.

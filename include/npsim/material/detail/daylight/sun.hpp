@@ -88,20 +88,26 @@ struct Sun {
   return sun;
 }
 
-// Density of log2 of albedo: two Gaussians, of which the second has `darker` of all, and a floor.
+// One kind of surface among others: log2 of its albedo, how far that spreads, and how many are of it.
+struct AlbedoKind {
+  float level, spread, share;
+};
+
+// Density of log2 of the albedo of surfaces of two kinds, and a floor.
 struct AlbedoPrior {
   static constexpr float kFirst = -12.0F;
   static constexpr float kPerOctave = 32.0F;
   std::array<float, 512> density;
 
-  AlbedoPrior(float usual, float usual_spread, float dark, float dark_spread, float darker) noexcept {
+  AlbedoPrior(const AlbedoKind& usual, const AlbedoKind& dark) noexcept {
     constexpr float kFloor = 1e-4F;
     for (std::size_t i = 0; i < density.size(); ++i) {
       const float x = kFirst + (static_cast<float>(i) + 0.5F) / kPerOctave;
-      const float a = (x - usual) / usual_spread;
-      const float b = (x - dark) / dark_spread;
-      density[i] = kFloor + (1.0F - darker) / usual_spread * exp2_of(-0.5F * kLog2E * a * a) +
-                   darker / dark_spread * exp2_of(-0.5F * kLog2E * b * b);
+      density[i] = kFloor;
+      for (const AlbedoKind& kind : {usual, dark}) {
+        const float off = (x - kind.level) / kind.spread;
+        density[i] += kind.share / kind.spread * exp2_of(-0.5F * kLog2E * off * off);
+      }
     }
   }
   [[nodiscard]] float operator()(float log_albedo) const noexcept {
@@ -109,8 +115,11 @@ struct AlbedoPrior {
     return density[static_cast<std::size_t>(clamp_to(bin, 0.0F, static_cast<float>(density.size() - 1)))];
   }
 };
-// Plaster and brick of .35; panes and openings.
-[[nodiscard]] inline AlbedoPrior prior_of_walls() noexcept { return AlbedoPrior(-1.5F, 0.9F, -3.5F, 1.2F, 0.3F); }
+[[nodiscard]] inline AlbedoPrior prior_of_walls() noexcept {
+  constexpr AlbedoKind kWall{-1.5F, 0.9F, 0.7F};  // plaster and brick, of .35
+  constexpr AlbedoKind kPane{-3.5F, 1.2F, 0.3F};  // and openings
+  return {kWall, kPane};
+}
 
 // Directions over the upper half of the sky: rings of equal elevation, as dense as they are long.
 inline constexpr int kSunRings = 9;
@@ -171,7 +180,7 @@ std::size_t face_samples(const Picture& picture, const Inside& facade, const Nor
   return n;
 }
 
-inline constexpr float kSunny = 0.6F;  // of walls that face the sun
+inline constexpr float kSunny = 0.6F;  // of what faces the sun
 
 // Bits per pixel of two lights, whatever the direction of a face, at the level and the ratio that suit them best.
 [[nodiscard]] inline float bits_without_direction(const AlbedoPrior& prior, Span<const FaceSample> walls) noexcept {

@@ -4,9 +4,9 @@
 // Against the sun, what a photograph shows of a sign, a person or a car is its shaded side, and is as dark there as
 // black paint in the sun. One thing alone does not tell which; all that stand in the sun share its direction. Their
 // albedos are those of paint, cloth and sheet metal or, fewer of them, of tyres, panes and black paint. So each
-// direction of sun.hpp's grid says how likely their luminance is, as it does for walls, and the share of the sun that
-// a face gets is the weight of the directions from which it is reached. Where little stands in the sun that is between
-// all and nothing for faces of every direction; where walls have told the sun, theirs counts.
+// direction of sun.hpp's grid says how likely their luminance is, as it does for walls. A face gets the share of the
+// sun that the likely directions let it: half of it where no thing tells, and hardly more or less where few do. Where
+// walls have told the sun, directions near theirs are the likelier ones from the start.
 // Roofs and bonnets see the sun from everywhere.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUNNY_FACES_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUNNY_FACES_HPP
@@ -52,8 +52,11 @@ struct SunnyFaces {
   return normal == Vec3f{} ? Vec3f{0, 0, -1} : normal;
 }
 
-// Density of log2 of the albedo of things: paint, cloth and metal; black; and a floor.
-[[nodiscard]] inline AlbedoPrior prior_of_things() noexcept { return AlbedoPrior(-2.2F, 1.2F, -4.6F, 1.0F, 0.2F); }
+[[nodiscard]] inline AlbedoPrior prior_of_things() noexcept {
+  constexpr AlbedoKind kThing{-2.2F, 1.2F, 0.8F};  // paint, cloth, sheet metal: of .22
+  constexpr AlbedoKind kBlack{-4.6F, 1.0F, 0.2F};  // tyres, panes, black paint: of .04
+  return {kThing, kBlack};
+}
 
 // in_sun(x, y): a thing that stands in the sun. `sun`: its light, and its direction if that is known.
 template <class InSun, class Normal>
