@@ -52,7 +52,8 @@ struct FillParams {
   float behind_reach = 0.125F;     // of the width
   LabelSet hung = kPoleLabels | kSignLabels |
                   LabelSet::of(label::vegetation, label::static_object, label::dynamic_object);  // on one another
-  LabelSet standing = kVehicleLabels | kPoleLabels | LabelSet::of(label::person, label::rider);  // on the ground
+  // On the ground. No cars: one that is all at one distance would be a mirror for the own headlamps.
+  LabelSet standing = kPoleLabels | LabelSet::of(label::person, label::rider, label::bicycle, label::motorcycle);
   float upright_reach = 0.01F;  // of the width: what hangs, and is farther from all measured of it, is upright
   float ground_outlier = 2;     // farther than this many times the near ground: filled anew; 0: kept
   int max_sweeps = 32;          // per level

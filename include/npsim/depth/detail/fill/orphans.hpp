@@ -7,7 +7,7 @@
 //            and to the right in the row, or the value of one. Not between leaves: there the label is a guess.
 //   hung     a sign is as far away as the pole below it, and a crown as its trunk, also where a sign comes between. The
 //            median over the region's columns.
-//   standing a person, a vehicle or a pole is as far away as the ground at its feet: laser maps leave out what moves.
+//   standing a person, a bicycle or a pole is as far away as the ground at its feet: laser maps leave out what moves.
 //            The nearest quarter of its columns that end on the ground, as between feet and wheels it is farther off; a
 //            rider and what is ridden are one.
 // All keep what they are given. Error: what is in fact another house, or another tree's trunk, is taken for its own; a

@@ -55,7 +55,7 @@ struct GroundLightParams {
   float smooth_px = 4.0F;  // lengths are for 960 px width
   float smooth_epsilon = 0.02F;
   MeanFieldParams field;
-  float around_px = 4.0F;
+  float around_px = 8.0F;
   float edge_near_px = 3.0F;
   float edge_far_px = 16.0F;
   float penumbra_px = 6.0F;
