@@ -176,7 +176,7 @@ TEST_CASE("walls whose normal is not known or no number have no say, and get an 
 namespace {
 
 // Signs and persons on a road in the sun, seen from the side that it reaches or against it. The nine things have albedos
-// from .05 to .6; the last stands in the shadow that lies over the left of the road.
+// from .05 to .6; the first stands in the shadow that lies over the left of the road.
 Picture things(bool against_the_sun, bool with_normals) {
   Picture p(kWidth, kHeight);
   if (with_normals) p.normals.assign(p.shape.pixels(), Vec3f{0, -1, 0});
