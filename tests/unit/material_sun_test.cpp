@@ -175,11 +175,12 @@ TEST_CASE("walls whose normal is not known or no number have no say, and get an 
 
 namespace {
 
-// Signs and persons on a road in the sun, seen from the side that it reaches or against it. The nine things have albedos
-// from .05 to .6; the first stands in the shadow that lies over the left of the road.
-Picture things(bool against_the_sun, bool with_normals) {
+// Nine signs and persons on a road in the sun, the first in the shadow that lies over its left. face(k, y): the normal of
+// thing k in row y; light(normal): what a thing in the sun receives.
+template <class Face, class Light>
+Picture row_of_things(const float (&albedo)[9], const Face& face, const Light& light) {
   Picture p(kWidth, kHeight);
-  if (with_normals) p.normals.assign(p.shape.pixels(), Vec3f{0, -1, 0});
+  p.normals.assign(p.shape.pixels(), Vec3f{0, -1, 0});
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
       RandomStream r(6, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * kWidth + x), 0);
@@ -189,17 +190,27 @@ Picture things(bool against_the_sun, bool with_normals) {
       const bool thing = y >= 80 && y < 170 && x >= 20 && x < 470 && (x - 20) % 50 < 30;
       p.labels[i] = sky ? label::sky : thing ? (k % 2 == 0 ? label::traffic_sign : label::person) : label::road;
       const bool in_sun = x > 65;
-      constexpr float kAlbedo[9] = {0.3F, 0.3F, 0.05F, 0.6F, 0.2F, 0.1F, 0.4F, 0.05F, 0.3F};
-      Vec3f light = in_sun ? Vec3f{1, 1, 1} : kSky;
-      if (thing) {
-        const Vec3f turned_away = kSky * 0.5F + Vec3f{0.1F, 0.1F, 0.1F};
-        light = !in_sun ? kSky * 0.6F : against_the_sun ? turned_away : Vec3f{0.75F, 0.75F, 0.75F};
-        if (with_normals) p.normals[i] = {0, 0, -1};
-      }
-      const Vec3f seen = light * ((thing ? kAlbedo[k] : 0.1F) * 1.5F * (0.9F + 0.2F * r.uniform()));
+      if (thing) p.normals[i] = face(k, y);
+      const Vec3f on_ground = in_sun ? Vec3f{1, 1, 1} : kSky;
+      const Vec3f on_thing = in_sun ? light(p.normals[i]) : kSky * 0.6F;
+      const Vec3f seen = (thing ? on_thing * albedo[k] : on_ground * 0.1F) * (1.5F * (0.9F + 0.2F * r.uniform()));
       p.day[i] = sky ? Rgb8{200, 210, 230} : Rgb8{encode(seen.x), encode(seen.y), encode(seen.z)};
     }
   }
+  return p;
+}
+
+// Seen from the side that the sun reaches or against it, in albedos from .05 to .6.
+Picture things(bool against_the_sun, bool with_normals) {
+  const Vec3f turned_away = kSky * 0.5F + Vec3f{0.1F, 0.1F, 0.1F};
+  const Vec3f light = against_the_sun ? turned_away : Vec3f{0.75F, 0.75F, 0.75F};
+  Picture p = row_of_things(
+      {0.3F, 0.3F, 0.05F, 0.6F, 0.2F, 0.1F, 0.4F, 0.05F, 0.3F},
+      [](int, int) {
+        return Vec3f{0, 0, -1};
+      },
+      [&](const Vec3f&) { return light; });
+  if (!with_normals) p.normals.clear();
   return p;
 }
 
@@ -241,32 +252,22 @@ TEST_CASE("what is seen against the sun is as bright as from its sunny side, and
 TEST_CASE("things that face a sun at the side come out like those that face away from it, and roofs like both") {
   for (const float side : {1.0F, -1.0F}) {  // of the sun: right, left
     INFO("side " << side);
-    Picture p(kWidth, kHeight);
-    p.normals.assign(p.shape.pixels(), Vec3f{0, -1, 0});
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x) {
-        RandomStream r(7, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * kWidth + x), 0);
-        const std::size_t i = p.i(x, y);
-        const int k = (x - 20) / 50;
-        const bool thing = y >= 80 && y < 170 && x >= 20 && x < 470 && (x - 20) % 50 < 30;
-        const bool roof = thing && y < 100;
-        p.labels[i] = y < 60 ? label::sky : thing ? label::person : label::road;
-        Vec3f light = x > 65 ? Vec3f{1, 1, 1} : kSky;
-        if (thing && !roof) {
-          p.normals[i] = {k % 2 == 0 ? 1.0F : -1.0F, 0, 0};
-          light = x > 65 && p.normals[i].x == side ? Vec3f{0.8F, 0.8F, 0.8F} : kSky * 0.8F;
-        }
-        const Vec3f seen = light * ((thing ? 0.25F : 0.1F) * 1.5F * (0.9F + 0.2F * r.uniform()));
-        p.day[i] = y < 60 ? Rgb8{200, 210, 230} : Rgb8{encode(seen.x), encode(seen.y), encode(seen.z)};
-      }
-    }
+    constexpr float kPaint = 0.25F;
+    Picture p = row_of_things(
+        {kPaint, kPaint, kPaint, kPaint, kPaint, kPaint, kPaint, kPaint, kPaint},
+        [](int k, int y) {
+          return y < 100 ? Vec3f{0, -1, 0} : Vec3f{k % 2 == 0 ? 1.0F : -1.0F, 0, 0};
+        },
+        [&](const Vec3f& normal) {
+          return normal.y < 0.0F ? Vec3f{1, 1, 1} : normal.x == side ? Vec3f{0.8F, 0.8F, 0.8F} : kSky * 0.8F;
+        });
     REQUIRE(p.run().ok());
     REQUIRE(p.report.shadow);
     for (int k = 2; k < 8; ++k) {
       INFO("thing " << k);
       CHECK(std::fabs(std::log2(mean_of_thing(p, k) / mean_of_thing(p, k + 1))) < 0.7);
       const double roof = static_cast<double>(luminance(p.albedo[p.i(40 + 50 * k, 88)]));
-      CHECK(std::fabs(std::log2(roof / 0.25)) < 0.7);
+      CHECK(std::fabs(std::log2(roof / static_cast<double>(kPaint))) < 0.7);
     }
     CHECK(p.sun[p.i(35 + 50 * 4, 130)] == doctest::Approx(side > 0.0F ? 1.0 : 0.0).epsilon(0.1));
   }

@@ -259,7 +259,7 @@ Status light_objects(const StandingLightParams& p, Context& c, Workspace& worksp
   if (c.ground.shadow) {
     constexpr float kInSun = 0.9F;
     const auto in_sun = [&](int x, int y) { return is_thing(x, y) && place(x, y) > kInSun; };
-    NPSIM_RETURN_IF_ERROR(find_sunny_faces(picture, in_sun, normal, c.scale, c.day, workspace, faces));
+    NPSIM_RETURN_IF_ERROR(find_sunny_faces(picture, in_sun, normal, c.scale, c.day, workspace, faces, executor));
   }
   for_pixels(picture.shape(), executor, [&](int x, int y) {
     if (!is_thing(x, y)) return;

@@ -215,27 +215,32 @@ Status mean_field(const MeanFieldParams& p, const Inside& inside, const Guide& g
 }
 inline constexpr std::size_t kMeanFieldPlanes = 1 + kGuidedFilterPlanes;
 
+// Of coloured ground, in GroundLight::coloured; 0: plain.
+inline constexpr std::uint8_t kWaitsForLight = 1, kLitByNeighbours = 2;
+
 // Step 2 on coloured ground: its light is that of what is plain within around_px, then that of what is coloured beside
 // it, so that edges of shadows stay as sharp as they are on the ground beside paint. `around` is scratch.
 template <class Executor>
 Status light_coloured(const GroundLightParams& p, const Picture& picture, Workspace& workspace, Plane around,
                       GroundLight& out, Executor& executor) {
-  constexpr std::uint8_t kWaits = 1, kLit = 2;
   constexpr int kRounds = 32;
   constexpr float kNone = -1.0F;
   const auto known = [&](int x, int y) {
-    return picture.is_ground(x, y) && out.coloured(x, y) != kWaits ? 1.0F : 0.0F;
+    return picture.is_ground(x, y) && out.coloured(x, y) != kWaitsForLight ? 1.0F : 0.0F;
   };
-  bool goes_on = true;
+  bool goes_on = false;
+  for (int y = 0; y < picture.shape().height; ++y) {
+    for (int x = 0; x < picture.shape().width; ++x) goes_on = goes_on || out.coloured(x, y) == kWaitsForLight;
+  }
   for (int round = 0; round < kRounds && goes_on; ++round) {
     NPSIM_RETURN_IF_ERROR(
         window_mean(known, out.sun, picture.radius(p.around_px), 0.0F, kNone, workspace, around, executor));
     goes_on = false;
     for (int y = 0; y < picture.shape().height; ++y) {
       for (int x = 0; x < picture.shape().width; ++x) {
-        if (out.coloured(x, y) != kWaits || around(x, y) < 0.5F * kNone) continue;
+        if (out.coloured(x, y) != kWaitsForLight || around(x, y) < 0.5F * kNone) continue;
         out.sun(x, y) = clamp_to(around(x, y), 0.0F, 1.0F);
-        out.coloured(x, y) = kLit;
+        out.coloured(x, y) = kLitByNeighbours;
         goes_on = true;
       }
     }
@@ -260,7 +265,8 @@ Status shadow_field(const GroundLightParams& p, const Picture& picture, Plane sm
       const LightMixture& m = out.mixture[kind];
       o = m.known ? sun_odds(p.mixture, m, smooth_y(x, y), smooth_c(x, y)) : 0.0F;
       if (kind == kRails) o = 8.0F;  // between stones and sleepers it is dark in any light
-      if (kind == kRoad && m.known && is_coloured(m, smooth_y(x, y), smooth_c(x, y))) out.coloured(x, y) = 1;
+      if (kind == kRoad && m.known && is_coloured(m, smooth_y(x, y), smooth_c(x, y)))
+        out.coloured(x, y) = kWaitsForLight;
     }
     odds(x, y) = o;
     out.sun(x, y) = kind < kGroundRegions ? logistic(o) : 0.0F;

@@ -158,18 +158,21 @@ inline constexpr std::size_t kSunBytes =
     allocation_bytes<FaceSample>(kFaceSamples) +
     allocation_bytes<float>(kMostSunDirections * static_cast<std::size_t>(kWallLevels));
 
-// Walls on a lattice that is as fine as kFaceSamples allow.
+// Upright faces on a lattice that is as fine as `out` allows. independent: how many blocks of block_px (at 960 px
+// width) they fill, within which faces are alike.
 template <class Inside, class Normal>
-std::size_t face_samples(const Picture& picture, const Inside& facade, const Normal& normal, const Vec3f& up,
-                         float scale, Span<FaceSample> out, std::size_t& pixels) {
+std::size_t face_samples(const Picture& picture, const Inside& wanted, const Normal& normal, const Vec3f& up,
+                         float scale, float block_px, Span<FaceSample> out, float& independent) {
   const Shape shape = picture.shape();
   const auto inside = [&](int x, int y) {
-    return facade(x, y) && normal(x, y) != Vec3f{} && !is_roof(normal(x, y), up);
+    return wanted(x, y) && normal(x, y) != Vec3f{} && !is_roof(normal(x, y), up);
   };
-  pixels = 0;
+  std::size_t pixels = 0;
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) pixels += inside(x, y) ? std::size_t{1} : std::size_t{0};
   }
+  const auto block = static_cast<float>(picture.radius(block_px));
+  independent = static_cast<float>(pixels) / (block * block);
   const auto step = 1 + static_cast<int>(std::sqrt(static_cast<float>(pixels) / static_cast<float>(out.size())));
   std::size_t n = 0;
   for (int y = step / 2; y < shape.height; y += step) {
@@ -181,6 +184,30 @@ std::size_t face_samples(const Picture& picture, const Inside& facade, const Nor
 }
 
 inline constexpr float kSunny = 0.6F;  // of what faces the sun
+
+// bits(direction i, level k) at i * levels.size() + k: log2 of the density of the faces' albedos, in their mean, were
+// the sun there and all faces seen brighter than they are by level k; at most kWallLevels of these. No face: 0.
+template <class Executor>
+void bits_of_directions(const Sun& sun, const SunGrid& grid, const AlbedoPrior& prior, Span<const FaceSample> faces,
+                        Span<const float> levels, Span<float> bits, Executor& executor) {
+  const float per_face = faces.empty() ? 0.0F : 1.0F / static_cast<float>(faces.size());
+  executor.for_chunks(grid.count, 4, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      Sun tried = sun;
+      tried.direction = grid.direction[i];
+      float sums[kWallLevels] = {};
+      for (const FaceSample& f : faces) {
+        const float cosine = dot(f.normal, tried.direction);
+        const float shade = f.log_albedo - tried.log_light(f.normal, 0.0F);
+        const float lit = cosine > 0.0F ? f.log_albedo - tried.log_light(f.normal, cosine) : shade;
+        for (std::size_t k = 0; k < levels.size(); ++k) {
+          sums[k] += log2_of(kSunny * prior(lit - levels[k]) + (1.0F - kSunny) * prior(shade - levels[k]));
+        }
+      }
+      for (std::size_t k = 0; k < levels.size(); ++k) bits[i * levels.size() + k] = sums[k] * per_face;
+    }
+  });
+}
 
 // Bits per pixel of two lights, whatever the direction of a face, at the level and the ratio that suit them best.
 [[nodiscard]] inline float bits_without_direction(const AlbedoPrior& prior, Span<const FaceSample> walls) noexcept {
@@ -209,50 +236,31 @@ Status find_sun(const SunParams& p, const Picture& picture, const Inside& inside
   Span<float> fit;  // bits per pixel, by direction and level
   NPSIM_RETURN_IF_ERROR(workspace.allocate(kFaceSamples, room));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(kMostSunDirections * static_cast<std::size_t>(kWallLevels), fit));
-  std::size_t pixels = 0;
-  const Span<FaceSample> walls = room.sub(0, face_samples(picture, inside, normal, sun.up, scale, room, pixels));
+  float independent = 0.0F;
+  const Span<FaceSample> walls =
+      room.sub(0, face_samples(picture, inside, normal, sun.up, scale, p.block_px, room, independent));
   if (walls.size() < kFewest) return {};
   const AlbedoPrior prior = prior_of_walls();
   const SunGrid grid(sun);
-  const auto n = static_cast<float>(walls.size());
-  const auto block = static_cast<float>(picture.radius(p.block_px));
-  const float independent = static_cast<float>(pixels) / (block * block);
-  const auto level_bits = [&](int k) {
-    const float off = wall_level(k) / kLevelSpread;
-    return 0.5F * kLog2E * off * off / independent;
-  };
-  executor.for_chunks(grid.count, 4, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      Sun tried = sun;
-      tried.direction = grid.direction[i];
-      float sums[kWallLevels] = {};
-      for (const FaceSample& w : walls) {
-        const float cosine = dot(w.normal, tried.direction);
-        const float shade = w.log_albedo - tried.log_light(w.normal, 0.0F);
-        const float lit = cosine > 0.0F ? w.log_albedo - tried.log_light(w.normal, cosine) : shade;
-        for (int k = 0; k < kWallLevels; ++k) {
-          const float level = wall_level(k);
-          sums[k] += log2_of(kSunny * prior(lit - level) + (1.0F - kSunny) * prior(shade - level));
-        }
-      }
-      for (int k = 0; k < kWallLevels; ++k) {
-        fit[i * kWallLevels + static_cast<std::size_t>(k)] = sums[k] / n - level_bits(k);
-      }
-    }
-  });
+  std::array<float, kWallLevels> levels{};
+  for (int k = 0; k < kWallLevels; ++k) levels[static_cast<std::size_t>(k)] = wall_level(k);
+  bits_of_directions(sun, grid, prior, walls, {levels.data(), levels.size()}, fit, executor);
+  for (std::size_t i = 0; i < grid.count * levels.size(); ++i) {
+    const float off = levels[i % levels.size()] / kLevelSpread;
+    fit[i] -= 0.5F * kLog2E * off * off / independent;
+  }
   float best = fit[0];
-  for (std::size_t i = 0; i < grid.count * kWallLevels; ++i) best = std::max(best, fit[i]);
+  for (std::size_t i = 0; i < grid.count * levels.size(); ++i) best = std::max(best, fit[i]);
   double weight = 0.0, level = 0.0, mean[3] = {};
-  for (std::size_t i = 0; i < grid.count; ++i) {
-    for (int k = 0; k < kWallLevels; ++k) {
-      const float bits = independent * (fit[i * kWallLevels + static_cast<std::size_t>(k)] - best);
-      const auto w = static_cast<double>(exp2_of(std::max(bits, -100.0F)));
-      weight += w;
-      level += w * static_cast<double>(wall_level(k));
-      mean[0] += w * static_cast<double>(grid.direction[i].x);
-      mean[1] += w * static_cast<double>(grid.direction[i].y);
-      mean[2] += w * static_cast<double>(grid.direction[i].z);
-    }
+  for (std::size_t i = 0; i < grid.count * levels.size(); ++i) {
+    const float bits = independent * (fit[i] - best);
+    const auto w = static_cast<double>(exp2_of(std::max(bits, -100.0F)));
+    const Vec3f& direction = grid.direction[i / levels.size()];
+    weight += w;
+    level += w * static_cast<double>(levels[i % levels.size()]);
+    mean[0] += w * static_cast<double>(direction.x);
+    mean[1] += w * static_cast<double>(direction.y);
+    mean[2] += w * static_cast<double>(direction.z);
   }
   const Vec3f direction{static_cast<float>(mean[0] / weight), static_cast<float>(mean[1] / weight),
                         static_cast<float>(mean[2] / weight)};

@@ -33,15 +33,14 @@ namespace daylight_detail {
 inline constexpr int kFaceTurns = 32;  // directions of upright faces that are told apart
 
 struct SunnyFaces {
-  Vec3f up{0, -1, 0};
-  Vec3f ahead{0, 0, 1};
+  Sun sun;
   std::array<float, kFaceTurns> upright{};  // share of the sun, by the turn of the normal from `ahead` to the right
 
   // Share of the sun that reaches a face, 0..1.
   [[nodiscard]] float share(const Vec3f& normal) const noexcept {
     constexpr float kPerTurn = static_cast<float>(kFaceTurns) / 6.2831853F;
-    const float upward = clamp_to(dot(normal, up), 0.0F, 1.0F);
-    const float turn = std::atan2(dot(normal, cross(ahead, up)), dot(normal, ahead)) * kPerTurn;
+    const float upward = clamp_to(dot(normal, sun.up), 0.0F, 1.0F);
+    const float turn = std::atan2(dot(normal, sun.right()), dot(normal, sun.ahead)) * kPerTurn;
     const int k = (static_cast<int>(std::floor(turn + 0.5F)) + kFaceTurns) % kFaceTurns;
     return upward + (1.0F - upward) * upright[static_cast<std::size_t>(k)];
   }
@@ -59,37 +58,27 @@ struct SunnyFaces {
 }
 
 // in_sun(x, y): a thing that stands in the sun. `sun`: its light, and its direction if that is known.
-template <class InSun, class Normal>
+template <class InSun, class Normal, class Executor>
 Status find_sunny_faces(const Picture& picture, const InSun& in_sun, const Normal& normal, float scale, const Sun& sun,
-                        Workspace& workspace, SunnyFaces& out) {
+                        Workspace& workspace, SunnyFaces& out, Executor& executor) {
   constexpr float kBlock_px = 24.0F;    // at 960 px width: things are alike within
   constexpr float kWallsError = 0.25F;  // rad
   constexpr float kSoft = 5.0F;         // of the border between lit and turned away: .1 of a cosine either way
   const WorkspaceScope scope(workspace);
-  out.up = sun.up;
-  out.ahead = sun.ahead;
+  out.sun = sun;
   const SunGrid grid(sun);
-  std::array<float, kMostSunDirections> weight{};
   Span<FaceSample> room;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(kFaceSamples, room));
-  std::size_t pixels = 0;
+  float independent = 0.0F;
   const auto face = [&](int x, int y) { return seen_face(normal(x, y)); };
-  const Span<FaceSample> things = room.sub(0, face_samples(picture, in_sun, face, sun.up, scale, room, pixels));
-  const AlbedoPrior prior = prior_of_things();
-  const auto block = static_cast<float>(picture.radius(kBlock_px));
-  const float independent = static_cast<float>(pixels) / (block * block);
+  const Span<FaceSample> things =
+      room.sub(0, face_samples(picture, in_sun, face, sun.up, scale, kBlock_px, room, independent));
+  constexpr float kAsSeen = 0.0F;
+  std::array<float, kMostSunDirections> weight{};
+  bits_of_directions(sun, grid, prior_of_things(), things, {&kAsSeen, 1}, {weight.data(), weight.size()}, executor);
   float best = -1e30F;
   for (std::size_t i = 0; i < grid.count; ++i) {
-    Sun tried = sun;
-    tried.direction = grid.direction[i];
-    float sum = 0.0F;
-    for (const FaceSample& t : things) {
-      const float cosine = dot(t.normal, tried.direction);
-      const float shade = prior(t.log_albedo - tried.log_light(t.normal, 0.0F));
-      const float lit = cosine > 0.0F ? prior(t.log_albedo - tried.log_light(t.normal, cosine)) : shade;
-      sum += log2_of(kSunny * lit + (1.0F - kSunny) * shade);
-    }
-    weight[i] = things.empty() ? 0.0F : independent * sum / static_cast<float>(things.size());
+    weight[i] *= independent;
     const Vec3f off = sun.direction - grid.direction[i];
     if (sun.found) weight[i] -= 0.5F * kLog2E * dot(off, off) / (kWallsError * kWallsError);
     best = std::max(best, weight[i]);
