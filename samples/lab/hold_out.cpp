@@ -33,24 +33,21 @@ enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut, kNeither };  // neither g
   return out;
 }
 
-// The same without what stereo matching spills over the borders of near objects, and over those of plants and signs
-// within their drawn outlines.
+// The same without what was measured beyond the borders of near objects at their depth, and, by stereo, beyond those of
+// plants and signs within their drawn outlines.
 [[nodiscard]] io::Image<float> without_spill(const SceneView& scene, const RefineDepthParams& steps, DepthSource source,
                                              ImageView<const float> seen, ThreadPool& pool) {
   io::Image<float> out(scene.shape());
   copy_pixels(seen, out.view());
-  if (source != DepthSource::stereo) return out;
   const ObjectMap objects{scene.labels, scene.labels.empty() ? ImageView<const std::uint16_t>() : scene.instances};
   std::vector<unsigned char> memory(refine_depth_workspace_bytes(steps, scene.shape()));
   Workspace workspace(memory.data(), memory.size());
   GroundPlane ground;  // without inliers unless it is found
   (void)estimate_ground(steps.ground, scene.depth, scene.labels, scene.camera, workspace, ground).ok();
-  const SpillView view{scene.camera, ground, stereo_focal_baseline_px_m(steps.source, scene)};
-  (void)drop_border_spill(refine_detail::scaled_spill(steps, scene.shape()), scene.depth, objects, view, out.view(),
-                          pool)
-      .ok();
+  (void)refine_detail::drop_spill(steps, scene, objects, source, ground, out.view(), pool).ok();
   ImageView<Label> labels;
-  if (!scene.labels.empty() && refine_detail::own_labels(steps, scene, workspace, pool, labels).ok()) {
+  if (source == DepthSource::stereo && !scene.labels.empty() &&
+      refine_detail::own_labels(steps, scene, workspace, pool, labels).ok()) {
     drop_depth_of_outlines(steps.outlines, scene.labels, ImageView<const Label>(labels), scene.depth, out.view(), pool);
   }
   return out;

@@ -6,6 +6,7 @@
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/depth/detail/measured/border_spill.hpp"
+#include "npsim/exec/thread_pool.hpp"
 
 namespace {
 
@@ -80,6 +81,39 @@ TEST_CASE("border spill: a pole's depth is dropped from the wall beside it, noth
         CHECK(street.at(out, i, j) == (spilled ? 0.0F : street.at(street.depth, i, j)));
       }
     }
+  }
+}
+
+TEST_CASE("border spill: sparse beams that smear a pole over its sides are dropped, by what the rows around say") {
+  BorderSpillParams laser;
+  laser.reach_px = 10;
+  laser.lines = 3;
+  for (const bool lying : {false, true}) {
+    Street street(lying);
+    for (int j = 0; j < 48; ++j) {
+      for (int i = 52; i < 72; ++i) street.at(street.depth, i, j) = 8.0F + 0.02F * static_cast<float>(i % 3);
+      for (int i = 0; i < 120; ++i) {
+        if ((i + 2 * j) % 5 != 0 || j % 3 == 1) street.at(street.depth, i, j) = 0.0F;
+      }
+    }
+    Image<float> out = street.kept(laser);
+    for (int j = 0; j < 48; ++j) {
+      for (int i = 0; i < 120; ++i) {
+        const bool smeared = (i >= 52 && i < 60) || (i >= 64 && i < 72);
+        CAPTURE(i);
+        CAPTURE(j);
+        CHECK(street.at(out, i, j) == (smeared ? 0.0F : street.at(street.depth, i, j)));
+      }
+    }
+    laser.lines = 0;  // of some rows no beam meets the pole
+    CHECK_FALSE(street.kept(laser) == out);
+    laser.lines = 3;
+    ThreadPool pool(3);
+    Image<float> threaded = street.depth;
+    REQUIRE(
+        drop_border_spill(laser, street.depth.view(), {street.labels.cview(), {}}, street.view, threaded.view(), pool)
+            .ok());
+    CHECK(threaded == out);
   }
 }
 
@@ -355,6 +389,10 @@ TEST_CASE("border spill: one pixel, nothing measured, parameters and sizes out o
   CHECK(empty.kept() == empty.depth);
   BorderSpillParams params;
   params.reach_px = 129;
+  CHECK(drop_border_spill(params, one.view(), objects, {}, out.view(), executor).code() ==
+        StatusCode::invalid_argument);
+  params = {};
+  params.lines = 9;
   CHECK(drop_border_spill(params, one.view(), objects, {}, out.view(), executor).code() ==
         StatusCode::invalid_argument);
   params = {};

@@ -223,3 +223,36 @@ TEST_CASE("plant outlines: of what is given to a wall the leaves' depth is dropp
     }
   }
 }
+
+TEST_CASE(
+    "plant outlines: a trunk as dark as its wall stays plant where a laser met it, the wall between beams does not") {
+  const Shape shape{960, 60};
+  Image<Label> drawn(shape, label::building);
+  Image<float> depth(shape, 0.0F);
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 400; x < 460; ++x) drawn(x, y) = label::vegetation;
+    for (int x = 0; x < shape.width; x += 3) {
+      const bool trunk = x >= 420 && x < 460;
+      if (y % 5 == 0) depth(x, y) = trunk ? 12.0F : 20.0F + 0.01F * static_cast<float>(x % 7);
+    }
+  }
+  Image<Label> cleared = drawn;  // all but a strip on the right is taken for wall
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 400; x < 450; ++x) cleared(x, y) = label::building;
+  }
+  Workspace none(nullptr, 0);
+  npsim_test::Scratch memory(allocation_bytes<std::uint8_t>(shape.pixels()) + kWorkspaceAlignment);
+  SerialExecutor serial;
+  Image<Label> out = cleared;
+  CHECK(keep_measured_plants({}, drawn.cview(), depth.cview(), out.view(), none, serial).code() ==
+        StatusCode::workspace_exhausted);
+  REQUIRE(keep_measured_plants({}, drawn.cview(), depth.cview(), out.view(), memory.workspace(), serial).ok());
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      CAPTURE(x);
+      CAPTURE(y);
+      const bool plant = x >= 416 && x < 460;  // four pixels beyond the first beam on it
+      REQUIRE(out(x, y) == (plant ? label::vegetation : label::building));
+    }
+  }
+}

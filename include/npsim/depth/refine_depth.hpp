@@ -79,6 +79,16 @@ inline namespace NPSIM_ABI {
   return p;
 }
 
+// Scanners are sparse, and their noise is small: what lies nearer than the ground by a twentieth is not of it. Sweeps
+// that were put together smear a pole over half its width and more.
+[[nodiscard]] constexpr BorderSpillParams default_laser_spill() noexcept {
+  BorderSpillParams p;
+  p.reach_px = 10;
+  p.lines = 3;
+  p.contrast = 1.05F;
+  return p;
+}
+
 struct RefineDepthParams {
   bool use_source = true;  // false: all depth is taken for a network's
   DepthSourceParams source;
@@ -113,8 +123,9 @@ struct RefineDepthParams {
   KerbFaceParams kerbs;
   GroundMismatchParams ground_mismatches;  // of stereo
   SmoothSurfacesParams smooth;
-  BeyondRangeParams beyond_range;   // of laser
-  BorderSpillParams spill;          // of stereo
+  BeyondRangeParams beyond_range;  // of laser
+  BorderSpillParams spill;         // of stereo
+  BorderSpillParams laser_spill = default_laser_spill();
   CarBodiesParams cars;             // of stereo
   StreetFurnitureParams furniture;  // of stereo and laser without given normals
   StandingPolesParams masts;        // likewise
@@ -221,9 +232,7 @@ namespace refine_detail {
   return outliers;
 }
 
-[[nodiscard]] constexpr BorderSpillParams scaled_spill(const RefineDepthParams& params, Shape shape) noexcept {
-  BorderSpillParams spill = params.spill;
-  const float scale = reference_scale(params, shape);
+[[nodiscard]] constexpr BorderSpillParams scaled_spill(BorderSpillParams spill, float scale) noexcept {
   spill.under_px *= scale;
   const float reach = static_cast<float>(spill.reach_px) * scale + 0.5F;
   spill.reach_px = static_cast<int>(reach < 128.0F ? reach : 128.0F);
@@ -268,6 +277,7 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.ground_mismatches));
   NPSIM_RETURN_IF_ERROR(validate(params.smooth));
   NPSIM_RETURN_IF_ERROR(validate(params.spill));
+  NPSIM_RETURN_IF_ERROR(validate(params.laser_spill));
   NPSIM_RETURN_IF_ERROR(validate(params.cars));
   NPSIM_RETURN_IF_ERROR(validate(params.furniture));
   NPSIM_RETURN_IF_ERROR(validate(params.masts));
@@ -369,6 +379,23 @@ template <class Executor>
   return {};
 }
 
+[[nodiscard]] inline bool is_laser(const RefineDepthParams& params, const RefinedDepth& out) noexcept {
+  return params.use_source && out.source == DepthSource::lidar;
+}
+
+// Beside near things, what has their depth and not that of what is seen there.
+template <class Executor>
+[[nodiscard]] Status drop_spill(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
+                                DepthSource source, const GroundPlane& ground, ImageView<float> measured,
+                                Executor& executor) {
+  const bool stereo = source == DepthSource::stereo;
+  if (!stereo && source != DepthSource::lidar) return {};
+  const BorderSpillParams spill =
+      scaled_spill(stereo ? params.spill : params.laser_spill, reference_scale(params, scene.shape()));
+  const SpillView view{scene.camera, ground, stereo ? stereo_focal_baseline_px_m(params.source, scene) : 0.0F};
+  return drop_border_spill(spill, scene.depth, objects, view, measured, executor);
+}
+
 // The depth as given without what cannot be.
 template <class Executor>
 [[nodiscard]] Status drop_mismatches(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
@@ -380,13 +407,8 @@ template <class Executor>
   outliers.by_object = outliers.by_object || out.trust.focal_baseline_px_m > 0.0F;
   NPSIM_RETURN_IF_ERROR(drop_outliers(outliers, scene.depth, objects, out.ground.up, height_m, scene.camera,
                                       out.trust.focal_baseline_px_m, measured, executor));
-  if (!(out.trust.focal_baseline_px_m > 0.0F)) return {};
-  const SpillView view{scene.camera, out.ground, out.trust.focal_baseline_px_m};
-  return drop_border_spill(scaled_spill(params, scene.shape()), scene.depth, objects, view, measured, executor);
-}
-
-[[nodiscard]] inline bool is_laser(const RefineDepthParams& params, const RefinedDepth& out) noexcept {
-  return params.use_source && out.source == DepthSource::lidar;
+  return drop_spill(params, scene, objects, params.use_source ? out.source : DepthSource::network, out.ground, measured,
+                    executor);
 }
 
 // drawn: the labels as given.
@@ -662,6 +684,10 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& given, Wor
   out.noise = depth_noise(out.source, scene.stereo_baseline_m, scene.depth, objects, scene.camera);
   out.trust = depth_trust(params.source, params.use_source ? out.source : DepthSource::network, out.noise,
                           stereo_focal_baseline_px_m(params.source, scene));
+  if (labelled && refine_detail::is_laser(params, out)) {
+    NPSIM_RETURN_IF_ERROR(
+        keep_measured_plants(params.outlines, given.labels, scene.depth, labels, workspace, executor));
+  }
   NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(params, scene, workspace, out));
 
   NPSIM_RETURN_IF_ERROR(step(

@@ -386,16 +386,24 @@ template <class Executor>
   return {};
 }
 
-// Drops the depth of what was given to a wall where it is that of the leaves or the sign before it: nearer to the mean
-// of the first of these to the left, right, above and below than to that of the wall there, within twice the reach and
-// at least a 64th of the width, for signs; without a wall there in any case. drawn: the labels before. kept: depth,
-// changed in place.
-template <class Executor>
-void drop_depth_of_outlines(const PlantOutlinesParams& params, ImageView<const Label> drawn,
-                            ImageView<const Label> labels, ImageView<const float> depth, ImageView<float> kept,
-                            Executor& executor) noexcept {
-  const int reach = max_of(2 * depth_detail::PlantScale(params, depth.width()).reach, depth.width() / 64);
-  const auto first = [&](int x, int y, Label before, Label now) {  // mean of 1/z, 0: none
+namespace depth_detail {
+
+// What was measured of pixels that were given to what lies behind a plant or a sign.
+struct OutlineDepth {
+  ImageView<const Label> drawn;   // the labels before
+  ImageView<const Label> labels;  // and after
+  ImageView<const float> depth;
+  int reach;  // twice that of the outlines, and at least a 64th of the width, for signs
+
+  OutlineDepth(const PlantOutlinesParams& params, ImageView<const Label> before, ImageView<const Label> after,
+               ImageView<const float> measured) noexcept
+      : drawn(before),
+        labels(after),
+        depth(measured),
+        reach(max_of(2 * PlantScale(params, depth.width()).reach, depth.width() / 64)) {}
+
+  // Mean 1/z of the first pixels to the left, right, above and below that have kept a label; 0: there are none.
+  [[nodiscard]] float of(Label label, int x, int y) const noexcept {
     constexpr int kSides[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
     float sum = 0;
     float count = 0;
@@ -404,23 +412,73 @@ void drop_depth_of_outlines(const PlantOutlinesParams& params, ImageView<const L
         const int u = x + k * side[0];
         const int v = y + k * side[1];
         if (!drawn.contains(u, v)) break;
-        if (drawn(u, v) != before || labels(u, v) != now || !is_valid_depth(depth(u, v))) continue;
+        if (drawn(u, v) != label || labels(u, v) != label || !is_valid_depth(depth(u, v))) continue;
         sum += 1.0F / depth(u, v);
         count += 1.0F;
         break;
       }
     }
     return count > 0.0F ? sum / count : 0.0F;
-  };
+  }
+
+  enum class Place { unknown, in_front, behind, no_wall };
+  [[nodiscard]] Place at(int x, int y) const noexcept {
+    if (drawn(x, y) == labels(x, y) || !is_valid_depth(depth(x, y))) return Place::unknown;
+    const float w = 1.0F / depth(x, y);
+    const float front = of(drawn(x, y), x, y);
+    const float wall = of(labels(x, y), x, y);
+    if (!(wall > 0.0F)) return Place::no_wall;
+    return front > 0.0F && std::fabs(w - front) < std::fabs(w - wall) ? Place::in_front : Place::behind;
+  }
+};
+
+}  // namespace depth_detail
+
+// A laser tells a trunk from the wall behind it, as dark as it may be: where what was measured is nearer to the plant
+// than to what it was given to, the plant has it again, and its own pixels within 4 px of a width of 960, as beams
+// lie apart. drawn: the labels before. labels: after, changed in place.
+template <class Executor>
+[[nodiscard]] Status keep_measured_plants(const PlantOutlinesParams& params, ImageView<const Label> drawn,
+                                          ImageView<const float> depth, ImageView<Label> labels, Workspace& workspace,
+                                          Executor& executor) noexcept {
+  constexpr float kAround_px = 4.0F;
+  const Shape shape = depth.shape();
+  const WorkspaceScope scope(workspace);
+  ImageView<std::uint8_t> measured;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
+  const depth_detail::OutlineDepth outline(params, drawn, labels, depth);
+  for_rows(executor, shape.height, [&](int y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const bool plant = drawn(x, y) == label::vegetation;
+      measured(x, y) = plant && outline.at(x, y) == depth_detail::OutlineDepth::Place::in_front ? 1 : 0;
+    }
+  });
+  const int around = static_cast<int>(kAround_px * static_cast<float>(shape.width) / 960.0F + 0.5F);
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (measured(x, y) == 0) continue;
+      for (int v = y - around; v <= y + around; ++v) {
+        for (int u = x - around; u <= x + around; ++u) {
+          if (labels.contains(u, v) && drawn(u, v) == label::vegetation) labels(u, v) = label::vegetation;
+        }
+      }
+    }
+  }
+  return {};
+}
+
+// Drops the depth of what was given to a wall where it is that of the leaves or the sign before it: nearer to theirs
+// than to that of the wall; without a wall in any case. drawn: the labels before. kept: depth, changed in place.
+template <class Executor>
+void drop_depth_of_outlines(const PlantOutlinesParams& params, ImageView<const Label> drawn,
+                            ImageView<const Label> labels, ImageView<const float> depth, ImageView<float> kept,
+                            Executor& executor) noexcept {
+  using Place = depth_detail::OutlineDepth::Place;
+  const depth_detail::OutlineDepth outline(params, drawn, labels, depth);
   for_rows(executor, depth.height(), [&](int y) {
     for (int x = 0; x < depth.width(); ++x) {
-      const Label now = labels(x, y);
-      if (drawn(x, y) == now || !is_valid_depth(depth(x, y))) continue;
-      const float w = 1.0F / depth(x, y);
-      const float before = first(x, y, drawn(x, y), drawn(x, y));
-      const float wall = first(x, y, now, now);
-      const bool in_front = before > 0.0F && std::fabs(w - before) < std::fabs(w - wall);
-      if (!(wall > 0.0F) || in_front) kept(x, y) = 0.0F;
+      const Place place = outline.at(x, y);
+      if (place == Place::in_front || place == Place::no_wall) kept(x, y) = 0.0F;
     }
   });
 }

@@ -45,6 +45,7 @@ inline namespace NPSIM_ABI {
 
 struct BorderSpillParams {
   int reach_px = 7;  // half a window of the matching; 0 switches the step off; at most 128
+  int lines = 0;     // of a sparse sensor: medians are taken over so many rows or columns on either side too; at most 8
   float contrast = 1.2F;
   int under_reaches = 3;  // below what stands on the ground; 0 switches that off
   float under_px = 0.7F;  // of disparity, nearer than the ground farther down
@@ -54,11 +55,12 @@ struct BorderSpillParams {
 };
 
 [[nodiscard]] inline Status validate(const BorderSpillParams& p) noexcept {
-  const bool good = p.reach_px >= 0 && p.reach_px <= 128 && p.contrast >= 1.0F && p.under_reaches >= 0 &&
-                    p.under_reaches <= 16 && p.under_px >= 0.0F;  // false for NaN
+  const bool good = p.reach_px >= 0 && p.reach_px <= 128 && p.lines >= 0 && p.lines <= 8 && p.contrast >= 1.0F &&
+                    p.under_reaches >= 0 && p.under_reaches <= 16 && p.under_px >= 0.0F;  // false for NaN
   if (good) return {};
   return {StatusCode::invalid_argument,
-          "border spill: reach in 0..128, contrast at least 1, reaches under things in 0..16, their px not negative"};
+          "border spill: reach in 0..128, lines in 0..8, contrast at least 1, reaches under things in 0..16, their px "
+          "not negative"};
 }
 
 // How the scene was seen.
@@ -103,9 +105,13 @@ struct SpillLine {
         if (goes_on_behind(i)) continue;
         break;
       }
-      if (!is_valid_depth(of(x(here), y(here)))) continue;
-      some[count++] = 1.0F / of(x(here), y(here));
-      mean_k += static_cast<float>(k);
+      for (int line = -params.lines; line <= params.lines && count < most; ++line) {
+        const int px = x(here) + (column ? line : 0);
+        const int py = y(here) + (column ? 0 : line);
+        if (!of.contains(px, py) || !objects.same(px, py, x(i), y(i)) || !is_valid_depth(of(px, py))) continue;
+        some[count++] = 1.0F / of(px, py);
+        mean_k += static_cast<float>(k);
+      }
     }
     if (2 * count < most || count == 0) return 0.0F;
     mean_k /= static_cast<float>(count);
@@ -131,10 +137,15 @@ struct SpillLine {
     }
   };
 
+  // What is kept of a line as its samples go; other lines may be under work.
+  [[nodiscard]] ImageView<const float> so_far() const noexcept {
+    return params.lines == 0 ? ImageView<const float>(kept) : depth_m;
+  }
+
   // Of the far object at i, from `from` steps on.
   [[nodiscard]] Continued far_object(int i, int step, int from) const noexcept {
     const int reach = params.reach_px;
-    const ImageView<const float> of = goes_on_behind(i) ? ImageView<const float>(kept) : depth_m;
+    const ImageView<const float> of = goes_on_behind(i) ? so_far() : depth_m;
     Continued far;
     int k = from;
     far.at = median(of, i, step, k, from + 5 * reach, reach, far.k0);
@@ -154,7 +165,7 @@ struct SpillLine {
     Continued far;
     if (k > 6 * reach) return far;
     k += reach;
-    far.at = median(kept, i, -step, k, k + 5 * reach, reach, far.k0);
+    far.at = median(so_far(), i, -step, k, k + 5 * reach, reach, far.k0);
     return far;
   }
 
