@@ -77,6 +77,7 @@ struct CellInput {
   ImageView<const float> depth;
   ObjectMap objects;
   LabelSet labels, upright;  // that have planes; those whose planes stand on the ground as a rule
+  LabelSet plumb;            // and those whose planes always do
   Intrinsics camera;
   UprightBasis basis;
   DepthNoise noise;
@@ -292,7 +293,7 @@ inline void fit_square(const CellInput& in, const Grid& grid, int column, int ro
       inside = search(in, samples, true, id, q);
       cell.upright = inside > 0;
     }
-    if (static_cast<float>(inside) < 0.7F * static_cast<float>(count)) {
+    if (static_cast<float>(inside) < 0.7F * static_cast<float>(count) && !in.plumb.contains(cell.label)) {
       Vec3d tilted;
       const int more = search(in, samples, false, id, tilted);
       if (static_cast<float>(more) > static_cast<float>(inside) + 0.15F * static_cast<float>(count)) {
