@@ -400,6 +400,40 @@ TEST_CASE("planar segments: of a network two fronts 12 % apart and a corner of 2
   }
 }
 
+TEST_CASE(
+    "planar segments: a front that leans by 30 degrees stands upright where a network drew it, above the eye, not "
+    "where "
+    "stereo measured it or a fence leans") {
+  const Vec3f leaning{0, -0.5F, -0.866F};
+  struct Case {
+    DepthNoise noise;
+    Label label;
+    bool upright;
+  };
+  const Street seen;
+  const DepthNoise network = depth_noise(DepthSource::network, 0.0F, seen.truth.cview(), ObjectMap{}, seen.k);
+  for (const Case& c : {Case{network, label::building, true}, Case{network, label::fence, false},
+                        Case{seen.noise, label::building, false}}) {
+    Street s;
+    s.wall(leaning, 12.0F, 0, kShape.width);
+    s.noise = c.noise;
+    s.measure(0.1F);
+    for (Label& l : s.labels.view().pixels()) l = c.label;
+    REQUIRE(s.run().ok());
+    for (int y = 10; y < kShape.height; y += 20) {
+      if (std::abs(y - 120) < 30) continue;  // squares that the horizon crosses are of either kind
+      for (int x = 10; x < kShape.width; x += 20) {
+        CAPTURE(x);
+        CAPTURE(y);
+        const PlanarSegment* plane = s.at(x, y);
+        REQUIRE(plane != nullptr);
+        const bool upright = c.upright && y < 120;
+        CHECK(std::fabs(plane->normal.y - (upright ? 0.0F : leaning.y)) < 0.06F);
+      }
+    }
+  }
+}
+
 TEST_CASE("planar segments: above the topmost line of a laser a wall goes on as it was measured") {
   Street s = corner();
   s.noise = {0.02F, 2, 1.0F};

@@ -126,8 +126,8 @@ struct RefineDepthParams {
   BeyondRangeParams beyond_range;  // of laser
   BorderSpillParams spill;         // of stereo
   BorderSpillParams laser_spill = default_laser_spill();
-  CarBodiesParams cars;             // of stereo
-  StreetFurnitureParams furniture;  // of stereo and laser without given normals
+  CarBodiesParams cars;             // of all depth that is not exact, without given normals
+  StreetFurnitureParams furniture;  // of stereo and laser, likewise
   StandingPolesParams masts;        // likewise
   GroundContactParams contact;
   bool guess_ground = true;  // without labels
@@ -622,16 +622,22 @@ template <class Executor>
                                      Workspace& workspace, Executor& executor, RefinedDepth& out) {
   out.mesh_depth = out.filled;  // its memory: no step asks any more
   out.filled = {};
-  NPSIM_RETURN_IF_ERROR(smooth_surfaces(params.smooth, ImageView<const float>(out.depth), objects, out.planes,
-                                        out.noise, scene.camera, out.ground, out.mesh_depth, workspace, executor));
-  if (!scene.normals.empty()) return {};  // given normals know more than shapes do
-  NPSIM_RETURN_IF_ERROR(shape_furniture(params.furniture, ImageView<const float>(out.depth), objects, out.planes,
-                                        scene.camera, out.ground.up, out.normals, out.mesh_depth, executor));
-  NPSIM_RETURN_IF_ERROR(stand_poles(params.masts, ImageView<const float>(out.depth), scene.labels, scene.camera,
-                                    out.ground, out.mesh_depth, workspace));
-  if (out.source != DepthSource::stereo) return {};
-  return shape_cars(params.cars, ImageView<const float>(out.depth), objects, out.noise, scene.camera, out.ground,
-                    out.normals, out.mesh_depth, workspace, executor);
+  return smooth_surfaces(params.smooth, ImageView<const float>(out.depth), objects, out.planes, out.noise, scene.camera,
+                         out.ground, out.mesh_depth, workspace, executor);
+}
+
+// What classes of things are like. Given normals know more than shapes do.
+template <class Executor>
+[[nodiscard]] Status shape_things(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
+                                  Workspace& workspace, Executor& executor, RefinedDepth& out) {
+  if (!scene.normals.empty()) return {};
+  const ImageView<const float> depth = out.depth;
+  NPSIM_RETURN_IF_ERROR(shape_furniture(params.furniture, depth, objects, out.planes, scene.camera, out.ground.up,
+                                        out.normals, out.mesh_depth, executor));
+  NPSIM_RETURN_IF_ERROR(
+      stand_poles(params.masts, depth, scene.labels, scene.camera, out.ground, out.mesh_depth, workspace));
+  return shape_cars(params.cars, depth, objects, out.noise, scene.camera, out.ground, out.normals, out.mesh_depth,
+                    workspace, executor);
 }
 
 // What the mesh is made of.
@@ -643,6 +649,9 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(noisy ? smooth_measured(params, scene, objects, workspace, executor, out)
                               : complete_steps(params, scene, workspace, executor, out));
   if (out.mesh_depth.empty()) return {};  // of an estimate without labels, or whose plants are not kept
+  if (out.source != DepthSource::exact) {
+    NPSIM_RETURN_IF_ERROR(shape_things(params, scene, objects, workspace, executor, out));
+  }
   GroundContactParams contact = params.contact;
   if (!noisy) contact.unsure_m = 0.0F;
   if (out.source == DepthSource::exact) {  // deeper than the least step, things are seen over one, and stand right

@@ -52,6 +52,7 @@ struct Cell {
   bool valid = false;  // has a plane of its own
   bool blind = false;  // nothing was measured here
   bool upright = false;
+  bool plumb = false;  // never leans
 };
 
 struct Grid {
@@ -77,8 +78,9 @@ struct CellInput {
   ImageView<const float> depth;
   ObjectMap objects;
   LabelSet labels, upright;  // that have planes; those whose planes stand on the ground as a rule
-  LabelSet plumb;            // and those whose planes always do
+  LabelSet plumb;            // and those whose planes always do, above the eye: below, what is so called may lie
   Intrinsics camera;
+  Vec3f up;
   UprightBasis basis;
   DepthNoise noise;
   float inlier = 0.0F, outlier = 0.0F;  // deviations
@@ -289,11 +291,13 @@ inline void fit_square(const CellInput& in, const Grid& grid, int column, int ro
     const auto id = static_cast<std::uint32_t>(index);
     Vec3d q;
     int inside = 0;
+    const Vec3d middle = in.ray(column * grid.cell_px + grid.cell_px / 2, row * grid.cell_px + grid.cell_px / 2);
+    cell.plumb = in.stands(cell.label) && in.plumb.contains(cell.label) && dot(vec_cast<double>(in.up), middle) > 0.0;
     if (in.stands(cell.label)) {
       inside = search(in, samples, true, id, q);
       cell.upright = inside > 0;
     }
-    if (static_cast<float>(inside) < 0.7F * static_cast<float>(count) && !in.plumb.contains(cell.label)) {
+    if (static_cast<float>(inside) < 0.7F * static_cast<float>(count) && !cell.plumb) {
       Vec3d tilted;
       const int more = search(in, samples, false, id, tilted);
       if (static_cast<float>(more) > static_cast<float>(inside) + 0.15F * static_cast<float>(count)) {

@@ -78,8 +78,8 @@ struct Choice {
 }
 
 // Rise of the mean squared residual, in variances, over the smaller of the two. Two upright regions make an upright one
-// where that passes; a leaning one costs `tolerance` more, so it is chosen last, and those in `plumb` make none.
-[[nodiscard]] inline Choice union_cost(const Cell& a, const Cell& b, const UprightBasis& basis, LabelSet plumb,
+// where that passes; a leaning one costs `tolerance` more, so it is chosen last, and plumb ones make none.
+[[nodiscard]] inline Choice union_cost(const Cell& a, const Cell& b, const UprightBasis& basis,
                                        double tolerance) noexcept {
   Choice choice;
   const double smaller = std::min(a.moments.weight, b.moments.weight);
@@ -98,7 +98,7 @@ struct Choice {
       return choice;
     }
   }
-  if (plumb.contains(a.label) || plumb.contains(b.label)) return choice;
+  if (a.plumb || b.plumb) return choice;
   const PlaneFit fit = both.free_plane();
   const double cost = (fit.cost - apart) / smaller;
   if (fit.found && cost <= tolerance) choice.cost = cost + tolerance;
@@ -109,7 +109,7 @@ struct Choice {
 // parent leads to the cell that holds its region's sums and area, and the first links, as many as returned, are between
 // such cells, of regions that stayed apart.
 [[nodiscard]] inline std::size_t merge_cells(Span<Cell> cells, Span<Link> links, Span<Choice> choices,
-                                             const UprightBasis& basis, LabelSet plumb, double tolerance) noexcept {
+                                             const UprightBasis& basis, double tolerance) noexcept {
   std::size_t count = links.size();
   for (bool united = true; united && count > 0;) {
     united = false;
@@ -125,7 +125,7 @@ struct Choice {
     for (std::size_t i = 0; i < count; ++i) {
       const std::uint32_t a = links[i].a;
       const std::uint32_t b = links[i].b;
-      const Choice choice = union_cost(cells[a], cells[b], basis, plumb, tolerance);
+      const Choice choice = union_cost(cells[a], cells[b], basis, tolerance);
       const auto offer = [&](std::uint32_t to, std::uint32_t partner) {
         Choice& best = choices[to];
         if (choice.cost < best.cost || (choice.cost == best.cost && partner < best.partner)) {
@@ -148,6 +148,7 @@ struct Choice {
       cells[a].moments += cells[b].moments;
       cells[a].area_px += cells[b].area_px;
       cells[a].upright = choice.upright;
+      cells[a].plumb = cells[a].plumb || cells[b].plumb;
       united = true;
     }
   }

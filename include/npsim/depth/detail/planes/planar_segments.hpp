@@ -50,7 +50,7 @@ struct PlanarSegmentsParams {
       LabelSet::of(label::building, label::wall, label::fence, label::guard_rail, label::bridge, label::tunnel,
                    label::traffic_sign, label::truck, label::bus, label::caravan, label::trailer, label::train);
   LabelSet upright = labels;
-  LabelSet plumb = kHouseLabels;  // where depth drifts: what leans then leans by that
+  LabelSet plumb = kHouseLabels;   // where depth drifts: what leans then leans by that
   float cell_px = 24.0F;           // of an image 2048 wide
   float min_support_px = 4000.0F;  // of an image 2048 x 1024; fewer, at least three squares, where the noise is so low
   float sure_rad = 0.035F;         // that the plane's angle is known to this
@@ -75,6 +75,7 @@ struct PlanarSegment {
   Vec3f normal;  // unit, towards the camera
   Label label = 0;
   bool upright = false;
+  bool plumb = false;  // never leans
   float support_px = 0.0F;
   float residual = 0.0F;  // root mean square, deviations
   float turn_rad = 0.0F;  // deviation of the angle about the vertical
@@ -203,7 +204,7 @@ inline void set_plane(const PlanarSegmentsParams& p, const CellInput& in, const 
   const PlaneFit upright = moments.upright_plane(in.basis);
   const double rise = static_cast<double>(p.merge_rise);
   s.upright = in.stands(s.label) && upright.found &&
-              (in.plumb.contains(s.label) || !fit.found || upright.cost - fit.cost <= rise * rise * moments.weight);
+              (s.plumb || !fit.found || upright.cost - fit.cost <= rise * rise * moments.weight);
   s.support_px = 0.0F;
   s.squared = false;
   if (s.upright) fit = upright;
@@ -320,6 +321,7 @@ inline std::size_t keep_supported(const PlanarSegmentsParams& p, const CellInput
     if (!cell.valid || cell.parent != i || count == segments.size()) continue;
     PlanarSegment& s = segments[count];
     s.label = cell.label;
+    s.plumb = cell.plumb;
     set_plane(p, in, cell.moments, cell.area_px, nullptr, s);
     if (s.support_px > 0.0F) cell.plane = static_cast<std::uint16_t>(++count);
   }
@@ -476,6 +478,7 @@ template <class Executor>
   in.upright = params.upright;
   if (!objects.labels.empty() && noise.drift > 1.0F) in.plumb = params.plumb;
   in.camera = camera;
+  in.up = up;
   in.basis = UprightBasis::across(up);
   in.noise = noise;
   in.inlier = params.inlier;
@@ -496,7 +499,7 @@ template <class Executor>
   for (int y = 0; y < shape.height; ++y) std::fill_n(nearest.row(y), shape.width, kNoPlane);
   const std::size_t link_count = link_cells(grid, cells, links);
   const auto rise = static_cast<double>(params.merge_rise);
-  const std::size_t apart = merge_cells(cells, links.sub(0, link_count), choices, in.basis, in.plumb, rise * rise);
+  const std::size_t apart = merge_cells(cells, links.sub(0, link_count), choices, in.basis, rise * rise);
   const std::size_t found = keep_supported(params, in, grid, links.sub(0, apart), cells, next, sums, map.segments);
   map.segments = map.segments.sub(0, found);
   const auto plane_of = [&](std::uint16_t n) { return map.segments[n - std::size_t{1}].q; };
