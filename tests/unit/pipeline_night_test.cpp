@@ -247,6 +247,66 @@ TEST_CASE("refine_depth brings depth and normals of the street nearer to the tru
   }
 }
 
+// Mean angle between the normals that light falls on and the true ones, of some labels.
+double degrees_off(const street::Street& street, ImageView<const Vec3f> normals, LabelSet labels) {
+  double sum = 0;
+  double count = 0;
+  for (int y = 0; y < normals.height(); ++y) {
+    for (int x = 0; x < normals.width(); ++x) {
+      if (!labels.contains(street.labels(x, y)) || street.normals(x, y) == Vec3f{}) continue;
+      const float cosine = dot(normals(x, y), street.normals(x, y));
+      sum += 57.29578 * std::acos(static_cast<double>(std::fmin(1.0F, std::fmax(-1.0F, cosine))));
+      ++count;
+    }
+  }
+  return sum / count;
+}
+
+TEST_CASE(
+    "refine_depth: cars and poles of a network's depth without normals stand as such things do, given normals stay") {
+  street::StreetParams params;
+  params.seed = 1;
+  params.shape = {480, 270};
+  params.samples = 1;
+  params.sky_rays = 0;
+  ThreadPool pool(2);
+  street::Street street;
+  REQUIRE(street::make_street(params, pool, street).ok());
+  NullObserver observer;
+  const RefineDepthParams shaped;
+  RefineDepthParams plain;
+  plain.cars.enabled = plain.furniture.enabled = plain.masts.enabled = false;
+  const auto refined = [&](const RefineDepthParams& refine, const SceneView& view, Workspace& workspace) {
+    RefinedDepth out;
+    REQUIRE(engine::refine_depth(refine, view, workspace, pool, observer, out).ok());
+    REQUIRE(out.source == DepthSource::network);
+    return out;
+  };
+  SceneView view = view_of(street);
+  npsim_test::Scratch one(refine_depth_workspace_bytes(shaped, params.shape));
+  npsim_test::Scratch other(refine_depth_workspace_bytes(plain, params.shape));
+  {
+    const WorkspaceScope scope(one.workspace());
+    const WorkspaceScope other_scope(other.workspace());
+    const RefinedDepth with = refined(shaped, view, one.workspace());
+    const RefinedDepth without = refined(plain, view, other.workspace());
+    bool same = true;
+    for (int y = 0; y < 270; ++y) {
+      for (int x = 0; x < 480; ++x) {
+        same = same && with.normals(x, y) == without.normals(x, y) && with.mesh_depth(x, y) == without.mesh_depth(x, y);
+      }
+    }
+    CHECK(same);
+  }
+  view.normals = {};
+  const RefinedDepth with = refined(shaped, view, one.workspace());
+  const RefinedDepth without = refined(plain, view, other.workspace());
+  constexpr LabelSet kThin = kPoleLabels | kSignLabels;
+  CHECK(degrees_off(street, with.normals, kThin) < 0.6 * degrees_off(street, without.normals, kThin));
+  const LabelSet cars = LabelSet::of(label::car);
+  CHECK(degrees_off(street, with.normals, cars) < 0.9 * degrees_off(street, without.normals, cars));
+}
+
 // The rectangle of a scene's planes.
 SceneView part_of(SceneView view, int x, int y, Shape shape) {
   view.image = view.image.sub(x, y, shape);
