@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/detail/cars/car_bodies.hpp"
+#include "npsim/depth/detail/things/car_bodies.hpp"
 
 #include <doctest/doctest.h>
 

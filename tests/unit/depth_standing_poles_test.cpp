@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/detail/measured/standing_poles.hpp"
+#include "npsim/depth/detail/things/standing_poles.hpp"
 
 #include <doctest/doctest.h>
 

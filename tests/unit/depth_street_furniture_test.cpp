@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "npsim/depth/detail/measured/street_furniture.hpp"
+#include "npsim/depth/detail/things/street_furniture.hpp"
 
 #include <doctest/doctest.h>
 

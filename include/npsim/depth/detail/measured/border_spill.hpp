@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds the depth of near objects that block matching spills over their borders, onto what is behind them.
+// Finds the depth of near objects that sensors spill over their borders, onto what is behind them.
 //
 // A window that straddles the border of a pole finds the pole's disparity, so for half a window beyond the border the
 // wall stands where the pole does. And beside the border that the other camera looks past, on the left for the left
 // image, there is a band that it does not see, as wide as the two disparities differ: what matching found in it is a
 // guess. As a measurement nothing can be said against such depth but by the labels; a surface made of it is a board
-// beside each pole, which is lit as the pole is and throws a shadow that is too wide.
+// beside each pole, which is lit as the pole is and throws a shadow that is too wide. A laser's beam that meets a
+// border answers from the near object, and sweeps that were put together smear a pole over half its width and more.
 //
 // Along a row or a column, beside a border between two objects: the near one is as near as the median of its own
 // inverse depths within `reach` of the border; the far one goes on along the line through two medians of its inverse
@@ -15,7 +16,8 @@
 // on, or beside a house, where the first of these medians lies higher, as a pavement does, its parallel through that.
 // Where the near one is more than `contrast` times the far one, samples of the far object within the reach, or in
 // the band, that lie nearer to the near object than to their own are spilled. Objects of which six reaches hold less
-// than half of these samples are left.
+// than half of these samples are left. Of a laser the medians are taken over `lines` on either side as well, for a row
+// has few samples, or none of a pole.
 // Down a column, below what stands on it, the ground is dark, and matching carries the depth of a bumper or a foot
 // further down: there the ground goes on in parallel to the ground plane, through the median of one reach of samples
 // farther down, and what is nearer than that by more than `under_px` within `under_reaches` is spilled. (On

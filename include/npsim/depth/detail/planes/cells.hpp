@@ -78,7 +78,7 @@ struct CellInput {
   ImageView<const float> depth;
   ObjectMap objects;
   LabelSet labels, upright;  // that have planes; those whose planes stand on the ground as a rule
-  LabelSet plumb;            // and those whose planes always do, above the eye: below, what is so called may lie
+  LabelSet plumb;            // and those whose planes always do, above the eye
   Intrinsics camera;
   Vec3f up;
   UprightBasis basis;

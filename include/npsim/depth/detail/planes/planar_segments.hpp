@@ -3,10 +3,11 @@
 //
 // Noise of measured depth is wider than any slope that it could hide: a facade's slope is known to 2 degrees from some
 // 80 px at a disparity of 10 px, not from the few that a difference spans. So each object of each square of some 24 px
-// gets a robust plane (detail/planes/cells.hpp), upright on the ground where its class stands so as a rule; planes that
-// agree within the noise are united, also across what stands before them (merge.hpp); and those with enough support are
-// kept. Inverse depth of a plane is linear in the image, and everything is measured in deviations of it
-// (depth_source.hpp).
+// gets a robust plane (detail/planes/cells.hpp), upright on the ground where its class stands so as a rule, and houses
+// in any case where depth drifts: what leans then leans by that, but for what lies below the eye and is only called a
+// house. Planes that agree within the noise are united, also across what stands before them (merge.hpp), and those with
+// enough support are kept. Inverse depth of a plane is linear in the image, and everything is measured in deviations of
+// it (depth_source.hpp).
 // A pixel that a plane explains is on it and takes its normal; where several do, neighbours agree (agreed_plane()), and
 // borders are straight (edges.hpp). Its depth stays as it was measured: buildings have relief, and on held-out points of
 // real frames depth drawn to planes, even within the noise, is worse. Only where nothing was measured does the plane
@@ -50,7 +51,7 @@ struct PlanarSegmentsParams {
       LabelSet::of(label::building, label::wall, label::fence, label::guard_rail, label::bridge, label::tunnel,
                    label::traffic_sign, label::truck, label::bus, label::caravan, label::trailer, label::train);
   LabelSet upright = labels;
-  LabelSet plumb = kHouseLabels;   // where depth drifts: what leans then leans by that
+  LabelSet plumb = kHouseLabels;   // never lean where depth drifts, above the eye
   float cell_px = 24.0F;           // of an image 2048 wide
   float min_support_px = 4000.0F;  // of an image 2048 x 1024; fewer, at least three squares, where the noise is so low
   float sure_rad = 0.035F;         // that the plane's angle is known to this

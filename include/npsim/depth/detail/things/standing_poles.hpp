@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Masts stand: what stereo or a laser measured of one, all along, and where its foot meets the ground give it one
-// distance.
+// Masts stand: what is known of one's depth, all along, and where its foot meets the ground give it one distance.
 //
 // Of a thing as thin as a mast much of what is measured belongs to what is behind it or to a sign on it, and changes
 // every metre; but it is upright, and one of its ends is on the ground. A mast is followed from its lowest run of
@@ -18,8 +17,8 @@
 // Invariant: only pixels of poles change, and none of what is wider than it stands high or than max_width_m.
 // Deterministic. Cost: three passes over each mast. Memory: a byte a pixel, and 8 KiB of the stack. Error: that of depth
 // or foot; a rule.
-#ifndef NPSIM_DEPTH_DETAIL_MEASURED_STANDING_POLES_HPP
-#define NPSIM_DEPTH_DETAIL_MEASURED_STANDING_POLES_HPP
+#ifndef NPSIM_DEPTH_DETAIL_THINGS_STANDING_POLES_HPP
+#define NPSIM_DEPTH_DETAIL_THINGS_STANDING_POLES_HPP
 
 #include <algorithm>
 #include <array>
@@ -319,4 +318,4 @@ inline void stand_mast(const Scene& scene, ImageView<const float> depth, const R
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_DETAIL_MEASURED_STANDING_POLES_HPP
+#endif  // NPSIM_DEPTH_DETAIL_THINGS_STANDING_POLES_HPP

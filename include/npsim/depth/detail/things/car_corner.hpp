@@ -7,8 +7,8 @@
 // theirs, and the search is over angles alone. After L-shape fitting (Zhang et al., IV 2017), which has laser points
 // and squared distances.
 // Error: on exact samples of a box 1.6 degrees, and in the distances that angle times the distance of the car.
-#ifndef NPSIM_DEPTH_DETAIL_CARS_CORNER_HPP
-#define NPSIM_DEPTH_DETAIL_CARS_CORNER_HPP
+#ifndef NPSIM_DEPTH_DETAIL_THINGS_CAR_CORNER_HPP
+#define NPSIM_DEPTH_DETAIL_THINGS_CAR_CORNER_HPP
 
 #include <algorithm>
 #include <cmath>
@@ -124,4 +124,4 @@ inline constexpr float kAway = 1e9F;
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_DETAIL_CARS_CORNER_HPP
+#endif  // NPSIM_DEPTH_DETAIL_THINGS_CAR_CORNER_HPP

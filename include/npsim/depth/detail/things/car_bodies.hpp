@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cars as bodies: what stereo shows of paint and glass, drawn to the two upright sides that a car turns to the camera.
+// Cars as bodies: what depth shows of paint and glass, drawn to the two upright sides that a car turns to the camera.
 //
 // Matching finds what glass mirrors or shows behind it, guesses on plain paint, and mixes a car's rim with what is
 // behind it: errors half a metre deep and a metre wide, which no local fit tells from shape, and whose normals make
-// night out of the lit side of a car.
+// night out of the lit side of a car. A network lays cars down along the road.
 //   Heading and distances: of all rectangles on the ground, turned by kTurn_rad at a time and then finer, the one whose
 //   near corner explains inverse depth best, between belt_low_m and belt_high_m above the ground, where cars are
 //   upright and not of glass. A ray meets the box where the nearer plane's 1/z is the smaller one, and each plane is
@@ -21,7 +21,7 @@
 //   frames. What the label has too much below a wheel counts as wheel. Where the ground below is no carriageway the
 //   ground plane counts if it is lower, for wheels may stand behind a pavement. Farther cars come first.
 //   Blend: where both planes are within some corner_m of each other the corner is round, and so it is at the car's own
-//   outline, with the radius rim_m (detail/cars/rim.hpp).
+//   outline, with the radius rim_m (detail/things/car_rim.hpp).
 // A normal turns to the body's where it is farther than a bound from it, up to that bound: what is curved stays so. The
 // bound is turn_rad on exact depth and half of that where depth is known to calm_m, for its noise becomes the normals'.
 // Depth keeps what it is off the body as measured where that is little, half of `deviations` of the noise, and less of
@@ -29,8 +29,8 @@
 // Invariant: pixels of other things are not touched, nor cars that show their doors and no box explains (max_loss),
 // that have no number of their own, or fewer than min_px. No normal comes to look away from the camera.
 // Deterministic. Cost: some 10 medians of a car's rows, and 19 x 10 of 2048 samples.
-#ifndef NPSIM_DEPTH_DETAIL_CARS_CAR_BODIES_HPP
-#define NPSIM_DEPTH_DETAIL_CARS_CAR_BODIES_HPP
+#ifndef NPSIM_DEPTH_DETAIL_THINGS_CAR_BODIES_HPP
+#define NPSIM_DEPTH_DETAIL_THINGS_CAR_BODIES_HPP
 
 #include <algorithm>
 #include <cmath>
@@ -47,10 +47,10 @@
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/depth_source.hpp"
-#include "npsim/depth/detail/cars/corner.hpp"
-#include "npsim/depth/detail/cars/rim.hpp"
 #include "npsim/depth/detail/ground_level.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
+#include "npsim/depth/detail/things/car_corner.hpp"
+#include "npsim/depth/detail/things/car_rim.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -609,4 +609,4 @@ template <class Executor>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_DETAIL_CARS_CAR_BODIES_HPP
+#endif  // NPSIM_DEPTH_DETAIL_THINGS_CAR_BODIES_HPP

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Poles and persons as cylinders, signs, signals and hoardings as plates: what the noise of measured depth made of them
-// is drawn to what they are.
+// Poles and persons as cylinders, signs, signals and hoardings as plates: what errors of depth made of them is drawn to
+// what they are.
 //
-// A mast is as wide as the window that matching compares, or as the gap between two points of a laser: its depth jumps
-// by metres from row to row, and in the light of one lamp it comes out in bright and dark pieces. Pole pixels lie on a
-// pole that stands (their run along the column is the longer one) or on an arm that lies.
+// A mast is as wide as the window that matching compares, as the gap between two points of a laser, or as the edges
+// that a network blurs: its depth jumps by metres from row to row, and in the light of one lamp it comes out in bright
+// and dark pieces. Pole pixels lie on a pole that stands (their run along the column is the longer one) or on an arm
+// that lies.
 //   Depth: the median of 1/z of the thing's pixels within reach_m along it, so as far as a straight pole keeps its depth.
 //   Normal of what is round: that of a cylinder across the shorter run: over the run it turns from side to side.
 //   Normal of a plate: level, towards the camera, for signs and signals face the traffic that sees them.
@@ -17,8 +18,8 @@
 // wider than max_width_m are not touched. No pixel's new depth is outside of those around it on its thing. Deterministic.
 // Cost: for each run of such things the pixels within reach, at most kMaxSamples, and for each pixel its runs, at most
 // kLongest_px long.
-#ifndef NPSIM_DEPTH_DETAIL_MEASURED_STREET_FURNITURE_HPP
-#define NPSIM_DEPTH_DETAIL_MEASURED_STREET_FURNITURE_HPP
+#ifndef NPSIM_DEPTH_DETAIL_THINGS_STREET_FURNITURE_HPP
+#define NPSIM_DEPTH_DETAIL_THINGS_STREET_FURNITURE_HPP
 
 #include <algorithm>
 #include <array>
@@ -184,4 +185,4 @@ template <class Executor>
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_DETAIL_MEASURED_STREET_FURNITURE_HPP
+#endif  // NPSIM_DEPTH_DETAIL_THINGS_STREET_FURNITURE_HPP

@@ -4,8 +4,8 @@
 // Bodies have round corners, and at an outline that is the thing's own the line of sight grazes it. The corner is a
 // quarter of a cylinder: at t from the outline, measured across the line of sight, the normal has the share 1 - t / r
 // along the outline's outward direction, or more where the side itself has. Exact for an upright cylinder far away.
-#ifndef NPSIM_DEPTH_DETAIL_CARS_RIM_HPP
-#define NPSIM_DEPTH_DETAIL_CARS_RIM_HPP
+#ifndef NPSIM_DEPTH_DETAIL_THINGS_CAR_RIM_HPP
+#define NPSIM_DEPTH_DETAIL_THINGS_CAR_RIM_HPP
 
 #include <cmath>
 
@@ -42,4 +42,4 @@ struct RowEnds {
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 
-#endif  // NPSIM_DEPTH_DETAIL_CARS_RIM_HPP
+#endif  // NPSIM_DEPTH_DETAIL_THINGS_CAR_RIM_HPP
