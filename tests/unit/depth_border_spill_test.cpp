@@ -85,9 +85,7 @@ TEST_CASE("border spill: a pole's depth is dropped from the wall beside it, noth
 }
 
 TEST_CASE("border spill: sparse beams that smear a pole over its sides are dropped, by what the rows around say") {
-  BorderSpillParams laser;
-  laser.reach_px = 10;
-  laser.lines = 3;
+  BorderSpillParams laser = BorderSpillParams::laser();
   for (const bool lying : {false, true}) {
     Street street(lying);
     for (int j = 0; j < 48; ++j) {
@@ -114,6 +112,56 @@ TEST_CASE("border spill: sparse beams that smear a pole over its sides are dropp
         drop_border_spill(laser, street.depth.view(), {street.labels.cview(), {}}, street.view, threaded.view(), pool)
             .ok());
     CHECK(threaded == out);
+  }
+}
+
+TEST_CASE(
+    "border spill: of a pavement behind its kerb, and of a street that rises, a laser's beams stay beside what stands "
+    "there") {
+  constexpr Shape kShape{400, 160};
+  SpillView view;
+  view.camera = {720, 720, 200, 40};
+  view.ground.camera_height_m = 1.65F;
+  view.ground.inlier_share = 0.9F;
+  const SerialExecutor executor;
+  for (const float kerb_m : {0.0F, 0.1F, 0.15F}) {
+    for (const float rise : {0.0F, 0.02F}) {
+      for (const Label thing : {label::person, label::fence, label::car}) {
+        CAPTURE(kerb_m);
+        CAPTURE(rise);
+        CAPTURE(static_cast<int>(thing));
+        Image<float> depth(kShape, 0.0F);
+        Image<Label> labels(kShape, label::sidewalk);
+        const float foot_m = 9.0F;
+        int beams = 0;
+        for (int y = 0; y < kShape.height; ++y) {
+          for (int x = 0; x < kShape.width; ++x) {
+            // On ground that lies kerb_m higher and, beyond 6 m, rises.
+            const float fall = (static_cast<float>(y) + 0.5F - 40.0F) / 720.0F;
+            float ground_m = (1.65F - kerb_m) / fall;
+            if (ground_m > 6.0F) ground_m = (1.65F - kerb_m + 6.0F * rise) / (fall + rise);
+            const bool narrow = thing == label::person;
+            const bool in_width = narrow ? x >= 190 && x < 210 : x >= 120 && x < 280;
+            const bool stands = fall > 0.0F && in_width && ground_m > foot_m;
+            if (!(fall > 0.0F) || ground_m > 60.0F) labels(x, y) = label::building;
+            if (stands || (in_width && y < 40)) labels(x, y) = thing;
+            if (x % 3 != 0 || y % 5 != 0) continue;
+            depth(x, y) = labels(x, y) == thing ? foot_m : labels(x, y) == label::building ? 60.0F : ground_m;
+            beams += labels(x, y) == label::sidewalk ? 1 : 0;
+          }
+        }
+        Image<float> out = depth;
+        REQUIRE(drop_border_spill(BorderSpillParams::laser(), depth.view(), {labels.cview(), {}}, view, out.view(),
+                                  executor)
+                    .ok());
+        int lost = 0;
+        for (int y = 0; y < kShape.height; ++y) {
+          for (int x = 0; x < kShape.width; ++x) lost += labels(x, y) == label::sidewalk && out(x, y) != depth(x, y);
+        }
+        REQUIRE(beams > 1000);
+        CHECK(lost == 0);
+      }
+    }
   }
 }
 

@@ -79,16 +79,6 @@ inline namespace NPSIM_ABI {
   return p;
 }
 
-// Scanners are sparse, and their noise is small: what lies nearer than the ground by a twentieth is not of it. Sweeps
-// that were put together smear a pole over half its width and more.
-[[nodiscard]] constexpr BorderSpillParams default_laser_spill() noexcept {
-  BorderSpillParams p;
-  p.reach_px = 10;
-  p.lines = 3;
-  p.contrast = 1.05F;
-  return p;
-}
-
 struct RefineDepthParams {
   bool use_source = true;  // false: all depth is taken for a network's
   DepthSourceParams source;
@@ -125,9 +115,9 @@ struct RefineDepthParams {
   SmoothSurfacesParams smooth;
   BeyondRangeParams beyond_range;  // of laser
   BorderSpillParams spill;         // of stereo
-  BorderSpillParams laser_spill = default_laser_spill();
+  BorderSpillParams laser_spill = BorderSpillParams::laser();
   CarBodiesParams cars;             // of all depth that is not exact, without given normals
-  StreetFurnitureParams furniture;  // of stereo and laser, likewise
+  StreetFurnitureParams furniture;  // likewise
   StandingPolesParams masts;        // likewise
   GroundContactParams contact;
   bool guess_ground = true;  // without labels
@@ -236,6 +226,8 @@ namespace refine_detail {
   spill.under_px *= scale;
   const float reach = static_cast<float>(spill.reach_px) * scale + 0.5F;
   spill.reach_px = static_cast<int>(reach < 128.0F ? reach : 128.0F);
+  const float lines = static_cast<float>(spill.lines) * scale + 0.5F;
+  spill.lines = static_cast<int>(lines < 8.0F ? lines : 8.0F);
   return spill;
 }
 
@@ -379,8 +371,12 @@ template <class Executor>
   return {};
 }
 
+// What the depth is taken for.
+[[nodiscard]] inline DepthSource taken_for(const RefineDepthParams& params, const RefinedDepth& out) noexcept {
+  return params.use_source ? out.source : DepthSource::network;
+}
 [[nodiscard]] inline bool is_laser(const RefineDepthParams& params, const RefinedDepth& out) noexcept {
-  return params.use_source && out.source == DepthSource::lidar;
+  return taken_for(params, out) == DepthSource::lidar;
 }
 
 // Beside near things, what has their depth and not that of what is seen there.
@@ -407,8 +403,7 @@ template <class Executor>
   outliers.by_object = outliers.by_object || out.trust.focal_baseline_px_m > 0.0F;
   NPSIM_RETURN_IF_ERROR(drop_outliers(outliers, scene.depth, objects, out.ground.up, height_m, scene.camera,
                                       out.trust.focal_baseline_px_m, measured, executor));
-  return drop_spill(params, scene, objects, params.use_source ? out.source : DepthSource::network, out.ground, measured,
-                    executor);
+  return drop_spill(params, scene, objects, taken_for(params, out), out.ground, measured, executor);
 }
 
 // drawn: the labels as given.
@@ -532,8 +527,10 @@ template <class Executor>
 template <class Executor>
 [[nodiscard]] Status fit_planes(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
                                 Workspace& workspace, Executor& executor, RefinedDepth& out) {
-  NPSIM_RETURN_IF_ERROR(planar_segments(params.planes, scene.depth, objects, out.noise, out.ground.up, scene.camera,
-                                        out.depth, out.planes, workspace, executor));
+  PlanarSegmentsParams planes = params.planes;
+  if (!(out.ground.inlier_share > 0.0F)) planes.plumb = {};  // nothing says what is upright
+  NPSIM_RETURN_IF_ERROR(planar_segments(planes, scene.depth, objects, out.noise, out.ground.up, scene.camera, out.depth,
+                                        out.planes, workspace, executor));
   if (is_laser(params, out)) {
     const WorkspaceScope scope(workspace);
     ImageView<float> measured;  // what was kept of it
@@ -572,6 +569,7 @@ template <class Executor>
   // Normals of measured depth know nothing that it does not.
   out.refinement = RefineResult{};
   if (out.trust.bounded && scene.normals.empty()) return {};
+  const WorkspaceScope scope(workspace);
   ImageView<std::uint8_t> edges;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), edges));
   if (params.border_jump > 0.0F) {
@@ -648,8 +646,8 @@ template <class Executor>
   const bool noisy = out.trust.bounded && out.source != DepthSource::exact;
   NPSIM_RETURN_IF_ERROR(noisy ? smooth_measured(params, scene, objects, workspace, executor, out)
                               : complete_steps(params, scene, workspace, executor, out));
-  if (out.mesh_depth.empty()) return {};  // of an estimate without labels, or whose plants are not kept
-  if (out.source != DepthSource::exact) {
+  if (out.mesh_depth.empty()) return {};  // of an estimate without labels
+  if (taken_for(params, out) != DepthSource::exact) {
     NPSIM_RETURN_IF_ERROR(shape_things(params, scene, objects, workspace, executor, out));
   }
   GroundContactParams contact = params.contact;
@@ -691,7 +689,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& given, Wor
   out.mesh_depth = {};
   const ObjectMap objects{scene.labels, labelled ? scene.instances : ImageView<const std::uint16_t>()};
   out.noise = depth_noise(out.source, scene.stereo_baseline_m, scene.depth, objects, scene.camera);
-  out.trust = depth_trust(params.source, params.use_source ? out.source : DepthSource::network, out.noise,
+  out.trust = depth_trust(params.source, refine_detail::taken_for(params, out), out.noise,
                           stereo_focal_baseline_px_m(params.source, scene));
   if (labelled && refine_detail::is_laser(params, out)) {
     NPSIM_RETURN_IF_ERROR(
@@ -714,7 +712,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& given, Wor
     NPSIM_RETURN_IF_ERROR(step(
         Stage::ground, [&] { return refine_detail::anchor(params, scene, workspace, executor, out); },
         params.anchor.enabled));
-    if (labelled && params.plants.bits() != 0) {
+    if (labelled) {
       NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), out.mesh_depth));
       copy_pixels(ImageView<const float>(out.depth), out.mesh_depth);
     }

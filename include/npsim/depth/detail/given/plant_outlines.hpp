@@ -434,13 +434,14 @@ struct OutlineDepth {
 
 }  // namespace depth_detail
 
-// A laser tells a trunk from the wall behind it, as dark as it may be: where what was measured is nearer to the plant
-// than to what it was given to, the plant has it again, and its own pixels within 4 px of a width of 960, as beams
+// A laser tells a trunk from the wall behind it, as dark as it may be, and from the sky: where what was measured is nearer
+// to the plant than to the wall that it was given to, or was given to the sky, the plant has it again, and its own pixels within 4 px of a width of 960, as beams
 // lie apart. drawn: the labels before. labels: after, changed in place.
 template <class Executor>
 [[nodiscard]] Status keep_measured_plants(const PlantOutlinesParams& params, ImageView<const Label> drawn,
                                           ImageView<const float> depth, ImageView<Label> labels, Workspace& workspace,
                                           Executor& executor) noexcept {
+  using Place = depth_detail::OutlineDepth::Place;
   constexpr float kAround_px = 4.0F;
   const Shape shape = depth.shape();
   const WorkspaceScope scope(workspace);
@@ -449,8 +450,9 @@ template <class Executor>
   const depth_detail::OutlineDepth outline(params, drawn, labels, depth);
   for_rows(executor, shape.height, [&](int y) {
     for (int x = 0; x < shape.width; ++x) {
-      const bool plant = drawn(x, y) == label::vegetation;
-      measured(x, y) = plant && outline.at(x, y) == depth_detail::OutlineDepth::Place::in_front ? 1 : 0;
+      const Place place = drawn(x, y) == label::vegetation ? outline.at(x, y) : Place::unknown;
+      const bool before_sky = place == Place::no_wall && labels(x, y) == label::sky;
+      measured(x, y) = place == Place::in_front || before_sky ? 1 : 0;
     }
   });
   const int around = static_cast<int>(kAround_px * static_cast<float>(shape.width) / 960.0F + 0.5F);

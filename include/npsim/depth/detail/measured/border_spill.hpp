@@ -13,11 +13,13 @@
 // depths, over the first `reach` samples beyond the reach and over as many behind those. In the hidden band these begin
 // beyond the widest band that the near object can have, and where the far object has none there, which a sliver of wall
 // between two poles has not, a median beyond the near object stands in. Of the ground it is the ground plane that goes
-// on, or beside a house, where the first of these medians lies higher, as a pavement does, its parallel through that.
+// on, or beside a house, and of a laser always, where the first of these medians lies higher, as a pavement does, its
+// parallel through that.
 // Where the near one is more than `contrast` times the far one, samples of the far object within the reach, or in
 // the band, that lie nearer to the near object than to their own are spilled. Objects of which six reaches hold less
 // than half of these samples are left. Of a laser the medians are taken over `lines` on either side as well, for a row
-// has few samples, or none of a pole.
+// has few samples, or none of a pole; and its ground is told along rows alone, for where a thing ends below, it is as far
+// away as the ground there.
 // Down a column, below what stands on it, the ground is dark, and matching carries the depth of a bumper or a foot
 // further down: there the ground goes on in parallel to the ground plane, through the median of one reach of samples
 // farther down, and what is nearer than that by more than `under_px` within `under_reaches` is spilled. (On
@@ -54,6 +56,15 @@ struct BorderSpillParams {
   LabelSet ground = kGroundLabels;
   LabelSet paved = LabelSet::of(label::road, label::sidewalk, label::parking, label::ground);  // lies in the plane
   LabelSet behind = kHouseLabels;  // go on behind what stands before them
+
+  // Of a laser's noise: what lies nearer than the ground farther off by a twentieth is not of it.
+  [[nodiscard]] static constexpr BorderSpillParams laser() noexcept {
+    BorderSpillParams p;
+    p.reach_px = 10;
+    p.lines = 3;
+    p.contrast = 1.05F;
+    return p;
+  }
 };
 
 [[nodiscard]] inline Status validate(const BorderSpillParams& p) noexcept {
@@ -92,6 +103,7 @@ struct SpillLine {
   [[nodiscard]] bool is_ground(int i) const noexcept { return params.ground.contains(objects.labels(x(i), y(i))); }
   [[nodiscard]] bool is_paved(int i) const noexcept { return params.paved.contains(objects.labels(x(i), y(i))); }
   [[nodiscard]] bool goes_on_behind(int i) const noexcept { return params.behind.contains(objects.labels(x(i), y(i))); }
+  [[nodiscard]] bool matched() const noexcept { return view.focal_baseline_px_m > 0.0F; }
   [[nodiscard]] float depth(int i) const noexcept { return depth_m(x(i), y(i)); }
 
   // Median inverse depth of the object at i over at most `most` samples of it, from the pixel i + k step on and up to
@@ -180,8 +192,7 @@ struct SpillLine {
     return {w(i), w(i + step) - w(i), 0.0F, 0.0F};
   }
 
-  // Of ground at i, beside a house, that may lie higher than the plane: measured from `from` steps on. Beside other
-  // things these samples may be spilled as well.
+  // Of ground at i that may lie higher than the plane: measured from `from` steps on.
   [[nodiscard]] Continued raised_ground(int i, int step, int from) const noexcept {
     Continued far = ground(i, step);
     float k = 0.0F;
@@ -199,11 +210,13 @@ struct SpillLine {
     float near = 0.0F;
     for (int most = reach; most >= 1 && !(near > 0.0F); most /= 2) near = before(i, step, reach, most);
     if (!(near > 0.0F)) return;
-    const bool hidden = !column && step < 0 && view.focal_baseline_px_m > 0.0F && (is_paved(i) || goes_on_behind(i));
+    const bool hidden = !column && step < 0 && matched() && (is_paved(i) || goes_on_behind(i));
     const int widest = hidden ? static_cast<int>(clamp_to(view.focal_baseline_px_m * near, 0.0F, 2048.0F)) : 0;
     Continued far;
     if (is_paved(i)) {
-      far = goes_on_behind(i - step) ? raised_ground(i, step, max_of(reach, widest)) : ground(i, step);
+      // Of stereo, beside other things than houses, these samples may be spilled as well.
+      const bool known = goes_on_behind(i - step) || !matched();
+      far = known ? raised_ground(i, step, max_of(reach, widest)) : ground(i, step);
     } else {
       far = far_object(i, step, max_of(reach, widest));
       if (!(far.at > 0.0F) && goes_on_behind(i)) far = across(i, step);
@@ -222,7 +235,7 @@ struct SpillLine {
 
   // Ground begins at i, below what stands on it.
   void drop_under(int i) const noexcept {
-    if (!(view.focal_baseline_px_m > 0.0F)) return;
+    if (!matched()) return;
     const int reach = std::min(params.under_reaches * params.reach_px, 128);
     const Continued plane = ground(i, 1);
     int k0 = reach;
@@ -247,7 +260,8 @@ struct SpillLine {
       if (same(i - 1, i)) continue;
       const bool ground_before = is_ground(i - 1);
       const bool ground_after = is_ground(i);
-      if (!ground_before && (!ground_after || (knows_ground && is_paved(i)))) drop(i, 1);
+      const bool stands_on_it = column && !matched();  // where it ends it is as far away as its ground
+      if (!ground_before && (!ground_after || (knows_ground && is_paved(i) && !stands_on_it))) drop(i, 1);
       if (!ground_after && (!ground_before || (knows_ground && is_paved(i - 1)))) drop(i - 1, -1);
       if (column && knows_ground && !ground_before && is_paved(i)) drop_under(i);
     }

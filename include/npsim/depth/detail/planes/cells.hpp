@@ -52,7 +52,7 @@ struct Cell {
   bool valid = false;  // has a plane of its own
   bool blind = false;  // nothing was measured here
   bool upright = false;
-  bool plumb = false;  // never leans
+  bool plumb = false;  // its own plane never leans
 };
 
 struct Grid {

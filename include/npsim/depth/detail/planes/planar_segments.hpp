@@ -4,8 +4,8 @@
 // Noise of measured depth is wider than any slope that it could hide: a facade's slope is known to 2 degrees from some
 // 80 px at a disparity of 10 px, not from the few that a difference spans. So each object of each square of some 24 px
 // gets a robust plane (detail/planes/cells.hpp), upright on the ground where its class stands so as a rule, and houses
-// in any case where depth drifts: what leans then leans by that, but for what lies below the eye and is only called a
-// house. Planes that agree within the noise are united, also across what stands before them (merge.hpp), and those with
+// in any case where depth drifts: what leans then leans by that, roofs included, but for what lies below the eye and is
+// only called a house. Planes that agree within the noise are united, also across what stands before them (merge.hpp), and those with
 // enough support are kept. Inverse depth of a plane is linear in the image, and everything is measured in deviations of
 // it (depth_source.hpp).
 // A pixel that a plane explains is on it and takes its normal; where several do, neighbours agree (agreed_plane()), and
@@ -76,7 +76,7 @@ struct PlanarSegment {
   Vec3f normal;  // unit, towards the camera
   Label label = 0;
   bool upright = false;
-  bool plumb = false;  // never leans
+  bool plumb = false;  // never leans by its own samples
   float support_px = 0.0F;
   float residual = 0.0F;  // root mean square, deviations
   float turn_rad = 0.0F;  // deviation of the angle about the vertical
