@@ -225,20 +225,23 @@ TEST_CASE("plant outlines: of what is given to a wall the leaves' depth is dropp
 }
 
 TEST_CASE(
-    "plant outlines: a trunk as dark as its wall stays plant where a laser met it, the wall between beams does not") {
+    "plant outlines: a trunk as dark as its wall and leaves before the sky stay plant where a laser met them, what no "
+    "beam met does not") {
   const Shape shape{960, 60};
   Image<Label> drawn(shape, label::building);
   Image<float> depth(shape, 0.0F);
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 400; x < 460; ++x) drawn(x, y) = label::vegetation;
-    for (int x = 0; x < shape.width; x += 3) {
-      const bool trunk = x >= 420 && x < 460;
+    for (int x = 700; x < shape.width; ++x) drawn(x, y) = x < 760 ? label::vegetation : label::sky;
+    for (int x = 0; x < 740; x += 3) {  // none comes back from the sky
+      const bool trunk = (x >= 420 && x < 460) || x >= 700;
       if (y % 5 == 0) depth(x, y) = trunk ? 12.0F : 20.0F + 0.01F * static_cast<float>(x % 7);
     }
   }
   Image<Label> cleared = drawn;  // all but a strip on the right is taken for wall
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 400; x < 450; ++x) cleared(x, y) = label::building;
+    for (int x = 720; x < 760; ++x) cleared(x, y) = label::sky;
   }
   Workspace none(nullptr, 0);
   npsim_test::Scratch memory(allocation_bytes<std::uint8_t>(shape.pixels()) + kWorkspaceAlignment);
@@ -251,8 +254,8 @@ TEST_CASE(
     for (int x = 0; x < shape.width; ++x) {
       CAPTURE(x);
       CAPTURE(y);
-      const bool plant = x >= 416 && x < 460;  // four pixels beyond the first beam on it
-      REQUIRE(out(x, y) == (plant ? label::vegetation : label::building));
+      const bool plant = (x >= 416 && x < 460) || (x >= 700 && x <= 742);  // four pixels beyond the last beam on it
+      REQUIRE(out(x, y) == (plant ? label::vegetation : x >= 700 ? label::sky : label::building));
     }
   }
 }

@@ -273,8 +273,9 @@ TEST_CASE(
   street::Street street;
   REQUIRE(street::make_street(params, pool, street).ok());
   NullObserver observer;
-  const RefineDepthParams shaped;
-  RefineDepthParams plain;
+  RefineDepthParams shaped;
+  shaped.plants = {};  // has no say in it
+  RefineDepthParams plain = shaped;
   plain.cars.enabled = plain.furniture.enabled = plain.masts.enabled = false;
   const auto refined = [&](const RefineDepthParams& refine, const SceneView& view, Workspace& workspace) {
     RefinedDepth out;
