@@ -117,7 +117,7 @@ TEST_CASE("border spill: sparse beams that smear a pole over its sides are dropp
 
 TEST_CASE(
     "border spill: of a pavement behind its kerb, and of a street that rises, a laser's beams stay beside what stands "
-    "there") {
+    "there, and what they smear goes") {
   constexpr Shape kShape{400, 160};
   SpillView view;
   view.camera = {720, 720, 200, 40};
@@ -134,6 +134,7 @@ TEST_CASE(
         Image<Label> labels(kShape, label::sidewalk);
         const float foot_m = 9.0F;
         int beams = 0;
+        int smeared = 0;
         for (int y = 0; y < kShape.height; ++y) {
           for (int x = 0; x < kShape.width; ++x) {
             // On ground that lies kerb_m higher and, beyond 6 m, rises.
@@ -147,7 +148,12 @@ TEST_CASE(
             if (stands || (in_width && y < 40)) labels(x, y) = thing;
             if (x % 3 != 0 || y % 5 != 0) continue;
             depth(x, y) = labels(x, y) == thing ? foot_m : labels(x, y) == label::building ? 60.0F : ground_m;
-            beams += labels(x, y) == label::sidewalk ? 1 : 0;
+            if (labels(x, y) != label::sidewalk) continue;
+            ++beams;
+            // What a person's depth is smeared over, from an eighth beyond where he stands.
+            if (!narrow || x < 184 || x >= 216 || !(ground_m > 1.125F * foot_m)) continue;
+            depth(x, y) = foot_m;
+            ++smeared;
           }
         }
         Image<float> out = depth;
@@ -155,11 +161,16 @@ TEST_CASE(
                                   executor)
                     .ok());
         int lost = 0;
+        int found = 0;
         for (int y = 0; y < kShape.height; ++y) {
-          for (int x = 0; x < kShape.width; ++x) lost += labels(x, y) == label::sidewalk && out(x, y) != depth(x, y);
+          for (int x = 0; x < kShape.width; ++x) {
+            if (labels(x, y) != label::sidewalk || out(x, y) == depth(x, y)) continue;
+            ++(depth(x, y) == foot_m ? found : lost);
+          }
         }
         REQUIRE(beams > 1000);
         CHECK(lost == 0);
+        CHECK(found == smeared);
       }
     }
   }
