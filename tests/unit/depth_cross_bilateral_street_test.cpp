@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "fixture.hpp"
+#include "made_street.hpp"
 #include "npsim/color/srgb.hpp"
 #include "npsim/depth/cross_bilateral.hpp"
 #include "street/street.hpp"
@@ -60,25 +61,20 @@ Error error_of(const CrossBilateralParams& p, ImageView<const float> depth, Imag
 }  // namespace
 
 TEST_CASE("cross-bilateral on a generated street: bound kept at every setting, RMSE below 0.1 mm by default") {
-  street::StreetParams params;
-  params.seed = 5;
-  params.shape = {224, 126};
-  params.samples = 1;
-  params.sky_rays = 0;
+  const Shape shape{224, 126};
+  const street::Street street = testing::plain_street(5, shape);
   SerialExecutor serial;
-  street::Street street;
-  REQUIRE(street::make_street(params, serial, street).ok());
-  std::vector<Vec3f> lab_pixels(params.shape.pixels());
-  std::vector<float> out_pixels(params.shape.pixels());
-  const ImageView<Vec3f> lab(lab_pixels.data(), params.shape);
-  const ImageView<float> out(out_pixels.data(), params.shape);
+  std::vector<Vec3f> lab_pixels(shape.pixels());
+  std::vector<float> out_pixels(shape.pixels());
+  const ImageView<Vec3f> lab(lab_pixels.data(), shape);
+  const ImageView<float> out(out_pixels.data(), shape);
   REQUIRE(srgb8_to_lab(ImageView<const Rgb8>(street.image.view()), lab, serial).ok());
   for (const bool measured : {false, true}) {  // with the sky's holes, and without
     const ImageView<const float> depth = measured ? street.est_depth.view() : street.depth.view();
     for (const float bound : {2e-5F, 1e-3F, 1e-2F}) {
       CrossBilateralParams p;
       p.max_relative_error = bound;
-      npsim_test::Scratch scratch(cross_bilateral_workspace_bytes(p, params.shape));
+      npsim_test::Scratch scratch(cross_bilateral_workspace_bytes(p, shape));
       Workspace& workspace = scratch.workspace();
       CrossBilateralResult result;
       REQUIRE(cross_bilateral(p, depth, ImageView<const Label>(street.labels.view()), ImageView<const Vec3f>(lab), out,

@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "made_street.hpp"
 #include "night_of_street.hpp"
 #include "npsim/core/executor.hpp"
-#include "npsim/exec/thread_pool.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
@@ -29,15 +29,7 @@ Emitter lamp(LightClass cls, std::uint16_t mark, std::uint16_t group, EmissionPr
 }
 
 const street::Street& small_street() {
-  static const street::Street shared = [] {
-    street::StreetParams params;
-    params.seed = 1;
-    params.shape = {160, 90};
-    ThreadPool pool(2);
-    street::Street made;
-    REQUIRE(street::make_street(params, pool, made).ok());
-    return made;
-  }();
+  static const street::Street shared = testing::made_street(1, {160, 90});
   return shared;
 }
 

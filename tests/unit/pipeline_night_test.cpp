@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "fixture.hpp"
+#include "made_street.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/observe.hpp"
 #include "npsim/exec/thread_pool.hpp"
@@ -88,15 +89,7 @@ Status run(const NightParams& params, const SceneView& view, AnyExecutor executo
 }
 
 const street::Street& small_street() {
-  static const street::Street shared = [] {
-    street::StreetParams params;
-    params.seed = 5;
-    params.shape = {160, 90};
-    ThreadPool pool(2);
-    street::Street made;
-    REQUIRE(street::make_street(params, pool, made).ok());
-    return made;
-  }();
+  static const street::Street shared = testing::made_street(5, {160, 90});
   return shared;
 }
 
@@ -189,6 +182,11 @@ TEST_CASE("night of the street: a variant does not depend on how many others are
 
 namespace {
 
+// Between unit vectors.
+double angle_rad(const Vec3f& a, const Vec3f& b) {
+  return std::acos(static_cast<double>(std::fmin(1.0F, std::fmax(-1.0F, dot(a, b)))));
+}
+
 // Mean relative error of the depth and mean angle between its normals and the true ones.
 struct StreetErrors {
   double depth = 0;
@@ -208,8 +206,7 @@ StreetErrors errors_of(const street::Street& street, ImageView<const float> dept
       const float truth = street.depth(x, y);
       if (!is_valid_depth(truth)) continue;
       sum.depth += static_cast<double>(std::fabs(depth(x, y) - truth) / truth);
-      const float cosine = dot(normals(x, y), street.normals(x, y));
-      sum.normals_rad += std::acos(static_cast<double>(std::fmin(1.0F, std::fmax(-1.0F, cosine))));
+      sum.normals_rad += angle_rad(normals(x, y), street.normals(x, y));
       ++count;
     }
   }
@@ -221,15 +218,9 @@ StreetErrors errors_of(const street::Street& street, ImageView<const float> dept
 TEST_CASE("refine_depth brings depth and normals of the street nearer to the truth on every seed and at every size") {
   for (const Shape shape : {Shape{160, 90}, Shape{480, 270}}) {
     for (const std::uint64_t seed : {1U, 2U, 3U, 7U}) {
-      street::StreetParams params;
-      params.seed = seed;
-      params.shape = shape;
-      params.samples = 1;
-      params.sky_rays = 0;
+      const street::Street street = testing::plain_street(seed, shape);
       ThreadPool pool(2);
-      street::Street street;
-      REQUIRE(street::make_street(params, pool, street).ok());
-      const StreetErrors before = errors_of(street, static_cast<const io::Image<float>&>(street.est_depth).view());
+      const StreetErrors before = errors_of(street, street.est_depth.view());
       const RefineDepthParams refine;
       for (const bool height_known : {true, false}) {
         SceneView view = view_of(street);
@@ -248,14 +239,13 @@ TEST_CASE("refine_depth brings depth and normals of the street nearer to the tru
 }
 
 // Mean angle between the normals that light falls on and the true ones, of some labels.
-double degrees_off(const street::Street& street, ImageView<const Vec3f> normals, LabelSet labels) {
+double normals_off_rad(const street::Street& street, ImageView<const Vec3f> normals, LabelSet labels) {
   double sum = 0;
   double count = 0;
   for (int y = 0; y < normals.height(); ++y) {
     for (int x = 0; x < normals.width(); ++x) {
       if (!labels.contains(street.labels(x, y)) || street.normals(x, y) == Vec3f{}) continue;
-      const float cosine = dot(normals(x, y), street.normals(x, y));
-      sum += 57.29578 * std::acos(static_cast<double>(std::fmin(1.0F, std::fmax(-1.0F, cosine))));
+      sum += angle_rad(normals(x, y), street.normals(x, y));
       ++count;
     }
   }
@@ -264,14 +254,9 @@ double degrees_off(const street::Street& street, ImageView<const Vec3f> normals,
 
 TEST_CASE(
     "refine_depth: cars and poles of a network's depth without normals stand as such things do, given normals stay") {
-  street::StreetParams params;
-  params.seed = 1;
-  params.shape = {480, 270};
-  params.samples = 1;
-  params.sky_rays = 0;
+  const Shape shape{480, 270};
+  const street::Street street = testing::plain_street(1, shape);
   ThreadPool pool(2);
-  street::Street street;
-  REQUIRE(street::make_street(params, pool, street).ok());
   NullObserver observer;
   RefineDepthParams shaped;
   shaped.plants = {};  // has no say in it
@@ -284,16 +269,16 @@ TEST_CASE(
     return out;
   };
   SceneView view = view_of(street);
-  npsim_test::Scratch one(refine_depth_workspace_bytes(shaped, params.shape));
-  npsim_test::Scratch other(refine_depth_workspace_bytes(plain, params.shape));
+  npsim_test::Scratch one(refine_depth_workspace_bytes(shaped, shape));
+  npsim_test::Scratch other(refine_depth_workspace_bytes(plain, shape));
   {
     const WorkspaceScope scope(one.workspace());
     const WorkspaceScope other_scope(other.workspace());
     const RefinedDepth with = refined(shaped, view, one.workspace());
     const RefinedDepth without = refined(plain, view, other.workspace());
     bool same = true;
-    for (int y = 0; y < 270; ++y) {
-      for (int x = 0; x < 480; ++x) {
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
         same = same && with.normals(x, y) == without.normals(x, y) && with.mesh_depth(x, y) == without.mesh_depth(x, y);
       }
     }
@@ -303,9 +288,9 @@ TEST_CASE(
   const RefinedDepth with = refined(shaped, view, one.workspace());
   const RefinedDepth without = refined(plain, view, other.workspace());
   constexpr LabelSet kThin = kPoleLabels | kSignLabels;
-  CHECK(degrees_off(street, with.normals, kThin) < 0.6 * degrees_off(street, without.normals, kThin));
+  CHECK(normals_off_rad(street, with.normals, kThin) < 0.6 * normals_off_rad(street, without.normals, kThin));
   const LabelSet cars = LabelSet::of(label::car);
-  CHECK(degrees_off(street, with.normals, cars) < 0.9 * degrees_off(street, without.normals, cars));
+  CHECK(normals_off_rad(street, with.normals, cars) < 0.9 * normals_off_rad(street, without.normals, cars));
 }
 
 // The rectangle of a scene's planes.
@@ -474,9 +459,8 @@ TEST_CASE(
     "dry and wet") {
   street::StreetParams street_params;
   street_params.shape = {480, 270};
+  const street::Street street = testing::made_street(street_params);
   ThreadPool pool(2);
-  street::Street street;
-  REQUIRE(street::make_street(street_params, pool, street).ok());
   NightParams params = default_night_params();
   params.relight.gather.rays = 8;
   struct Case {

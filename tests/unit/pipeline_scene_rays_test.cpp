@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "lab/kept_night.hpp"
+#include "made_street.hpp"
 #include "night_of_street.hpp"
-#include "npsim/exec/thread_pool.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
@@ -55,12 +55,8 @@ void check_same(const street::Street& street, NightParams params) {
 }  // namespace
 
 TEST_CASE("rays through the layers: the image of every light to the bit that of the full mesh") {
-  street::StreetParams street_params;
-  street_params.seed = 1;  // with vertices that are completed far off their rays
-  street_params.shape = {112, 63};
-  ThreadPool pool(2);
-  street::Street street;
-  REQUIRE(street::make_street(street_params, pool, street).ok());
+  // With vertices that are completed far off their rays.
+  const street::Street street = testing::made_street(1, {112, 63});
   NightParams params = default_night_params();
   CHECK(params.mesh.traced == TracedFaces::layers);
   SUBCASE("solid objects") { params.mesh.backs = true; }

@@ -9,6 +9,7 @@
 
 #include "fixture.hpp"
 #include "lab/kept_night.hpp"
+#include "made_street.hpp"
 #include "night_of_street.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/exec/thread_pool.hpp"
@@ -24,15 +25,7 @@ namespace {
 using namespace npsim;
 
 const street::Street& street_of_test() {
-  static const street::Street shared = [] {
-    street::StreetParams params;
-    params.seed = 3;
-    params.shape = {192, 108};
-    ThreadPool pool(2);
-    street::Street made;
-    REQUIRE(street::make_street(params, pool, made).ok());
-    return made;
-  }();
+  static const street::Street shared = testing::made_street(3, {192, 108});
   return shared;
 }
 
@@ -103,14 +96,8 @@ TEST_CASE("simplified faces: whole, far fewer, every point on its face, and a ni
 }
 
 TEST_CASE("simplified faces: a quarter of a pixel and half a percent leave a tenth of a street's faces at most") {
-  street::StreetParams street_params;
-  street_params.seed = 1;
-  street_params.shape = {960, 540};
-  street_params.samples = 1;
-  street_params.sky_rays = 1;
+  street::Street made = testing::plain_street(1, {960, 540}, 1);
   ThreadPool pool(2);
-  street::Street made;
-  REQUIRE(street::make_street(street_params, pool, made).ok());
   SceneView scene = view_of(made);
   scene.depth = made.depth.view();  // the true one
   RefinedDepth refined;             // what the depth steps leave where there is nothing to mend

@@ -7,7 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "fixture.hpp"
 #include "io_fixture.hpp"
+#include "made_street.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/observe.hpp"
 #include "npsim/exec/thread_pool.hpp"
@@ -15,7 +17,6 @@
 #include "npsim/io/scene_resize.hpp"
 #include "npsim/mesh/check.hpp"
 #include "npsim/pipeline/night.hpp"
-#include "fixture.hpp"
 #include "real_scenes.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
@@ -79,12 +80,7 @@ void check_whole(const SceneView& scene) {
 TEST_CASE("every generated street: layers without a hole, a mesh without a fault, closed objects") {
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
     CAPTURE(seed);
-    street::StreetParams params;
-    params.seed = seed;
-    params.shape = {160, 90};
-    ThreadPool pool(2);
-    street::Street made;
-    REQUIRE(street::make_street(params, pool, made).ok());
+    const street::Street made = testing::made_street(seed, {160, 90});
     check_whole(view_of(made));
     SceneView bare = view_of(made);  // the same with its true depth, and without instances
     bare.depth = made.depth.view();

@@ -434,9 +434,10 @@ struct OutlineDepth {
 
 }  // namespace depth_detail
 
-// A laser tells a trunk from the wall behind it, as dark as it may be, and from the sky: where what was measured is nearer
-// to the plant than to the wall that it was given to, or was given to the sky, the plant has it again, and its own pixels within 4 px of a width of 960, as beams
-// lie apart. drawn: the labels before. labels: after, changed in place.
+// A laser tells a trunk from the wall behind it, as dark as it may be, and leaves from the sky: where what was measured
+// is nearer to the plant than to the wall that it was given to, or was given to the sky, the plant has it again, and its
+// own pixels within 4 px of a width of 960, as beams lie apart. drawn: the labels before. labels: after, changed in
+// place.
 template <class Executor>
 [[nodiscard]] Status keep_measured_plants(const PlantOutlinesParams& params, ImageView<const Label> drawn,
                                           ImageView<const float> depth, ImageView<Label> labels, Workspace& workspace,

@@ -5,9 +5,9 @@
 // 80 px at a disparity of 10 px, not from the few that a difference spans. So each object of each square of some 24 px
 // gets a robust plane (detail/planes/cells.hpp), upright on the ground where its class stands so as a rule, and houses
 // in any case where depth drifts: what leans then leans by that, roofs included, but for what lies below the eye and is
-// only called a house. Planes that agree within the noise are united, also across what stands before them (merge.hpp), and those with
-// enough support are kept. Inverse depth of a plane is linear in the image, and everything is measured in deviations of
-// it (depth_source.hpp).
+// only called a house. Planes that agree within the noise are united, also across what stands before them (merge.hpp),
+// and those with enough support are kept. Inverse depth of a plane is linear in the image, and everything is measured
+// in deviations of it (depth_source.hpp).
 // A pixel that a plane explains is on it and takes its normal; where several do, neighbours agree (agreed_plane()), and
 // borders are straight (edges.hpp). Its depth stays as it was measured: buildings have relief, and on held-out points of
 // real frames depth drawn to planes, even within the noise, is worse. Only where nothing was measured does the plane
