@@ -41,6 +41,7 @@
 #include "npsim/material/detail/albedo_scene.hpp"
 #include "npsim/material/detail/class_priors.hpp"
 #include "npsim/material/detail/daylight/ground_light.hpp"
+#include "npsim/material/detail/daylight/objects.hpp"
 #include "npsim/material/detail/daylight/panes.hpp"
 #include "npsim/material/detail/daylight/picture.hpp"
 #include "npsim/material/detail/daylight/standing_light.hpp"
@@ -115,9 +116,6 @@ struct Context {
   [[nodiscard]] Vec3f working_normal(int x, int y) const noexcept {
     if (scene.normals.empty()) return {};
     return scene.normals(picture.middle_x(x, scene.image.width()), picture.middle_y(y, scene.image.height()));
-  }
-  [[nodiscard]] float working_height(int x, int y) const noexcept {
-    return height_m(scene, picture.middle_x(x, scene.image.width()), picture.middle_y(y, scene.image.height()));
   }
 };
 
@@ -265,13 +263,15 @@ Status light_objects(const StandingLightParams& p, Context& c, Workspace& worksp
     if (!is_thing(x, y)) return;
     float sun = place(x, y);
     if (picture.region(x, y) == kOther)
-      sun += (1.0F - sun) * clamp_to((c.working_height(x, y) - p.low_m) / (p.high_m - p.low_m), 0.0F, 1.0F);
+      sun += (1.0F - sun) *
+             clamp_to((working_height_m(c.scene, picture, x, y) - p.low_m) / (p.high_m - p.low_m), 0.0F, 1.0F);
     const float upward = clamp_to(dot(c.working_normal(x, y), c.scene.ground.up), 0.0F, 1.0F);
     if (c.ground.shadow) sun *= faces.share(seen_face(normal(x, y)));
     c.light(x, y) = c.scale + log_light(sun, c.ground.ratio_y) + (1.0F - upward) * p.upright;
     c.sun(x, y) = sun;
   });
-  object_medians(c.scene, picture, c.light, c.objects);
+  heights_of_objects(c.scene, picture, c.objects);
+  paint_of_objects(c.scene, picture, c.light, c.objects);
   return {};
 }
 
@@ -306,18 +306,15 @@ struct Light {
   return {sum.level / weight, sum.sun / weight, sum.pane / weight};
 }
 
-// log2 albedo of a vehicle's pixel, told apart into paint, glass and tyres. What is darker than the paint is glass
-// where panes may be, and rubber towards the bottom. What is brighter in panes is what they mirror of the sky, less
-// and less from paint of half of kMirrored on; on paint brighter than that it is a white roof or tailgate.
+// log2 albedo of a car's pixel: panes are dark whatever they mirror, and so is what is darker than paint towards the
+// bottom, tyres and the gap under the sills.
 [[nodiscard]] inline float paint_or_glass(float log_albedo, float paint, float down, float pane) noexcept {
   constexpr float kDarkParts = -4.6F;  // log2 of .04
-  constexpr float kMirrored = -1.4F;   // log2 of .38
   constexpr float kAlike = 0.3F, kUnlike = 0.7F;
-  const float off = log_albedo - paint;
-  const float unlike = clamp_to((std::fabs(off) - kAlike) / (kUnlike - kAlike), 0.0F, 1.0F);
-  const float tyres = clamp_to((down - kTyresFrom) / (1.0F - kTyresFrom), 0.0F, 1.0F);
-  const float w = unlike * (off > 0.0F ? pane * clamp_to(kMirrored - paint, 0.0F, 1.0F) : std::max(pane, tyres));
-  return log_albedo + w * (std::min(kDarkParts, paint) - log_albedo);
+  const float darker = clamp_to((paint - log_albedo - kAlike) / (kUnlike - kAlike), 0.0F, 1.0F);
+  const float tyres = darker * clamp_to((down - kTyresFrom) / (1.0F - kTyresFrom), 0.0F, 1.0F);
+  const float dark = std::min(kDarkParts, paint);
+  return log_albedo + std::max(pane, tyres) * (dark - log_albedo);
 }
 
 // Steps 5 and 6 on one pixel whose luminance is free of light.
@@ -428,7 +425,8 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
     const float trust = region < kGroundRegions ? std::fabs(2.0F * light.sun - 1.0F) : (at_sky ? kTrustAtSky : 1.0F);
     const std::size_t object = c.objects.of(s, x, y);
     const float row = (static_cast<float>(y) + 0.5F) / static_cast<float>(f) - 0.5F;
-    out.albedo(x, y) = bounded_albedo(c, a, seen, trust, label, object, c.objects.down(object, row), light.pane);
+    out.albedo(x, y) =
+        bounded_albedo(c, a, seen, trust, label, object, c.objects.down(object, row, height_m(s, x, y)), light.pane);
     if (!out.sun.empty()) out.sun(x, y) = light.sun;
   });
 }
@@ -500,7 +498,7 @@ Status estimate_albedo(const AlbedoParams& p, const AlbedoScene& scene, Workspac
   NPSIM_RETURN_IF_ERROR(place_sun(standing, c.picture, c.ground, workspace, c.sun, executor));
   NPSIM_RETURN_IF_ERROR(light_objects(standing, c, workspace, executor));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.pane));
-  NPSIM_RETURN_IF_ERROR(find_panes({}, c.scene, c.picture, c.objects, workspace, c.pane));
+  NPSIM_RETURN_IF_ERROR(find_panes({}, c.scene, c.picture, c.objects, c.light, workspace, c.pane, executor));
   if (c.day.found) NPSIM_RETURN_IF_ERROR(light_walls(sun, c, workspace, executor));
   NPSIM_RETURN_IF_ERROR(light_classes(standing, c, histogram, workspace, executor));
   for_pixels(c.picture.shape(), executor, [&](int x, int y) {

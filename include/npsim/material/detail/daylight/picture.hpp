@@ -89,6 +89,11 @@ inline constexpr std::size_t kPicturePlanes = 5;
   return is_valid_depth(z) ? height_above_ground(s.ground, unproject_pixel(s.camera, x, y, 1.0F) * z) : 0.0F;
 }
 
+// The same of a working pixel.
+[[nodiscard]] inline float working_height_m(const AlbedoScene& s, const Picture& picture, int x, int y) noexcept {
+  return height_m(s, picture.middle_x(x, s.image.width()), picture.middle_y(y, s.image.height()));
+}
+
 [[nodiscard]] inline Region seen_region(const AlbedoScene& s, int x, int y) noexcept {
   if (!s.labels.empty()) return region_of(s.labels(x, y));
   if (s.depth.empty()) return kOther;
