@@ -323,7 +323,8 @@ struct Light {
   const AlbedoParams& p = c.params;
   // Codes below kDark are noise and compression more than colour.
   constexpr float kDark = 40.0F;
-  constexpr float kLeastShare = 0.15F;  // of a channel in luminance
+  constexpr float kInk = 0.5F, kPale = 0.8F;  // the weakest channel's code over the largest
+  constexpr float kLeastShare = 0.15F;        // of a channel in luminance
   constexpr float kMostShare = 3.0F;
   constexpr float kSlope = 0.35F;
   constexpr float kPaneSlope = 1.2F;  // what is dark on a facade is panes and openings, brightened by what they mirror
@@ -335,7 +336,13 @@ struct Light {
   const int most = max_of(static_cast<int>(seen.r), static_cast<int>(seen.g), static_cast<int>(seen.b));
   float lum = luminance(a);
   if (!(lum > 0.0F)) return {p.min_albedo, p.min_albedo, p.min_albedo};
-  trust = most >= p.saturated_level ? 0.0F : std::min(trust, static_cast<float>(most) / kDark);
+  trust = std::min(trust, static_cast<float>(most) / kDark);
+  if (most >= p.saturated_level) {
+    // What is cut off is the excess of the strongest channel. Ink is so strong without it that its hue is known; what
+    // is nearly white may have any.
+    const auto least = static_cast<float>(std::min(static_cast<int>(seen.r), std::min<int>(seen.g, seen.b)));
+    trust = std::min(trust, clamp_to((kPale * 255.0F - least) / ((kPale - kInk) * 255.0F), 0.0F, 1.0F));
+  }
   const float low = std::min(a.x, std::min(a.y, a.z)) / lum;
   const float high = max_of(a.x, a.y, a.z) / lum;
   if (low < kLeastShare) trust = std::min(trust, (1.0F - kLeastShare) / (1.0F - low));
@@ -365,28 +372,36 @@ struct Light {
   return {floored(a.x), floored(a.y), floored(a.z)};
 }
 
-// The photograph's pixel, or where it lies beside the sky the darker one further in: labels are loose by some pixels, and
-// what leaks in of the sky would be the brightest paint of the street. at_sky becomes true there.
-[[nodiscard]] inline Rgb8 without_sky(const Context& c, int x, int y, bool& at_sky) noexcept {
+// The photograph's pixel, or the darker one further in where it lies beside the sky, and of poles beside anything
+// brighter: labels are loose by some pixels, and what leaks in would be the brightest paint of the street. at_border
+// becomes true there.
+[[nodiscard]] inline Rgb8 without_border(const Context& c, int x, int y, bool& at_border) noexcept {
   constexpr float kLoose_px = 3.0F;  // at 960 px width
   constexpr int kSteps[8][2] = {{0, -1}, {-1, 0}, {1, 0}, {-1, -1}, {1, -1}, {0, 1}, {-1, 1}, {1, 1}};
   const ImageView<const Label>& labels = c.scene.labels;
   const Rgb8 own = c.scene.image(x, y);
   if (labels.empty()) return own;
+  const auto light_at = [&](int u, int v) { return luminance(srgb_decode8(c.scene.image(u, v))); };
+  const bool is_pole = kPoleLabels.contains(labels(x, y));
   const int reach = c.picture.radius(kLoose_px) * c.picture.factor;
   Rgb8 best = own;
-  float least = luminance(srgb_decode8(own));
+  float least = light_at(x, y);
+  const float seen = least;
+  const auto leaks = [&](int u, int v) {
+    if (labels(u, v) == label::sky) return true;
+    return is_pole && labels(u, v) != labels(x, y) && light_at(u, v) > seen;
+  };
   for (const auto& step : kSteps) {
     const int dx = step[0] * reach;
     const int dy = step[1] * reach;
-    if (!labels.contains(x + dx, y + dy) || labels(x + dx, y + dy) != label::sky) continue;
-    at_sky = true;
-    // Thin things have sky on both sides: then the nearer half of the way.
+    if (!labels.contains(x + dx, y + dy) || !leaks(x + dx, y + dy)) continue;
+    at_border = true;
+    // Thin things have it on both sides: then the nearer half of the way.
     for (const int part : {1, 2}) {
       const int u = x - dx / part;
       const int v = y - dy / part;
       if (!labels.contains(u, v) || labels(u, v) != labels(x, y)) continue;
-      const float inner = luminance(srgb_decode8(c.scene.image(u, v)));
+      const float inner = light_at(u, v);
       if (inner >= least) continue;
       least = inner;
       best = c.scene.image(u, v);
@@ -417,12 +432,13 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
       const float own = c.ground.shadow ? log_light(light.sun, ratio[i]) : 0.0F;
       gain[i] = exp2_of(-(common + own + c.params.cast_removal * c.cast[i]));
     }
-    bool at_sky = false;
-    const Rgb8 seen = region < kGroundRegions ? s.image(x, y) : without_sky(c, x, y, at_sky);
+    bool at_border = false;
+    const Rgb8 seen = region < kGroundRegions ? s.image(x, y) : without_border(c, x, y, at_border);
     const Vec3f a = srgb_decode8(seen) * Vec3f{gain[0], gain[1], gain[2]};
-    // In half shade the colour of the light is the least certain; thin things against the sky have its colour.
-    constexpr float kTrustAtSky = 0.3F;
-    const float trust = region < kGroundRegions ? std::fabs(2.0F * light.sun - 1.0F) : (at_sky ? kTrustAtSky : 1.0F);
+    // In half shade the colour of the light is the least certain; thin things have that of what they stand before.
+    constexpr float kTrustAtBorder = 0.3F;
+    const float trust =
+        region < kGroundRegions ? std::fabs(2.0F * light.sun - 1.0F) : (at_border ? kTrustAtBorder : 1.0F);
     const std::size_t object = c.objects.of(s, x, y);
     const float row = (static_cast<float>(y) + 0.5F) / static_cast<float>(f) - 0.5F;
     out.albedo(x, y) =
