@@ -16,6 +16,7 @@ OrderedJson to_json(const DaylightReport& r) {
   OrderedJson out = {{"shadow_found", r.shadow},
                      {"sunlit_over_shadowed_rgb", {r.ratio.x, r.ratio.y, r.ratio.z}},
                      {"sunlit_share_of_ground", r.sunlit_share},
+                     {"contrast", r.contrast},
                      {"error_log2", r.error_log2}};
   if (r.sun_found) {
     constexpr float kDegrees = 57.2957795F;

@@ -364,6 +364,43 @@ TEST_CASE("a pane's border is that of the picture: bonnet and doors that reach i
   }
 }
 
+TEST_CASE("a photograph of steeper tones than sRGB has the albedo of one that is sRGB") {
+  Picture usual = street({1, 1, 1}, Dark::shadow);
+  Picture steep = usual;
+  for (Rgb8& c : steep.day) {
+    const auto steeper = [](std::uint8_t code) {
+      return encode(std::pow(static_cast<float>(srgb_decode8(code)), 1.6F));
+    };
+    c = {steeper(c.r), steeper(c.g), steeper(c.b)};
+  }
+  REQUIRE(usual.run().ok());
+  REQUIRE(steep.run().ok());
+  CHECK(usual.report.contrast == 1.0F);
+  CHECK(usual.report.ratio.y < 8.0F);
+  CHECK(static_cast<double>(steep.report.contrast) == doctest::Approx(1 / 1.6).epsilon(0.15));
+  for (const Label l : {label::road, label::car}) {
+    INFO("label " << static_cast<int>(l));
+    CHECK(steep.median(l) == doctest::Approx(usual.median(l)).epsilon(0.3));
+  }
+}
+
+TEST_CASE("a dark pole whose label is loose takes nothing of the bright ground behind it") {
+  Picture p = street({1, 1, 1});
+  for (int y = 150; y < 230; ++y) {
+    for (int x = 216; x < 228; ++x) {
+      p.labels[p.i(x, y)] = label::pole;
+      if (x >= 218 && x < 226) p.day[p.i(x, y)] = {encode(0.03F), encode(0.03F), encode(0.03F)};
+    }
+  }
+  REQUIRE(p.run().ok());
+  const double core = mean(p, 221, 223, 160, 220);
+  CHECK(core < 0.5 * p.median(label::road));
+  for (int x = 216; x < 228; ++x) {
+    INFO("column " << x);
+    CHECK(mean(p, x, x + 1, 160, 220) < 1.2 * core);
+  }
+}
+
 TEST_CASE("a car whose doors a railing hides is not taken for glass and rubber") {
   Picture p = street({1, 1, 1});
   p.instances.assign(p.shape.pixels(), 0);
@@ -408,6 +445,40 @@ struct Ground {
                            serial);
   }
 };
+
+TEST_CASE("panes of a car that the picture cuts off at its foot reach down to its doors, and its bonnet is none") {
+  // A dark car whose panes mirror the sky, and whose bonnet, facing the sky, is brighter than its doors. What is seen of
+  // it is .6 of its height, so that by rows the panes would end at half of theirs and the bonnet lie among them.
+  for (const bool bonnet : {false, true}) {
+    Picture p = street({1, 1, 1});
+    p.instances.assign(p.shape.pixels(), 0);
+    Ground ground;
+    for (int y = 130; y < 270; ++y) {
+      const float row = static_cast<float>(y);
+      const float height = !bonnet   ? 1.5F - (row - 120.0F) / 200.0F
+                           : y < 150 ? 1.45F - (row - 130.0F) * 0.0225F
+                           : y < 200 ? 0.95F - (row - 150.0F) * 0.004F
+                                     : 0.75F - (row - 200.0F) * 0.01F;
+      for (int x = 280; x < 380; ++x) {
+        const std::size_t i = p.i(x, y);
+        p.labels[i] = label::car;
+        p.instances[i] = 26001;
+        ground.depth[i] = (1.5F - height) * 400.0F / (row + 0.5F - 120.0F);
+        const bool pane = x > 300 && x < 360 && height < 1.3F && height > 0.98F;
+        const float seen = pane ? 0.5F : bonnet && height > 0.75F && height < 0.95F ? 0.12F : 0.04F;
+        p.day[i] = {encode(seen), encode(seen), encode(seen)};
+      }
+    }
+    REQUIRE(ground.run(p, true).ok());
+    CAPTURE(bonnet);
+    const double doors = mean(p, 310, 350, bonnet ? 205 : 235, bonnet ? 215 : 245);
+    if (bonnet) {
+      CHECK(mean(p, 310, 350, 165, 190) > 1.3 * doors);
+    } else {
+      CHECK(mean(p, 310, 350, 195, 220) < 1.3 * doors);
+    }
+  }
+}
 
 namespace {
 
@@ -602,16 +673,22 @@ TEST_CASE("without labels flecks of sun far down the road are no ballast, while 
   CHECK(mean(p, 360, 470, 145, 160) < 1.2 * mean(p, 60, 200, 230, 265));
 }
 
-TEST_CASE("saturated and dark pixels become grey; black and white pictures stay within bounds") {
+TEST_CASE("what is cut off and nearly white, or dark, becomes grey; ink keeps its hue; bounds hold") {
   Picture p = street({1, 1, 1});
   for (int y = 200; y < 204; ++y) {
-    for (int x = 20; x < 24; ++x) p.day[p.i(x, y)] = {255, 30, 30};
+    for (int x = 20; x < 24; ++x) p.day[p.i(x, y)] = {255, 240, 215};
+    for (int x = 40; x < 44; ++x) {
+      p.day[p.i(x, y)] = {255, 30, 30};
+      p.labels[p.i(x, y)] = label::traffic_sign;
+    }
   }
   p.day[p.i(100, 100)] = {4, 0, 12};
   REQUIRE(p.run().ok());
   const Vec3f a = p.albedo[p.i(21, 201)];
   CHECK(a.x == doctest::Approx(static_cast<double>(a.y)));
   CHECK(a.y == doctest::Approx(static_cast<double>(a.z)));
+  const Vec3f ink = p.albedo[p.i(41, 201)];
+  CHECK(ink.x > 3.0F * ink.y);
   const Vec3f dark = p.albedo[p.i(100, 100)];  // eight times as blue as green in the photograph
   CHECK(dark.z < 2.0F * dark.y);
   const AlbedoParams params;

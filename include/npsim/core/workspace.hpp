@@ -114,13 +114,14 @@ class Workspace {
   MoreMemory more_;
 };
 
-// Gives back, at the end of a block, everything allocated since its start.
+// Gives back, at the end of a block or when told, everything allocated since its start.
 class WorkspaceScope {
  public:
   explicit WorkspaceScope(Workspace& workspace) noexcept : workspace_(workspace), mark_(workspace.used_) {}
-  ~WorkspaceScope() { workspace_.used_ = mark_; }
+  ~WorkspaceScope() { release(); }
   WorkspaceScope(const WorkspaceScope&) = delete;
   WorkspaceScope& operator=(const WorkspaceScope&) = delete;
+  void release() noexcept { workspace_.used_ = mark_; }
 
  private:
   Workspace& workspace_;

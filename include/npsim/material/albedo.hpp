@@ -3,7 +3,8 @@
 //
 // 1. Linear: sRGB decoded (IEC 61966-2-1); logarithms at a working size (detail/daylight/picture.hpp).
 // 2. Ground: sun and shadow, and the ratio of their lights per channel (detail/daylight/ground_light.hpp). Overcast
-//    scenes have one light, and stay as they are.
+//    scenes have one light, and stay as they are. Where the ratio is more than daylight has, the camera's tones are
+//    steeper than sRGB (raw-like recordings are): step 1 once more with the power that makes it as much.
 // 3. Scale: asphalt in the sun meets the prior of detail/class_priors.hpp. All other ground, vehicles, people and things
 //    share this scale, so that a black car stays black; facades and plants, whose light differs by direction, meet
 //    their own priors.
@@ -12,8 +13,9 @@
 //    panes (detail/daylight/panes.hpp) and tyres are told from paint by where they are and how they differ. What is
 //    brighter than panes_limit times an object's median is half drawn in, because much of it is the sky that paint and
 //    panes show.
-// 5. Colour: the road's cast is divided out to the share that `cast_removal` states. What is saturated (a channel at or
-//    above saturated_level) or dark has no trustworthy colour and becomes grey; no channel leaves the bounds of paint.
+// 5. Colour: the road's cast is divided out to the share that `cast_removal` states. What is dark, or saturated (a
+//    channel at or above saturated_level) and nearly white, has no trustworthy colour and becomes grey; no channel
+//    leaves the bounds of paint.
 // 6. Bounds: a pixel further from its class's level than a factor of `free_ratio` is drawn in, by a slope, not cut, so
 //    that what differs stays different; values in [min_albedo, max_albedo].
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.
@@ -71,12 +73,13 @@ struct AlbedoParams {
 
 // What was found of the day.
 struct DaylightReport {
-  bool shadow = false;         // sun and shadow on the ground are told apart
-  Vec3f ratio{1, 1, 1};        // sunlit over shadowed light, per channel
-  float sunlit_share = 1.0F;   // of the ground
-  float error_log2 = 0.0F;     // estimate: spread of the ground's albedo that its light leaves
-  bool sun_found = false;      // from walls; only where shadow is true
-  float azimuth_rad = 0.0F;    // of the sun, from where the camera looks over the ground, to the right
+  bool shadow = false;        // sun and shadow on the ground are told apart
+  Vec3f ratio{1, 1, 1};       // sunlit over shadowed light, per channel
+  float sunlit_share = 1.0F;  // of the ground
+  float contrast = 1.0F;      // power of the decoded photograph that is its light; less than 1: steeper tones than sRGB
+  float error_log2 = 0.0F;    // estimate: spread of the ground's albedo that its light leaves
+  bool sun_found = false;     // from walls; only where shadow is true
+  float azimuth_rad = 0.0F;   // of the sun, from where the camera looks over the ground, to the right
   float elevation_rad = 0.0F;  // over the ground
 };
 
@@ -118,6 +121,22 @@ struct Context {
     return scene.normals(picture.middle_x(x, scene.image.width()), picture.middle_y(y, scene.image.height()));
   }
 };
+
+// Steps 1 and 2.
+template <class Executor>
+Status read_ground(Context& c, Span<std::uint32_t>& histogram, Workspace& workspace, Executor& executor) {
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(std::size_t{4096}, histogram));
+  NPSIM_RETURN_IF_ERROR(read_picture(c.scene, histogram, workspace, c.picture, executor));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.light));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.sun));
+  GroundLightParams ground;
+  ground.enabled = c.params.remove_light;
+  c.ground = {};
+  return find_ground_light(ground, c.scene, c.picture, workspace, c.ground, executor);
+}
+
+// log2 of the most that a high sun gives over a clear sky. A photograph that shows more has steeper tones than sRGB.
+inline constexpr float kMostRatio = 3.0F;
 
 // Step 3: the level of sunlit ground, or of whatever there is instead.
 inline void find_scale(Context& c, Span<std::uint32_t> histogram) {
@@ -381,30 +400,29 @@ struct Light {
   const ImageView<const Label>& labels = c.scene.labels;
   const Rgb8 own = c.scene.image(x, y);
   if (labels.empty()) return own;
-  const auto light_at = [&](int u, int v) { return luminance(srgb_decode8(c.scene.image(u, v))); };
+  const auto light_at = [&](int u, int v) { return luminance(c.picture.light_of(c.scene.image(u, v))); };
   const bool is_pole = kPoleLabels.contains(labels(x, y));
   const int reach = c.picture.radius(kLoose_px) * c.picture.factor;
   Rgb8 best = own;
   float least = light_at(x, y);
-  const float seen = least;
-  const auto leaks = [&](int u, int v) {
-    if (labels(u, v) == label::sky) return true;
-    return is_pole && labels(u, v) != labels(x, y) && light_at(u, v) > seen;
-  };
   for (const auto& step : kSteps) {
     const int dx = step[0] * reach;
     const int dy = step[1] * reach;
-    if (!labels.contains(x + dx, y + dy) || !leaks(x + dx, y + dy)) continue;
-    at_border = true;
+    if (!labels.contains(x + dx, y + dy)) continue;
+    const Label behind = labels(x + dx, y + dy);
+    if (behind != label::sky && !(is_pole && behind != labels(x, y))) continue;
+    const float leaks = light_at(x + dx, y + dy);
+    at_border = at_border || behind == label::sky || leaks > least;
     // Thin things have it on both sides: then the nearer half of the way.
     for (const int part : {1, 2}) {
       const int u = x - dx / part;
       const int v = y - dy / part;
       if (!labels.contains(u, v) || labels(u, v) != labels(x, y)) continue;
       const float inner = light_at(u, v);
-      if (inner >= least) continue;
+      if (inner >= least || (behind != label::sky && inner >= leaks)) continue;
       least = inner;
       best = c.scene.image(u, v);
+      at_border = true;
     }
   }
   return best;
@@ -434,7 +452,7 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
     }
     bool at_border = false;
     const Rgb8 seen = region < kGroundRegions ? s.image(x, y) : without_border(c, x, y, at_border);
-    const Vec3f a = srgb_decode8(seen) * Vec3f{gain[0], gain[1], gain[2]};
+    const Vec3f a = c.picture.light_of(seen) * Vec3f{gain[0], gain[1], gain[2]};
     // In half shade the colour of the light is the least certain; thin things have that of what they stand before.
     constexpr float kTrustAtBorder = 0.3F;
     const float trust =
@@ -461,6 +479,7 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
   report.sun_found = c.day.found;
   report.azimuth_rad = c.day.azimuth();
   report.elevation_rad = std::asin(clamp_to(dot(c.day.direction, c.day.up), -1.0F, 1.0F));
+  report.contrast = picture.contrast;
   report.sunlit_share = sunlit_share(picture, c.ground);
   report.error_log2 = plane_quantile(picture.shape(), ground, off, 0.5F, histogram);
   return report;
@@ -494,18 +513,18 @@ Status estimate_albedo(const AlbedoParams& p, const AlbedoScene& scene, Workspac
       !fits(scene.depth) || !fits(scene.normals)) {
     return Status(StatusCode::shape_mismatch, "albedo: all planes must have the shape of the photograph");
   }
-  const WorkspaceScope scope(workspace);
+  WorkspaceScope scope(workspace);
   Context c;
   c.params = p;
   c.scene = scene;
+  c.picture.set_contrast(1.0F);
   Span<std::uint32_t> histogram;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(std::size_t{4096}, histogram));
-  NPSIM_RETURN_IF_ERROR(read_picture(scene, histogram, workspace, c.picture, executor));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.light));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.sun));
-  GroundLightParams ground;
-  ground.enabled = p.remove_light;
-  NPSIM_RETURN_IF_ERROR(find_ground_light(ground, c.scene, c.picture, workspace, c.ground, executor));
+  NPSIM_RETURN_IF_ERROR(read_ground(c, histogram, workspace, executor));
+  if (c.ground.ratio_y > kMostRatio) {
+    scope.release();
+    c.picture.set_contrast(kMostRatio / c.ground.ratio_y);
+    NPSIM_RETURN_IF_ERROR(read_ground(c, histogram, workspace, executor));
+  }
   find_scale(c, histogram);
 
   const StandingLightParams standing;

@@ -11,6 +11,7 @@
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_PICTURE_HPP
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -70,7 +71,20 @@ struct Picture {
   ImageView<std::uint8_t> region;
   Plane log_rgb[3];  // log2 of linear light
   Plane log_y;
-  Plane colour;  // log2(blue / red)
+  Plane colour;                    // log2(blue / red)
+  float contrast = 1.0F;           // power of the decoded photograph that is its light
+  std::array<float, 256> light{};  // of a code
+
+  void set_contrast(float power) noexcept {
+    contrast = power;
+    for (std::size_t i = 0; i < light.size(); ++i) {
+      const float decoded = srgb_decode8(static_cast<std::uint8_t>(i));
+      light[i] = power == 1.0F || i == 0 ? decoded : exp2_of(power * log2_of(decoded));
+    }
+  }
+  [[nodiscard]] Vec3f light_of(const Rgb8& seen) const noexcept {
+    return {light[seen.r], light[seen.g], light[seen.b]};
+  }
 
   [[nodiscard]] Shape shape() const noexcept { return log_y.shape(); }
   [[nodiscard]] bool is_ground(int x, int y) const noexcept { return region(x, y) < kGroundRegions; }
@@ -217,7 +231,7 @@ Status read_picture(const AlbedoScene& s, Span<std::uint32_t> histogram, Workspa
     for (int v = y * f; v < y1; ++v) {
       for (int u = x * f; u < x1; ++u) {
         if (f > 1 && seen_region(s, u, v) != region) continue;
-        sum += srgb_decode8(s.image(u, v));
+        sum += out.light_of(s.image(u, v));
         n += 1.0F;
       }
     }
