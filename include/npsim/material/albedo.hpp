@@ -4,7 +4,7 @@
 // 1. Linear: sRGB decoded (IEC 61966-2-1); logarithms at a working size (detail/daylight/picture.hpp).
 // 2. Ground: sun and shadow, and the ratio of their lights per channel (detail/daylight/ground_light.hpp). Overcast
 //    scenes have one light, and stay as they are. Where the ratio is more than daylight has, the camera's tones are
-//    steeper than sRGB (raw-like recordings are): step 1 once more with the power that makes it as much.
+//    steeper than sRGB (raw-like recordings are): both steps once more with the power that makes it about as much.
 // 3. Scale: asphalt in the sun meets the prior of detail/class_priors.hpp. All other ground, vehicles, people and things
 //    share this scale, so that a black car stays black; facades and plants, whose light differs by direction, meet
 //    their own priors.
@@ -20,8 +20,8 @@
 //    that what differs stays different; values in [min_albedo, max_albedo].
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.
 // It is an estimate up to a factor that the road's prior sets, not a measurement.
-// Cost: some 110 passes over the working image, 160 where the sun is found. Memory: estimate_albedo_workspace_bytes().
-// The same bits for any thread count.
+// Cost: some 200 loops over the working image, 370 where there is a shadow, 100 more where there are cars; steps 1 and 2
+// twice where tones are steep. Memory: estimate_albedo_workspace_bytes(). The same bits for any thread count.
 #ifndef NPSIM_MATERIAL_ALBEDO_HPP
 #define NPSIM_MATERIAL_ALBEDO_HPP
 
@@ -30,7 +30,6 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "npsim/color/srgb.hpp"
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/executor.hpp"
@@ -105,7 +104,7 @@ struct Context {
   float cast[3] = {};  // log2 of the sun's channels over its luminance
   Plane light;         // log2 of luminance over albedo
   Plane sun;           // share of the sun
-  Plane pane;          // where cars may have panes, 0..1
+  Plane pane;          // share of panes in what cars show, 0..1
 
   [[nodiscard]] Label label_at(int x, int y) const noexcept {
     if (scene.labels.empty()) return label::unlabeled;
@@ -120,18 +119,23 @@ struct Context {
     if (scene.normals.empty()) return {};
     return scene.normals(picture.middle_x(x, scene.image.width()), picture.middle_y(y, scene.image.height()));
   }
+  [[nodiscard]] float working_height(int x, int y) const noexcept {
+    return height_m(scene, picture.middle_x(x, scene.image.width()), picture.middle_y(y, scene.image.height()));
+  }
 };
 
 // Steps 1 and 2.
 template <class Executor>
-Status read_ground(Context& c, Span<std::uint32_t>& histogram, Workspace& workspace, Executor& executor) {
+Status read_ground(float contrast, Context& c, Span<std::uint32_t>& histogram, Workspace& workspace,
+                   Executor& executor) {
+  c.picture.set_contrast(contrast);
+  c.ground = {};
   NPSIM_RETURN_IF_ERROR(workspace.allocate(std::size_t{4096}, histogram));
   NPSIM_RETURN_IF_ERROR(read_picture(c.scene, histogram, workspace, c.picture, executor));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.light));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.sun));
   GroundLightParams ground;
   ground.enabled = c.params.remove_light;
-  c.ground = {};
   return find_ground_light(ground, c.scene, c.picture, workspace, c.ground, executor);
 }
 
@@ -282,8 +286,7 @@ Status light_objects(const StandingLightParams& p, Context& c, Workspace& worksp
     if (!is_thing(x, y)) return;
     float sun = place(x, y);
     if (picture.region(x, y) == kOther)
-      sun += (1.0F - sun) *
-             clamp_to((working_height_m(c.scene, picture, x, y) - p.low_m) / (p.high_m - p.low_m), 0.0F, 1.0F);
+      sun += (1.0F - sun) * clamp_to((c.working_height(x, y) - p.low_m) / (p.high_m - p.low_m), 0.0F, 1.0F);
     const float upward = clamp_to(dot(c.working_normal(x, y), c.scene.ground.up), 0.0F, 1.0F);
     if (c.ground.shadow) sun *= faces.share(seen_face(normal(x, y)));
     c.light(x, y) = c.scale + log_light(sun, c.ground.ratio_y) + (1.0F - upward) * p.upright;
@@ -329,9 +332,7 @@ struct Light {
 // bottom, tyres and the gap under the sills.
 [[nodiscard]] inline float paint_or_glass(float log_albedo, float paint, float down, float pane) noexcept {
   constexpr float kDarkParts = -4.6F;  // log2 of .04
-  constexpr float kAlike = 0.3F, kUnlike = 0.7F;
-  const float darker = clamp_to((paint - log_albedo - kAlike) / (kUnlike - kAlike), 0.0F, 1.0F);
-  const float tyres = darker * clamp_to((down - kTyresFrom) / (1.0F - kTyresFrom), 0.0F, 1.0F);
+  const float tyres = is_no_paint(paint - log_albedo) * clamp_to((down - kTyresFrom) / (1.0F - kTyresFrom), 0.0F, 1.0F);
   const float dark = std::min(kDarkParts, paint);
   return log_albedo + std::max(pane, tyres) * (dark - log_albedo);
 }
@@ -342,7 +343,7 @@ struct Light {
   const AlbedoParams& p = c.params;
   // Codes below kDark are noise and compression more than colour.
   constexpr float kDark = 40.0F;
-  constexpr float kInk = 0.5F, kPale = 0.8F;  // the weakest channel's code over the largest
+  constexpr float kInk = 0.5F, kPale = 0.8F;  // the weakest channel's code over the largest possible
   constexpr float kLeastShare = 0.15F;        // of a channel in luminance
   constexpr float kMostShare = 3.0F;
   constexpr float kSlope = 0.35F;
@@ -391,7 +392,7 @@ struct Light {
   return {floored(a.x), floored(a.y), floored(a.z)};
 }
 
-// The photograph's pixel, or the darker one further in where it lies beside the sky, and of poles beside anything
+// The photograph's pixel, or the darker one further in where it lies beside the sky, and of poles before what is
 // brighter: labels are loose by some pixels, and what leaks in would be the brightest paint of the street. at_border
 // becomes true there.
 [[nodiscard]] inline Rgb8 without_border(const Context& c, int x, int y, bool& at_border) noexcept {
@@ -410,7 +411,7 @@ struct Light {
     const int dy = step[1] * reach;
     if (!labels.contains(x + dx, y + dy)) continue;
     const Label behind = labels(x + dx, y + dy);
-    if (behind != label::sky && !(is_pole && behind != labels(x, y))) continue;
+    if (behind != label::sky && !(is_pole && region_of(behind) < kOther)) continue;
     const float leaks = light_at(x + dx, y + dy);
     at_border = at_border || behind == label::sky || leaks > least;
     // Thin things have it on both sides: then the nearer half of the way.
@@ -459,8 +460,8 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
         region < kGroundRegions ? std::fabs(2.0F * light.sun - 1.0F) : (at_border ? kTrustAtBorder : 1.0F);
     const std::size_t object = c.objects.of(s, x, y);
     const float row = (static_cast<float>(y) + 0.5F) / static_cast<float>(f) - 0.5F;
-    out.albedo(x, y) =
-        bounded_albedo(c, a, seen, trust, label, object, c.objects.down(object, row, height_m(s, x, y)), light.pane);
+    const float down = label == label::car ? c.objects.down(s, object, x, y, row) : 0.0F;
+    out.albedo(x, y) = bounded_albedo(c, a, seen, trust, label, object, down, light.pane);
     if (!out.sun.empty()) out.sun(x, y) = light.sun;
   });
 }
@@ -491,7 +492,7 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
   using namespace daylight_detail;
   const Shape working = working_shape(shape);
   constexpr std::size_t kPlanes = kPicturePlanes + 2 + kGroundLightPlanes;
-  // The ground's result, and where panes may be; the sun is found before objects are listed.
+  // The ground's result, and the share of panes; the sun is found before objects are listed.
   static_assert(2 + 1 + kPanePlanes <= kGroundLightPlanes && 2 + 1 + kSunPlanes <= kGroundLightPlanes);
   static_assert(kSunBytes <= kObjectsBytes);
   return kPlanes * allocation_bytes<float>(working.pixels()) + 3 * allocation_bytes<std::uint8_t>(working.pixels()) +
@@ -517,13 +518,15 @@ Status estimate_albedo(const AlbedoParams& p, const AlbedoScene& scene, Workspac
   Context c;
   c.params = p;
   c.scene = scene;
-  c.picture.set_contrast(1.0F);
   Span<std::uint32_t> histogram;
-  NPSIM_RETURN_IF_ERROR(read_ground(c, histogram, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(read_ground(1.0F, c, histogram, workspace, executor));
   if (c.ground.ratio_y > kMostRatio) {
     scope.release();
-    c.picture.set_contrast(kMostRatio / c.ground.ratio_y);
-    NPSIM_RETURN_IF_ERROR(read_ground(c, histogram, workspace, executor));
+    NPSIM_RETURN_IF_ERROR(read_ground(kMostRatio / c.ground.ratio_y, c, histogram, workspace, executor));
+    if (!c.ground.shadow) {
+      scope.release();
+      NPSIM_RETURN_IF_ERROR(read_ground(1.0F, c, histogram, workspace, executor));
+    }
   }
   find_scale(c, histogram);
 

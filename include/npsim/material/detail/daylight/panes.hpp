@@ -5,9 +5,9 @@
 // In the band they differ from the paint. What is darker than most of it is glass. What is brighter may be glass that
 // mirrors the sky, a tenth of it or two, but only on dark paint: light paint outshines that, and what is brighter than
 // its doors is a roof or a shoulder that faces the sky. So the brighter third of the paint is what counts there. Both
-// make log odds, which neighbours share that no edge of the picture parts (mean_field()). Between bumper and mirror a
-// real car is all edges: pieces that edges bound, taken one by one, part nothing.
-// Cost: some 40 passes over the picture. The same bits for any thread count.
+// make log odds, which neighbours share that no edge of the picture parts (mean_field()); place alone makes no pane.
+// Between bumper and mirror a real car is all edges: pieces that edges bound, taken one by one, part nothing.
+// Cost: some 100 loops over the picture where it shows cars. The same bits for any thread count.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_PANES_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_PANES_HPP
 
@@ -32,13 +32,18 @@ namespace daylight_detail {
 
 struct PaneParams {
   MeanFieldParams field;
-  float place = 2.0F;                 // log odds in the middle of the band of panes
-  float kind = 2.0F;                  // of what differs from the paint; as much less for what does not
-  float alike = 0.3F, unlike = 0.7F;  // log2 of luminance to the paint's
-  float mirrors = -1.4F;              // log2 of the albedo of paint; half of that and darker: panes may outshine it
+  float place = 2.5F;     // log odds in the middle of the band of panes
+  float kind = 3.5F;      // of what differs from the paint; as much less for what does not
+  float mirrors = -1.2F;  // log2 of the albedo of paint; half of that and darker: panes may outshine it
 
   PaneParams() noexcept { field.epsilon = 0.05F; }
 };
+
+// How sure it is that what is so much darker or brighter than paint, in log2, is none: 0 for what its shading explains.
+[[nodiscard]] inline float is_no_paint(float by) noexcept {
+  constexpr float kAlike = 0.4F, kUnlike = 0.8F;
+  return clamp_to((by - kAlike) / (kUnlike - kAlike), 0.0F, 1.0F);
+}
 
 inline constexpr std::size_t kPanePlanes = 2 + kMeanFieldPlanes;  // one of them of bytes
 
@@ -62,16 +67,21 @@ Status find_panes(const PaneParams& p, const AlbedoScene& s, const Picture& pict
     const std::size_t car = is_car ? objects.of(s, u, v) : 0;
     car_at(x, y) = objects.median[car] < Objects::kNoMedian ? static_cast<std::uint8_t>(car) : std::uint8_t{0};
     if (car_at(x, y) == 0) return;
-    const float down = objects.down(car, static_cast<float>(y), working_height_m(s, picture, x, y));
+    const float down = objects.down(s, car, u, v, static_cast<float>(y));
     const float off = (down - kMiddle) / kHalf;
     const float seen = picture.log_y(x, y) - light(x, y);
-    const auto unlike = [&](float by) { return clamp_to((by - p.alike) / (p.unlike - p.alike), 0.0F, 1.0F); };
-    const float brighter = unlike(seen - objects.bright[car]) * clamp_to(p.mirrors - objects.bright[car], 0.0F, 1.0F);
-    const float differs = std::max(unlike(objects.median[car] - seen), brighter);
+    const float brighter =
+        is_no_paint(seen - objects.bright[car]) * clamp_to(p.mirrors - objects.bright[car], 0.0F, 1.0F);
+    const float differs = std::max(is_no_paint(objects.median[car] - seen), brighter);
     odds(x, y) = std::max(kLeast, p.place * (1.0F - off * off)) + p.kind * (2.0F * differs - 1.0F);
     pane(x, y) = logistic(odds(x, y));
   });
   const auto inside = [&](int x, int y) { return car_at(x, y) != 0; };
+  bool any = false;
+  for (int y = 0; y < picture.shape().height && !any; ++y) {
+    for (int x = 0; x < picture.shape().width && !any; ++x) any = inside(x, y);
+  }
+  if (!any) return {};
   return mean_field(p.field, inside, picture.log_y, odds, picture, workspace, pane, executor);
 }
 

@@ -74,9 +74,12 @@ struct Picture {
   Plane colour;                    // log2(blue / red)
   float contrast = 1.0F;           // power of the decoded photograph that is its light
   std::array<float, 256> light{};  // of a code
+  float floor = 0.0F;              // added to the light, since there is no logarithm of 0
 
   void set_contrast(float power) noexcept {
+    constexpr float kFloor = 1.5e-4F;  // half a step of 8 bits near black
     contrast = power;
+    floor = power == 1.0F ? kFloor : exp2_of(power * log2_of(kFloor));
     for (std::size_t i = 0; i < light.size(); ++i) {
       const float decoded = srgb_decode8(static_cast<std::uint8_t>(i));
       light[i] = power == 1.0F || i == 0 ? decoded : exp2_of(power * log2_of(decoded));
@@ -101,11 +104,6 @@ inline constexpr std::size_t kPicturePlanes = 5;
   if (s.depth.empty() || !(s.ground.inlier_share > 0.0F)) return 0.0F;
   const float z = s.depth(x, y);
   return is_valid_depth(z) ? height_above_ground(s.ground, unproject_pixel(s.camera, x, y, 1.0F) * z) : 0.0F;
-}
-
-// The same of a working pixel.
-[[nodiscard]] inline float working_height_m(const AlbedoScene& s, const Picture& picture, int x, int y) noexcept {
-  return height_m(s, picture.middle_x(x, s.image.width()), picture.middle_y(y, s.image.height()));
 }
 
 [[nodiscard]] inline Region seen_region(const AlbedoScene& s, int x, int y) noexcept {
@@ -235,9 +233,7 @@ Status read_picture(const AlbedoScene& s, Span<std::uint32_t> histogram, Workspa
         n += 1.0F;
       }
     }
-    // Half a step of 8 bits near black: what is darker has no logarithm to speak of.
-    constexpr float kFloor = 1.5e-4F;
-    const Vec3f mean = sum * (1.0F / std::max(n, 1.0F)) + Vec3f{kFloor, kFloor, kFloor};
+    const Vec3f mean = sum * (1.0F / std::max(n, 1.0F)) + Vec3f{out.floor, out.floor, out.floor};
     out.region(x, y) = region;
     out.log_rgb[0](x, y) = log2_of(mean.x);
     out.log_rgb[1](x, y) = log2_of(mean.y);

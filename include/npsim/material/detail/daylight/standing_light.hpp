@@ -10,15 +10,12 @@
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_STANDING_LIGHT_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_STANDING_LIGHT_HPP
 
-#include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
-#include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
