@@ -402,8 +402,7 @@ TEST_CASE("planar segments: of a network two fronts 12 % apart and a corner of 2
 
 TEST_CASE(
     "planar segments: a front that leans by 30 degrees stands upright where a network drew it, above the eye, not "
-    "where "
-    "stereo measured it or a fence leans") {
+    "where stereo measured it or a fence leans") {
   const Vec3f leaning{0, -0.5F, -0.866F};
   struct Case {
     DepthNoise noise;

@@ -43,14 +43,13 @@ struct Objects {
     if (s.labels.empty() || s.instances.empty() || !kMovableLabels.contains(s.labels(x, y))) return 0;
     return slot[s.instances(x, y)];
   }
-  // Whether the height of a pixel of the photograph over its object's foot is known.
-  [[nodiscard]] bool is_measured(const AlbedoScene& s, std::size_t object, int x, int y) const noexcept {
-    return top_m[object] > bottom_m[object] && is_valid_depth(s.depth(x, y));
-  }
+  [[nodiscard]] bool has_height(std::size_t object) const noexcept { return top_m[object] > bottom_m[object]; }
   // How far down an object a pixel of the photograph lies, 0 at its top and 1 at its bottom: by its height where that is
   // known, else by its working row.
   [[nodiscard]] float down(const AlbedoScene& s, std::size_t object, int x, int y, float row) const noexcept {
-    if (is_measured(s, object, x, y)) return (top_m[object] - height_m(s, x, y)) / (top_m[object] - bottom_m[object]);
+    if (has_height(object) && is_valid_depth(s.depth(x, y))) {
+      return (top_m[object] - height_m(s, x, y)) / (top_m[object] - bottom_m[object]);
+    }
     const auto rows = static_cast<float>(std::max(bottom[object] - top[object] + 1, 1));
     return (row + 0.5F - static_cast<float>(top[object])) / rows;
   }
@@ -101,7 +100,8 @@ inline Status list_objects(const AlbedoScene& s, const Picture& picture, Plane s
   return {};
 }
 
-// A histogram of bin(x, y) for each object's working pixels where counts(object, x, y, u, v); (u, v): in the photograph.
+// A histogram of bin(x, y, u, v) for each object's working pixels where counts(object, x, y, u, v); (u, v): in the
+// photograph.
 template <class Counts, class Bin>
 void count_objects(const AlbedoScene& s, const Picture& picture, const Counts& counts, const Bin& bin, Objects& out) {
   for (std::uint32_t& v : out.histogram) v = 0;
@@ -160,7 +160,7 @@ inline void paint_of_objects(const AlbedoScene& s, const Picture& picture, Plane
   constexpr float kBright = 0.65F;  // highlights are brighter
   const auto bin = [&](int x, int y, int, int) { return (picture.log_y(x, y) - light(x, y) - kFirst) * kPerOctave; };
   const auto counts = [&](std::size_t object, int x, int y, int u, int v) {
-    if (out.top_m[object] > out.bottom_m[object] && !out.is_measured(s, object, u, v)) return false;
+    if (out.has_height(object) && !is_valid_depth(s.depth(u, v))) return false;
     const float down = out.down(s, object, u, v, static_cast<float>(y));
     return picture.region(x, y) != kVehicle || (down >= kPanesTo && down <= kTyresFrom);
   };
