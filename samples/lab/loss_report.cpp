@@ -174,12 +174,19 @@ constexpr std::array<Measure, 6> kMeasures = {{
   return svg_of_maps("Weights of the refinement, " + scene, "lambda 3, depth", weights, "lambda 2", weights, maps);
 }
 
+// What the refinement of this scene minimises.
+[[nodiscard]] LossParams& losses(RefineDepthParams& params, const SceneView& scene) {
+  return scene.normals.empty() ? params.own_normals : params.refine.loss;
+}
+
 // lambda_2 from row to row, lambda_3 along a row.
 [[nodiscard]] Status run_grid(RefineDepthParams params, const SceneView& scene, const Truth& truth, ThreadPool& pool,
                               Console& console, std::vector<LossRun>& out) {
   for (const float continuity : kGridWeights) {
     for (const float depth : kGridWeights) {
-      params.refine.loss.lambda = {1, continuity, depth};
+      LossWeights& lambda = losses(params, scene).lambda;
+      lambda.continuity = continuity;
+      lambda.depth = depth;
       out.emplace_back();
       NPSIM_RETURN_IF_ERROR(run_losses_once(params, scene, truth, pool, console, out.back()));
     }
@@ -210,9 +217,9 @@ void print_table(const std::vector<LossRun>& runs) {
 Status run_losses_once(const RefineDepthParams& params, const SceneView& scene, const Truth& truth, ThreadPool& pool,
                        Console& console, LossRun& out) {
   out = LossRun{};
-  out.lambda = params.refine.loss.lambda;
-  out.curve.resize(static_cast<std::size_t>(refine_max_steps(params.refine)) + 1);
   RefineDepthParams kept = params;
+  out.lambda = losses(kept, scene).lambda;
+  out.curve.resize(static_cast<std::size_t>(refine_max_steps(params.refine)) + 1);
   kept.loss_curve = Span<LossValues>(out.curve.data(), out.curve.size());
   DepthRecorder recorder(console);
   std::vector<unsigned char> memory(refine_depth_workspace_bytes(kept, scene.shape()));

@@ -10,6 +10,7 @@
 #include "npsim/core/executor.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/depth/detail/estimated/sharpen_edges.hpp"
+#include "npsim/depth/detail/estimated/surface_jumps.hpp"
 #include "npsim/depth/detail/extend_field.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/exec/thread_pool.hpp"
@@ -280,6 +281,31 @@ TEST_CASE("depth borders are where another object is nearer or farther, not wher
   const std::vector<int> expected = {0, 0, 1, 1, 0, 0, 0, 0};  // (3, 0) has another object below it
   for (std::size_t i = 0; i < 8; ++i) CHECK(mask.data()[i] == expected[i]);
   CHECK(mark_depth_borders(NAN, z, objects, mask.view(), serial).code() == StatusCode::invalid_argument);
+}
+
+TEST_CASE("surface jumps are where depth leaves its normal's plane within an object, not where another begins") {
+  const Intrinsics camera{100, 100, 4, 1};
+  io::Image<float> depth({8, 1}, 0.0F);
+  io::Image<Label> labels({8, 1}, label::building);
+  io::Image<Vec3f> normals({8, 1}, normalized(Vec3f{0.8F, 0.0F, -0.6F}));
+  const ImageView<const float> z = static_cast<const io::Image<float>&>(depth).view();
+  for (int x = 0; x < 8; ++x) {
+    const Vec3f n = normals(x, 0);
+    depth(x, 0) = -10.0F / dot(n, unproject_pixel(camera, x, 0, 1.0F)) * (x > 1 ? 1.02F : 1.0F);  // a step after 1
+  }
+  labels(4, 0) = label::wall;
+  depth(4, 0) *= 0.5F;      // another object
+  normals(6, 0) = Vec3f{};  // unknown, and the step that follows with it
+  depth(7, 0) *= 1.02F;
+  io::Image<std::uint8_t> mask({8, 1}, 0);
+  mask(0, 0) = 1;  // stays
+  SerialExecutor serial;
+  const ObjectMap objects{static_cast<const io::Image<Label>&>(labels).view(), {}};
+  const ImageView<const Vec3f> n = static_cast<const io::Image<Vec3f>&>(normals).view();
+  REQUIRE(mark_surface_jumps(0.01F, z, n, objects, camera, mask.view(), serial).ok());
+  const std::vector<int> expected = {1, 1, 0, 0, 0, 0, 0, 0};
+  for (std::size_t i = 0; i < 8; ++i) CHECK(mask.data()[i] == expected[i]);
+  CHECK(mark_surface_jumps(NAN, z, n, objects, camera, mask.view(), serial).code() == StatusCode::invalid_argument);
 }
 
 TEST_CASE("an extended field keeps what is known, stays within its range and is smooth beyond") {

@@ -3,6 +3,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 
@@ -170,6 +171,43 @@ TEST_CASE("a network's crown is as rough in the mesh as it was given, its wall a
     } else {
       CHECK(out.mesh_depth.empty());
     }
+  }
+}
+
+TEST_CASE(
+    "a network's drift over a facade leaves no stairs where no normals are given, a house behind a house its edge") {
+  constexpr int kEdge = 240;  // beyond it a house that stands farther off, of the same label
+  Image<Label> labels(kShape, label::building);
+  Image<float> depth(kShape);
+  const auto wall = [](int x) { return 1.0F / (0.05F + 0.0003F * static_cast<float>(x)); };
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      // Two terraces, a tenth apart, with a ramp of ten rows between them; the far house begins within four columns.
+      const auto row = static_cast<float>(y);
+      const auto column = static_cast<float>(x);
+      const float ramp = 1.0F / (1.0F + std::exp(-0.5F * (row - 90.0F)));
+      const float beyond = 1.0F / (1.0F + std::exp(-1.5F * (column - kEdge)));
+      depth(x, y) = wall(x) * (1.0F + 0.1F * ramp) * (1.0F + 0.6F * beyond);
+    }
+  }
+  const auto largest_riser = [&](ImageView<const float> z) {
+    float most = 0;
+    for (int y = 20; y < kShape.height - 20; ++y) {
+      for (int x = 20; x < kEdge - 30; ++x) most = std::max(most, std::fabs(z(x, y + 1) / z(x, y) - 1.0F));
+    }
+    return most;
+  };
+  const Chain chain(depth, DepthSource::network, labels.cview());
+  CHECK(largest_riser(chain.out.surface_depth()) < 1.5F * largest_riser(depth.cview()));
+  RefineDepthParams saturating;
+  saturating.own_normals = saturating.refine.loss;
+  const Chain stairs(depth, DepthSource::network, labels.cview(), saturating);
+  CHECK(largest_riser(stairs.out.surface_depth()) > 3.0F * largest_riser(depth.cview()));
+  for (int y = 20; y < kShape.height - 20; ++y) {
+    const ImageView<const float> z = chain.out.surface_depth();
+    CHECK(z(kEdge + 8, y) / z(kEdge - 8, y) > 0.9F * depth(kEdge + 8, y) / depth(kEdge - 8, y));
+    CHECK(std::fabs(z(kEdge + 30, y) / depth(kEdge + 30, y) - 1.0F) < 0.05F);
+    CHECK(std::fabs(z(kEdge - 30, y) / depth(kEdge - 30, y) - 1.0F) < 0.05F);
   }
 }
 

@@ -33,6 +33,7 @@
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/detail/estimated/anchor_ground.hpp"
 #include "npsim/depth/detail/estimated/sharpen_edges.hpp"
+#include "npsim/depth/detail/estimated/surface_jumps.hpp"
 #include "npsim/depth/detail/fill/fill_confidence.hpp"
 #include "npsim/depth/detail/given/outliers.hpp"
 #include "npsim/depth/detail/given/plant_outlines.hpp"
@@ -79,6 +80,15 @@ inline namespace NPSIM_ABI {
   return p;
 }
 
+// Where no normals are given. Those of the depth itself know of no step, so a loss that saturates in the slopes leaves
+// the drift of a network's depth as stairs, whose risers shade facades and ground at night; this one is quadratic.
+[[nodiscard]] constexpr LossParams default_losses_of_own_normals() noexcept {
+  LossParams p = default_depth_refinement().loss;
+  p.continuity = ContinuityForm::printed;
+  p.lambda.normal = 0;
+  return p;
+}
+
 struct RefineDepthParams {
   bool use_source = true;  // false: all depth is taken for a network's
   DepthSourceParams source;
@@ -103,6 +113,10 @@ struct RefineDepthParams {
   GuidingNormalsParams normals;
   bool steep_ground_of_laser = false;  // without labels: steep normals on the ground stay
   RefineParams refine = default_depth_refinement();
+  LossParams own_normals = default_losses_of_own_normals();  // in place of refine.loss without given normals
+  // Without given normals: by how much of itself depth may leave its surface from pixel to pixel, in an image one pixel
+  // wide, before it is a jump to another one: 10 is .01 at 960 px. 0: no jump is looked for.
+  float surface_jump = 10.0F;
   // The U of the refinement: pixels whose neighbour belongs to another object that is farther or nearer by more than
   // this share. The slopes there lead from surface to surface, all others are a surface's own. 0: (3.3) as in the text.
   float border_jump = 0.02F;
@@ -142,6 +156,8 @@ struct RefineDepthParams {
     params.normals.given_smoothing.iterations = 0;
     params.normals.ground.enabled = false;
     params.refine = thesis_refine_params();
+    params.own_normals = params.refine.loss;
+    params.surface_jump = 0;
     params.planes.enabled = false;
     params.border_jump = 0;
     params.plants = {};
@@ -251,6 +267,9 @@ namespace refine_detail {
 
 [[nodiscard]] inline Status validate(const RefineDepthParams& params) noexcept {
   if (!(params.border_jump >= 0.0F)) return {StatusCode::invalid_argument, "refine_depth: border_jump is not negative"};
+  if (!(params.surface_jump >= 0.0F)) {
+    return {StatusCode::invalid_argument, "refine_depth: surface_jump is not negative"};
+  }
   if (!(params.plant_change >= 0.0F)) {
     return {StatusCode::invalid_argument, "refine_depth: plant_change is not negative"};
   }
@@ -274,6 +293,7 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.furniture));
   NPSIM_RETURN_IF_ERROR(validate(params.masts));
   NPSIM_RETURN_IF_ERROR(validate(params.contact));
+  NPSIM_RETURN_IF_ERROR(validate(params.own_normals));
   return validate(params.refine);
 }
 
@@ -578,13 +598,20 @@ template <class Executor>
   } else {
     copy_pixels(ImageView<const std::uint8_t>(out.uncertain), edges);
   }
+  RefineParams refinement = params.refine;
+  if (scene.normals.empty()) refinement.loss = params.own_normals;
+  if (scene.normals.empty() && params.surface_jump > 0.0F) {
+    NPSIM_RETURN_IF_ERROR(mark_surface_jumps(params.surface_jump / static_cast<float>(scene.shape().width),
+                                             ImageView<const float>(out.depth), out.normals, objects, scene.camera,
+                                             edges, executor));
+  }
   LossInput<float> input;
   input.depth_est = out.depth;
   input.normals = out.normals;
   input.uncertain = edges;
   input.labels = out.labels;
   input.intrinsics = scene.camera;
-  return refine_with_normals(params.refine, input, out.depth, params.loss_curve, out.refinement, workspace, executor);
+  return refine_with_normals(refinement, input, out.depth, params.loss_curve, out.refinement, workspace, executor);
 }
 
 // Estimated and exact depth has steps of ground, and lacks the faces of kerbs. Plants keep the shape they were given.
