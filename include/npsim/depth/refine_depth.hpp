@@ -35,6 +35,7 @@
 #include "npsim/depth/detail/estimated/sharpen_edges.hpp"
 #include "npsim/depth/detail/estimated/surface_jumps.hpp"
 #include "npsim/depth/detail/fill/fill_confidence.hpp"
+#include "npsim/depth/detail/given/ground_markings.hpp"
 #include "npsim/depth/detail/given/outliers.hpp"
 #include "npsim/depth/detail/given/plant_outlines.hpp"
 #include "npsim/depth/detail/given/sign_outlines.hpp"
@@ -94,6 +95,7 @@ struct RefineDepthParams {
   DepthSourceParams source;
   PlantOutlinesParams outlines;
   bool sign_outlines = true;
+  bool ground_markings = true;
   bool drop_outliers = true;
   OutlierParams outliers;
   FillParams fill;
@@ -144,6 +146,7 @@ struct RefineDepthParams {
     params.use_source = false;
     params.outlines.reach_px = 0;
     params.sign_outlines = false;
+    params.ground_markings = false;
     params.drop_outliers = false;
     params.sharpen.radius_px = 0;
     params.anchor.enabled = false;
@@ -314,7 +317,7 @@ namespace refine_detail {
   const std::size_t steps = max_of(
       allocation_bytes<float>(pixels) +
           max_of(fill_workspace_bytes(params.fill, shape) +
-                     max_of(ground_workspace_bytes(params.ground, shape),
+                     max_of(ground_workspace_bytes(params.ground, shape), ground_markings_workspace_bytes(shape),
                             allocation_bytes<float>(static_cast<std::size_t>(shape.width))),
                  find_sky_workspace_bytes(shape)),
       sharpen_edges_workspace_bytes(params.sharpen, shape) + allocation_bytes<float>(pixels),
@@ -426,15 +429,18 @@ template <class Executor>
   return drop_spill(params, scene, objects, taken_for(params, out), out.ground, measured, executor);
 }
 
-// drawn: the labels as given.
+// drawn: the labels as given. labels: those of scene and objects, which change where a marking was taken for a thing.
 template <class Executor>
 [[nodiscard]] Status complete_depth(const RefineDepthParams& params, const SceneView& scene,
-                                    ImageView<const Label> drawn, const ObjectMap& objects, Workspace& workspace,
-                                    Executor& executor, RefinedDepth& out) {
+                                    ImageView<const Label> drawn, ImageView<Label> labels, const ObjectMap& objects,
+                                    Workspace& workspace, Executor& executor, RefinedDepth& out) {
   const Shape shape = scene.shape();
   ImageView<float> measured;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
   NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, out.ground));
+  if (params.ground_markings && !drawn.empty()) {
+    NPSIM_RETURN_IF_ERROR(lay_markings(scene.depth, scene.camera, out.ground, scene.light_index, labels, workspace));
+  }
   NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, objects, out, measured, executor));
   if (!drawn.empty()) drop_depth_of_outlines(params.outlines, drawn, scene.labels, scene.depth, measured, executor);
   const bool continued = scene.labels.empty() && out.ground.inlier_share > 0.0F;
@@ -726,7 +732,9 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& given, Wor
 
   NPSIM_RETURN_IF_ERROR(step(
       Stage::fill,
-      [&] { return refine_detail::complete_depth(params, scene, given.labels, objects, workspace, executor, out); },
+      [&] {
+        return refine_detail::complete_depth(params, scene, given.labels, labels, objects, workspace, executor, out);
+      },
       true));
   if (!labelled && params.guess_ground) {
     refine_detail::guess_ground(out.depth, scene.camera, out.ground, !out.trust.bounded, labels);

@@ -29,6 +29,13 @@ namespace depth_detail {
   return -dot(ground.up, unproject_pixel(camera, x, y, 1.0F));
 }
 
+// Within this of the ground plane lies the ground, of a low camera's within a tenth of its height: depth may be of
+// another scale.
+inline constexpr float kGroundHeight_m = 0.15F;
+[[nodiscard]] inline float ground_within_m(const GroundPlane& ground) noexcept {
+  return std::min(kGroundHeight_m, 0.1F * ground.camera_height_m);
+}
+
 inline constexpr float kGroundLevelReach_m = 0.2F;
 inline constexpr float kGroundLevelLeast_px = 4.0F;
 inline constexpr float kGroundLevelMost_px = 64.0F;

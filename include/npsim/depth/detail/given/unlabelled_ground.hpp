@@ -43,17 +43,16 @@ namespace refine_detail {
   return flat(y, std::min(depth.height() - 1, y + reach)) && flat(y, std::max(0, y - reach));
 }
 
-// Of an image without labels, all of which is unlabelled: what lies within kGroundHeight_m of the plane is ground. A
-// network's depth may be of another scale: then within a tenth of the camera's height. It also drifts: what lies flat
-// within two and a half times that, and whose neighbour in the picture is ground of its height, is ground too.
-inline constexpr float kGroundHeight_m = 0.15F;
+// Of an image without labels, all of which is unlabelled: what lies within ground_within_m() of the plane is ground. A
+// network's depth drifts: what lies flat within two and a half times that, and whose neighbour in the picture is ground
+// of its height, is ground too.
 inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground, bool drifts,
                          ImageView<Label> labels) noexcept {
   constexpr Label kPerhaps = 255;
   constexpr float kDrift = 2.5F;
   constexpr float kStep = 0.25F;  // of a neighbour, of what is tolerated
   if (!(ground.inlier_share > 0.0F)) return;
-  const float most_m = std::min(kGroundHeight_m, 0.1F * ground.camera_height_m);
+  const float most_m = depth_detail::ground_within_m(ground);
   const auto height_m = [&](int x, int y) {
     return height_above_ground(ground, unproject_pixel(camera, x, y, depth(x, y)));
   };
@@ -145,7 +144,7 @@ inline constexpr float kFarGround_m = 100.0F;
       if (y >= 0 && !is_valid_depth(lines(x, y))) continue;
       const float fall = y < 0 ? 0.0F : depth_detail::fall_of_ray(ground, camera, x, y);
       const float next_m = y < 0 ? 0.0F : fall * lines(x, y);
-      const bool is_ground = std::fabs(ground.camera_height_m - next_m) < kGroundHeight_m;
+      const bool is_ground = std::fabs(ground.camera_height_m - next_m) < depth_detail::kGroundHeight_m;
       const float nearest = y < 0 ? kFarGround_m : std::min(kFarGround_m, lines(x, y));
       for (int v = seen - kGroundSeam_px; under_m > 0.0F && !is_ground && v > y + kGroundSeam_px; --v) {
         const float fall_v = depth_detail::fall_of_ray(ground, camera, x, v);
@@ -187,7 +186,7 @@ inline constexpr float kFarGround_m = 100.0F;
   for (int x = 0; x < width; ++x) {
     const int y = lowest(x);
     const float below_m = y < 0 ? 0.0F : lines(x, y) * down(x, y);
-    const bool seen = std::fabs(ground.camera_height_m - below_m) < kGroundHeight_m;
+    const bool seen = std::fabs(ground.camera_height_m - below_m) < depth_detail::kGroundHeight_m;
     scale[static_cast<std::size_t>(x)] = seen ? below_m / ground.camera_height_m : 0.0F;
   }
   const int reach = width / 64;
