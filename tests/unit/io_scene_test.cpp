@@ -20,6 +20,7 @@ namespace {
 using namespace npsim;
 using io_test::check_error;
 using io_test::put;
+using io_test::replaced;
 using io_test::require_ok;
 using io_test::TemporaryFolder;
 
@@ -49,6 +50,7 @@ const char* const kWhole = R"({"npsim_scene": 1, "name": "corner", "image": "ima
   "depth": {"file": "depth.pfm", "encoding": "metres"},
   "camera": {"fx": 30, "fy": 30, "cx": 16, "cy": 12},
   "labels": {"file": "objects.png", "encoding": "cityscapes_instance_ids"},
+  "own_car": {"file": "bonnet.png"},
   "normals": {"file": "normals.pfm", "convention": "auto"},
   "albedo": {"file": "albedo.pfm"}, "roughness": {"file": "roughness.pfm"},
   "lights": {"format": "segments_ai", "json": "lights.json", "bitmap": "lights.png"},
@@ -62,6 +64,7 @@ void put_files(const TemporaryFolder& folder) {
   io::Image<Vec3f> albedo(kShape, Vec3f{0.2F, 0.4F, 0.6F});
   io::Image<float> roughness(kShape, 0.7F);
   io::Image<std::uint16_t> objects(kShape, 7);
+  io::Image<std::uint16_t> bonnet(kShape);
   io::Image<io::Rgba8> lights(kShape);
   for (int y = 0; y < kShape.height; ++y) {
     for (int x = 0; x < kShape.width; ++x) {
@@ -71,6 +74,7 @@ void put_files(const TemporaryFolder& folder) {
       true_normals(x, y) = n;
       normals(x, y) = {n.x, -n.y, -n.z};
       if (x < 8) objects(x, y) = 26003;
+      if (y == kShape.height - 1) bonnet(x, y) = 255;
       if (x >= 20 && x < 26 && y < 6) lights(x, y) = {10, 0, 0, 255};
       if (x >= 21 && x < 23 && y >= 1 && y < 3) lights(x, y) = {11, 0, 0, 255};
     }
@@ -83,6 +87,7 @@ void put_files(const TemporaryFolder& folder) {
   require_ok(io::write_pfm(folder / "albedo.pfm", albedo.view()));
   require_ok(io::write_pfm(folder / "roughness.pfm", roughness.view()));
   require_ok(io::write_png16(folder / "objects.png", objects.view()));
+  require_ok(io::write_png16(folder / "bonnet.png", bonnet.view()));
   require_ok(io::write_png_rgba(folder / "lights.png", lights.view()));
   put(folder / "lights.json", kLights);
 }
@@ -132,6 +137,9 @@ TEST_CASE("scene: everything there is, and the convention of the normals found f
   CHECK(scene.labels(30, 3) == label::road);
   CHECK(scene.instances(3, 3) == 26003);
   CHECK(scene.instances(30, 3) == 0);
+  CHECK(scene.labels(3, kShape.height - 1) == label::ego_vehicle);
+  CHECK(scene.instances(3, kShape.height - 1) == 0);
+  CHECK(scene.labels(3, kShape.height - 2) == label::car);
   for (int y = 0; y < kShape.height; ++y) {
     for (int x = 0; x < kShape.width; ++x) {
       REQUIRE(length(scene.normals(x, y) - sample_normal(x, y)) < 1e-5F);
@@ -168,6 +176,7 @@ TEST_CASE("scene: its view has all planes, its files are all that scene.json nam
                                              "depth.file " + (folder / "depth.pfm"),
                                              "labels.file " + (folder / "objects.png"),
                                              "labels.file " + (folder / "objects.png"),  // read as instances too
+                                             "own_car.file " + (folder / "bonnet.png"),
                                              "normals.file " + (folder / "normals.pfm"),
                                              "albedo.file " + (folder / "albedo.pfm"),
                                              "roughness.file " + (folder / "roughness.pfm"),
@@ -299,6 +308,9 @@ TEST_CASE("scene: missing keys, unknown keys and wrong kinds are named with thei
   refused(replaced(kWhole, "\"cityscapes_instance_ids\"", "\"ade20k\""), "labels.encoding");
   refused(replaced(kWhole, "\"mesh\"", "\"meshes\""), "truth.meshes");
   refused(replaced(kWhole, "\"roughness\"", "\"roughnes\""), "roughnes");
+  refused(replaced(kWhole, "\"bonnet.png\"}", "\"bonnet.png\", \"encoding\": \"mask\"}"), "own_car.encoding");
+  refused(replaced(kMinimal, "\"image.png\",", "\"image.png\", \"own_car\": {\"file\": \"bonnet.png\"},"),
+          "own_car.file: is given without labels");
   refused(replaced(kWhole, "\"albedo\": {", "\"albedo\": {\"encoding\": \"srgb\", "), "albedo.encoding");
   check_error(io::read_scene(folder / "absent"), "absent", "does not exist");
   const TemporaryFolder empty;
@@ -319,13 +331,15 @@ TEST_CASE("scene: every plane has to be of the image's size") {
   refused("roughness.pfm", [&](const std::string& p) { return io::write_pfm(p, io::Image<float>(wrong).view()); });
   refused("objects.png",
           [&](const std::string& p) { return io::write_png16(p, io::Image<std::uint16_t>(wrong).view()); });
+  refused("bonnet.png",
+          [&](const std::string& p) { return io::write_png16(p, io::Image<std::uint16_t>(wrong).view()); });
   refused("lights.png",
           [&](const std::string& p) { return io::write_png_rgba(p, io::Image<io::Rgba8>(wrong).view()); });
 }
 
 TEST_CASE("scene: a missing, empty or unfit file behind any key is an error that names it") {
-  for (const char* name : {"image.png", "depth.pfm", "objects.png", "normals.pfm", "albedo.pfm", "roughness.pfm",
-                           "lights.png", "lights.json"}) {
+  for (const char* name : {"image.png", "depth.pfm", "objects.png", "bonnet.png", "normals.pfm", "albedo.pfm",
+                           "roughness.pfm", "lights.png", "lights.json"}) {
     const TemporaryFolder folder;
     put_files(folder);
     put(folder / name, "");

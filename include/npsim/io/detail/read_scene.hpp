@@ -169,6 +169,28 @@ inline Outcome read_scene_instances(const JsonObject& entry, const ReadLimits& l
   return Done{};
 }
 
+// Networks know no class for it.
+inline Outcome read_scene_own_car(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
+  const Outcome known = entry.allow_only({"file"});
+  if (!known) return known.error();
+  const Expected<std::string> path = named_file(entry, "file", scene);
+  if (!path) return path.error();
+  const Expected<Image<std::uint16_t>> mask = read_u16(path.value(), limits);
+  if (!mask) return mask.error();
+  const Outcome same = expect_shape(path.value(), mask.value().shape(), scene.shape(), "the image");
+  if (!same) return same;
+  if (scene.labels.empty()) return Error{entry.file(), entry.field("file"), "is given without labels, expected both"};
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < scene.shape().pixels(); ++i) {
+    if (mask.value().data()[i] == 0) continue;
+    scene.labels.data()[i] = label::ego_vehicle;
+    if (!scene.instances.empty()) scene.instances.data()[i] = 0;
+    ++count;
+  }
+  scene.notes.push_back("own car: " + std::to_string(count) + " pixels");
+  return Done{};
+}
+
 [[nodiscard]] inline std::string convention_text(const NormalConvention& c) {
   std::string text;
   const char* const names = "xyz";
@@ -392,7 +414,7 @@ inline Outcome read_truth_names(const JsonObject& entry, Scene& scene) {
 
 inline Expected<Scene> scene_from_json(const JsonObject& root, const ReadLimits& limits) {
   Outcome known = root.allow_only({"npsim_scene", "name", "generator", "image", "depth", "camera", "labels",
-                                   "instances", "normals", "albedo", "roughness", "lights", "truth"});
+                                   "instances", "own_car", "normals", "albedo", "roughness", "lights", "truth"});
   if (!known) return known.error();
   Scene scene;
   scene.file = root.file();
@@ -460,6 +482,8 @@ inline Expected<Scene> scene_from_json(const JsonObject& root, const ReadLimits&
     read = with_entry(root, "labels", [&](const JsonObject& e) { return read_scene_instances(e, limits, scene); });
     if (!read) return read.error();
   }
+  read = with_entry(root, "own_car", [&](const JsonObject& e) { return read_scene_own_car(e, limits, scene); });
+  if (!read) return read.error();
   read = with_entry(root, "normals", [&](const JsonObject& e) { return read_scene_normals(e, limits, scene); });
   if (!read) return read.error();
   read = with_entry(root, "albedo", [&](const JsonObject& e) { return read_scene_albedo(e, limits, scene); });
