@@ -92,6 +92,17 @@ TEST_CASE("own car: a star above the bonnet is the road beside it, darker where 
   CHECK(street.night(58, kEdge + 1).x < street.night(57, kEdge + 1).x);  // and is mirrored
 }
 
+TEST_CASE("own car: a mask that ends a 64th above the lower border is a bonnet down to it") {
+  Street whole;
+  Street cut;
+  for (int x = 0; x < kShape.width; ++x) cut.labels(x, kShape.height - 1) = label::road;
+  whole.show();
+  cut.show();
+  for (int x = 0; x < kShape.width; ++x) {
+    for (int y = kEdge; y < kShape.height; ++y) CHECK(cut.night(x, y) == whole.night(x, y));
+  }
+}
+
 TEST_CASE("own car: a scene without one, without labels, and one that is nothing but car stay finite and unchanged") {
   Street street;
   for (Label& l : street.labels.view().pixels()) l = label::road;

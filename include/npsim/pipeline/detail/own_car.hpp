@@ -44,9 +44,12 @@ inline constexpr LabelSet kOwnCar = LabelSet::of(label::ego_vehicle, label::rect
 }
 
 // The row at which each column's part of the car begins that reaches the lower border; the height where there is none.
+// Borders that rectification leaves, and masks drawn by hand, end up to a 64th of the height above it.
 inline void bonnet_edge(ImageView<const Label> labels, Span<int> edge) noexcept {
+  const int lowest = labels.height() - labels.height() / 64;
   for (int x = 0; x < labels.width(); ++x) {
     int y = labels.height();
+    while (y > lowest && !kOwnCar.contains(labels(x, y - 1))) --y;
     bool car = false;
     while (y > 0 && kOwnCar.contains(labels(x, y - 1))) {
       --y;
