@@ -433,29 +433,6 @@ TEST_CASE(
   }
 }
 
-TEST_CASE(
-    "planar segments: a house that stereo leans by 9 degrees stands, a wall leans, and a roof of 15 degrees does") {
-  struct Case {
-    float degrees;
-    Label label;
-    bool upright;
-  };
-  for (const Case& c : {Case{9, label::building, true}, Case{-9, label::building, true}, Case{9, label::wall, false},
-                        Case{15, label::building, false}}) {
-    CAPTURE(c.degrees);
-    const Vec3f leaning{0, -std::sin(c.degrees * kDegree), -std::cos(c.degrees * kDegree)};
-    Street s;
-    s.wall(leaning, 12.0F, 0, kShape.width);
-    s.measure();
-    for (Label& l : s.labels.view().pixels()) l = c.label;
-    REQUIRE(s.run().ok());
-    const PlanarSegment* plane = s.at(240, 120);
-    REQUIRE(plane != nullptr);
-    CHECK(plane->upright == c.upright);
-    CHECK(std::fabs(plane->normal.y - (c.upright ? 0.0F : leaning.y)) < 0.02F);
-  }
-}
-
 TEST_CASE("planar segments: above the topmost line of a laser a wall goes on as it was measured") {
   Street s = corner();
   s.noise = {0.02F, 2, 1.0F};

@@ -91,7 +91,6 @@ inline constexpr double kNone = 8.0;
 inline constexpr double kSamplesWanted = 32.0;  // of a square
 // Of the variance of a sample what the whole plane shares: sub-pixel locking of stereo, relief.
 inline constexpr double kShared = 0.03;
-inline constexpr double kHouseLean = 0.2;      // sine; a house that leans by less stands: matching leans it, not masons
 inline constexpr float kSure_rad = 0.035F;     // angles known to this make the common one,
 inline constexpr double kSquare_rad = 0.0087;  // and those that are not known to this may be it
 
@@ -198,18 +197,15 @@ inline bool common_angle(const CellInput& in, Span<const PlanarSegment> segments
   return true;
 }
 
-// What plane a region's sums make. One of a class that stands upright stands so unless it fits much worse, a house also
-// then if it leans but a little; where its angle is not well known and may be the common one or at right angles to it,
-// it is that.
+// What plane a region's sums make. One of a class that stands upright stands so unless it fits much worse; where its
+// angle is not well known and may be the common one or at right angles to it, it is that.
 inline void set_plane(const PlanarSegmentsParams& p, const CellInput& in, const PlaneMoments& moments, float area_px,
                       const double* common, PlanarSegment& s) noexcept {
   PlaneFit fit = moments.free_plane();
   const PlaneFit upright = moments.upright_plane(in.basis);
   const double rise = static_cast<double>(p.merge_rise);
-  const double lean = fit.found ? std::fabs(dot(normalized(fit.q), vec_cast<double>(in.up))) : 0.0;
   s.upright = in.stands(s.label) && upright.found &&
-              (s.plumb || !fit.found || (s.label == label::building && lean < kHouseLean) ||
-               upright.cost - fit.cost <= rise * rise * moments.weight);
+              (s.plumb || !fit.found || upright.cost - fit.cost <= rise * rise * moments.weight);
   s.support_px = 0.0F;
   s.squared = false;
   if (s.upright) fit = upright;
