@@ -176,7 +176,7 @@ constexpr std::array<Measure, 6> kMeasures = {{
 
 // What the refinement of this scene minimises.
 [[nodiscard]] LossParams& losses(RefineDepthParams& params, const SceneView& scene) {
-  return scene.normals.empty() ? params.own_normals : params.refine.loss;
+  return scene.normals.empty() ? params.own_normals_loss : params.refine.loss;
 }
 
 // lambda_2 from row to row, lambda_3 along a row.

@@ -3,9 +3,13 @@
 
 #include <doctest/doctest.h>
 
+#include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "fixture.hpp"
+#include "npsim/core/executor.hpp"
+#include "npsim/depth/refine_depth.hpp"
 
 using namespace npsim;
 using npsim_test::Image;
@@ -20,6 +24,7 @@ struct Road {
   GroundPlane ground{{0, -1, 0}, 1.5F, 1.0F};
   Image<float> depth{kShape};
   Image<Label> labels{kShape, label::sky};
+  Image<std::uint16_t> instances{kShape};
   Image<std::uint16_t> marks{kShape};
 
   Road() {
@@ -47,7 +52,9 @@ struct Road {
   }
   void lay() {
     npsim_test::Scratch scratch(ground_markings_workspace_bytes(kShape));
-    REQUIRE(lay_markings(depth.cview(), camera, ground, marks.cview(), labels.view(), scratch.workspace()).ok());
+    REQUIRE(lay_markings(depth.cview(), camera, ground, instances.cview(), marks.cview(), labels.view(),
+                         scratch.workspace())
+                .ok());
   }
   [[nodiscard]] bool all(int x0, int y0, int x1, int y1, Label l) const {
     for (int y = y0; y < y1; ++y) {
@@ -61,8 +68,8 @@ struct Road {
 
 }  // namespace
 
-TEST_CASE("ground markings: stripes and arrows that were taken for things are road, beside the pavement pavement") {
-  for (const Label l : {label::traffic_sign, label::person, label::pole, label::static_object}) {
+TEST_CASE("ground markings: stripes and patches that were taken for things are road, beside the pavement pavement") {
+  for (const Label l : {label::traffic_sign, label::traffic_light, label::pole, label::static_object}) {
     Road s;
     s.name(20, 60, 40, 100, l);
     s.name(108, 60, 130, 100, l);
@@ -95,25 +102,92 @@ TEST_CASE("ground markings: with some centimetres of noise, holes, or a few poin
   CHECK(s.all(20, 60, 40, 100, label::road));
 }
 
-TEST_CASE("ground markings: what stands, a car, what bears a lamp or has no depth keeps its label") {
+TEST_CASE(
+    "ground markings: what stands, low or high, bears a lamp or a number, is no object, or was not measured, stays") {
   Road s;
   s.stand(10, 50, 14, 90, label::pole);
-  s.stand(20, 70, 30, 80, label::traffic_sign);  // .4 m high
-  s.name(40, 60, 60, 100, label::car);
-  s.depth(50, 80) = 3.0F;
-  for (int y = 60; y < 100; ++y) {
-    for (int x = 40; x < 60; ++x) s.depth(x, y) = s.on_ground(y, x % 4 == 0 ? 0.3F : 0.0F);
-  }
+  s.stand(20, 70, 30, 80, label::traffic_sign);    // .4 m high
+  s.stand(20, 90, 30, 95, label::dynamic_object);  // .15 m
+  s.name(40, 60, 60, 100, label::car);             // and persons, whom a network's depth may have missed
+  s.name(62, 60, 66, 100, label::person);
   s.name(70, 60, 80, 100, label::traffic_light);
   s.marks(75, 80) = 3;
+  s.name(84, 60, 94, 100, label::traffic_sign);
+  s.instances(90, 80) = 20001;
   s.name(120, 60, 130, 100, label::traffic_sign);
+  s.name(96, 30, 106, 100, label::static_object);  // above the horizon, too
+  s.name(140, 60, 150, 100, label::static_object);
   for (int y = 60; y < 100; ++y) {
     for (int x = 120; x < 130; ++x) s.depth(x, y) = 0.0F;
+    for (int x = 140; x < 150 && y < 96; ++x) s.depth(x, y) = 0.0F;  // but for its lower rim
   }
   const Image<Label> before = s.labels;
   s.lay();
   for (int y = 0; y < kShape.height; ++y) {
     for (int x = 0; x < kShape.width; ++x) CHECK(s.labels(x, y) == before(x, y));
+  }
+}
+
+TEST_CASE("ground markings: part of a wider plane of labels, labels of no table, depth that is no number, one pixel") {
+  Road s;
+  s.name(20, 60, 40, 100, label::traffic_sign);
+  s.labels(5, 60) = 255;
+  s.depth(25, 70) = std::numeric_limits<float>::quiet_NaN();
+  s.depth(26, 70) = std::numeric_limits<float>::infinity();
+  Image<Label> wide({kShape.width + 32, kShape.height + 1}, label::traffic_sign);
+  const ImageView<Label> part(wide.view().row(0), kShape, wide.view().stride());
+  copy_pixels(s.labels.cview(), part);
+  npsim_test::Scratch scratch(ground_markings_workspace_bytes(kShape));
+  REQUIRE(lay_markings(s.depth.cview(), s.camera, s.ground, {}, {}, part, scratch.workspace()).ok());
+  s.lay();
+  CHECK(s.all(20, 60, 40, 100, label::road));
+  for (int y = 0; y < wide.view().height(); ++y) {
+    for (int x = 0; x < wide.view().width(); ++x) {
+      CHECK(wide(x, y) == (kShape.width > x && kShape.height > y ? s.labels(x, y) : label::traffic_sign));
+    }
+  }
+  Image<Label> one({1, 1}, label::traffic_sign);
+  const Image<float> z({1, 1}, 10.0F);
+  REQUIRE(lay_markings(z.cview(), s.camera, s.ground, {}, {}, one.view(), scratch.workspace()).ok());
+  CHECK(one(0, 0) == label::traffic_sign);
+  CHECK(lay_markings(z.cview(), s.camera, s.ground, {}, {}, s.labels.view(), scratch.workspace()).code() ==
+        StatusCode::shape_mismatch);
+}
+
+TEST_CASE("ground markings: what the chain makes of one is what it makes of road") {
+  Road s;
+  s.name(0, 0, kShape.width, 50, label::building);
+  for (int y = 0; y < 50; ++y) {
+    for (int x = 0; x < kShape.width; ++x) s.depth(x, y) = s.on_ground(50, 0.0F);
+  }
+  for (int y = 70; y < 90; ++y) {
+    for (int x = 20; x < 100; ++x) s.depth(x, y) = s.on_ground(y, 0.05F);  // a hump
+  }
+  Road named = s;
+  named.name(20, 60, 100, 100, label::static_object);
+  const Image<Rgb8> image(kShape, Rgb8{90, 90, 90});
+  const RefineDepthParams params;
+  SerialExecutor serial;
+  NullObserver observer;
+  for (const DepthSource source : {DepthSource::exact, DepthSource::lidar}) {
+    npsim_test::Scratch first(refine_depth_workspace_bytes(params, kShape));
+    npsim_test::Scratch second(refine_depth_workspace_bytes(params, kShape));
+    RefinedDepth out[2];
+    for (int i = 0; i < 2; ++i) {
+      SceneView scene;
+      scene.camera = s.camera;
+      scene.image = image.cview();
+      scene.depth = s.depth.cview();
+      scene.labels = i == 0 ? s.labels.cview() : named.labels.cview();
+      scene.depth_source = source;
+      REQUIRE(refine_depth(params, scene, (i == 0 ? first : second).workspace(), serial, observer, out[i]).ok());
+    }
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        CHECK(out[1].labels(x, y) == out[0].labels(x, y));
+        CHECK(std::fabs(out[1].depth(x, y) - out[0].depth(x, y)) <= 1e-4F * out[0].depth(x, y));
+      }
+    }
   }
 }
 

@@ -200,7 +200,7 @@ TEST_CASE(
   const Chain chain(depth, DepthSource::network, labels.cview());
   CHECK(largest_riser(chain.out.surface_depth()) < 1.5F * largest_riser(depth.cview()));
   RefineDepthParams saturating;
-  saturating.own_normals = saturating.refine.loss;
+  saturating.own_normals_loss = saturating.refine.loss;
   const Chain stairs(depth, DepthSource::network, labels.cview(), saturating);
   CHECK(largest_riser(stairs.out.surface_depth()) > 3.0F * largest_riser(depth.cview()));
   for (int y = 20; y < kShape.height - 20; ++y) {

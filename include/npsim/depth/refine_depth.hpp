@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Section 3.4: the depth refinement kernel, from the depth as given to one that a mesh can be built on.
 //
-//   clear outlines of plants, signs -> find the source -> fit the ground plane -> drop outliers, fill -> sharpen edges
-//     -> anchor ground -> cross-bilateral filter (3.2) -> uncertain map (3.3) -> normal-guided refinement (3.6 - 3.9)
+//   clear outlines of plants, signs -> find the source -> fit the ground plane -> drop outliers, lay markings, fill
+//     -> sharpen edges -> anchor ground -> cross-bilateral filter (3.2) -> uncertain map (3.3)
+//     -> normal-guided refinement (3.6 - 3.9)
 //     -> faces of kerbs, or surfaces without the noise that was measured
 // The thesis has neither sharpening nor anchoring, and no kerbs. The first two, and the filter, mend what networks do
 // wrong and harm what was measured (docs/evaluation.md), so they are left out for stereo, laser and exact depth
@@ -113,9 +114,9 @@ struct RefineDepthParams {
   PlanarSegmentsParams planes;  // of a depth without given normals
   UncertaintyParams uncertainty;
   GuidingNormalsParams normals;
-  bool steep_ground_of_laser = false;  // without labels: steep normals on the ground stay
-  RefineParams refine = default_depth_refinement();
-  LossParams own_normals = default_losses_of_own_normals();  // in place of refine.loss without given normals
+  bool steep_ground_of_laser = false;                             // without labels: steep normals on the ground stay
+  RefineParams refine = default_depth_refinement();               // its loss with given normals
+  LossParams own_normals_loss = default_losses_of_own_normals();  // in place of refine.loss without given normals
   // Without given normals: by how much of itself depth may leave its surface from pixel to pixel, in an image one pixel
   // wide, before it is a jump to another one: 10 is .01 at 960 px. 0: no jump is looked for.
   float surface_jump = 10.0F;
@@ -159,7 +160,7 @@ struct RefineDepthParams {
     params.normals.given_smoothing.iterations = 0;
     params.normals.ground.enabled = false;
     params.refine = thesis_refine_params();
-    params.own_normals = params.refine.loss;
+    params.own_normals_loss = params.refine.loss;
     params.surface_jump = 0;
     params.planes.enabled = false;
     params.border_jump = 0;
@@ -179,8 +180,8 @@ struct RefinedDepth {
   ImageView<float> mesh_depth;        // what a mesh is made of, where it is not that: of measured depth without its
                                       // sensor's noise, of a network's with plants as they were given, of all with
                                       // feet above the ground
-  ImageView<const Label> labels;      // the scene's, plants and signs without what is behind them; without any, ground
-                                      // near its plane, else one class
+  ImageView<const Label> labels;      // the scene's, plants and signs without what is behind them, markings of the
+                                      // ground its own; without any, ground near its plane, else one class
   ImageView<std::uint8_t> surface;    // 1 where the pixel shows a surface of the scene
   ImageView<std::uint8_t> uncertain;  // U of (3.3)
   ImageView<Vec3f> normals;           // that guided the refinement: given or derived, smoothed, the ground's made plain
@@ -296,7 +297,7 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.furniture));
   NPSIM_RETURN_IF_ERROR(validate(params.masts));
   NPSIM_RETURN_IF_ERROR(validate(params.contact));
-  NPSIM_RETURN_IF_ERROR(validate(params.own_normals));
+  NPSIM_RETURN_IF_ERROR(validate(params.own_normals_loss));
   return validate(params.refine);
 }
 
@@ -438,11 +439,14 @@ template <class Executor>
   ImageView<float> measured;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
   NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, out.ground));
-  if (params.ground_markings && !drawn.empty()) {
-    NPSIM_RETURN_IF_ERROR(lay_markings(scene.depth, scene.camera, out.ground, scene.light_index, labels, workspace));
-  }
   NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, objects, out, measured, executor));
-  if (!drawn.empty()) drop_depth_of_outlines(params.outlines, drawn, scene.labels, scene.depth, measured, executor);
+  if (!drawn.empty()) {
+    drop_depth_of_outlines(params.outlines, drawn, scene.labels, scene.depth, measured, executor);
+    if (params.ground_markings) {  // after that, to which their depth would be one of cut outlines
+      NPSIM_RETURN_IF_ERROR(
+          lay_markings(scene.depth, scene.camera, out.ground, scene.instances, scene.light_index, labels, workspace));
+    }
+  }
   const bool continued = scene.labels.empty() && out.ground.inlier_share > 0.0F;
   FillParams fill = params.fill;
   if (out.noise.power == 0) fill.edge_inverse += 1.2F * out.noise.amplitude;
@@ -605,7 +609,7 @@ template <class Executor>
     copy_pixels(ImageView<const std::uint8_t>(out.uncertain), edges);
   }
   RefineParams refinement = params.refine;
-  if (scene.normals.empty()) refinement.loss = params.own_normals;
+  if (scene.normals.empty()) refinement.loss = params.own_normals_loss;
   if (scene.normals.empty() && params.surface_jump > 0.0F) {
     NPSIM_RETURN_IF_ERROR(mark_surface_jumps(params.surface_jump / static_cast<float>(scene.shape().width),
                                              ImageView<const float>(out.depth), out.normals, objects, scene.camera,
