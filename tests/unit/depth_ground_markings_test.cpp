@@ -121,6 +121,14 @@ TEST_CASE(
     for (int x = 120; x < 130; ++x) s.depth(x, y) = 0.0F;
     for (int x = 140; x < 150 && y < 96; ++x) s.depth(x, y) = 0.0F;  // but for its lower rim
   }
+  s.name(152, 60, 158, 100, label::static_object);  // three pixels in ten not on the ground
+  for (int y = 60; y < 100; ++y) {
+    for (int x = 152; x < 158; ++x) s.depth(x, y) = s.on_ground(y, (7 * x + 3 * y) % 10 < 3 ? 0.3F : 0.0F);
+  }
+  s.name(112, 60, 118, 100, label::pole);  // three measurements in either half
+  for (int y = 60; y < 100; ++y) {
+    for (int x = 112; x < 118; ++x) s.depth(x, y) = x == 114 && (y - 60) % 20 < 3 ? s.depth(x, y) : 0.0F;
+  }
   const Image<Label> before = s.labels;
   s.lay();
   for (int y = 0; y < kShape.height; ++y) {
