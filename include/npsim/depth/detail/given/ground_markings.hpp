@@ -59,8 +59,8 @@ struct MarkingScene {
 struct MarkingHalf {
   int measured = 0;
   int low = 0;
-  float inverse_depth = 0;           // sum over the measured pixels, 1/m
-  float inverse_depth_of_plane = 0;  // likewise
+  double inverse_depth = 0;           // sum over the measured pixels, 1/m
+  double inverse_depth_of_plane = 0;  // likewise
 
   [[nodiscard]] bool lies() const noexcept {
     return measured >= kFewest && static_cast<float>(low) >= kLies * static_cast<float>(measured);
@@ -87,14 +87,14 @@ struct MarkingHalf {
     MarkingHalf& half = halves[2 * (p / columns) > top + bottom ? 1 : 0];
     ++half.measured;
     half.low += std::fabs(scene.ground.camera_height_m - fall * z) < ground_within_m(scene.ground) ? 1 : 0;
-    half.inverse_depth += 1.0F / z;
-    half.inverse_depth_of_plane += fall / scene.ground.camera_height_m;
+    half.inverse_depth += static_cast<double>(1.0F / z);
+    half.inverse_depth_of_plane += static_cast<double>(fall / scene.ground.camera_height_m);
   }
   if (!halves[0].lies() || !halves[1].lies()) return false;
-  const auto upper = static_cast<float>(halves[0].measured);
-  const auto lower = static_cast<float>(halves[1].measured);
+  const auto upper = static_cast<double>(halves[0].measured);
+  const auto lower = static_cast<double>(halves[1].measured);
   return halves[1].inverse_depth / lower - halves[0].inverse_depth / upper >
-         0.5F * (halves[1].inverse_depth_of_plane / lower - halves[0].inverse_depth_of_plane / upper);
+         0.5 * (halves[1].inverse_depth_of_plane / lower - halves[0].inverse_depth_of_plane / upper);
 }
 
 // The class of ground that borders on a piece most.
