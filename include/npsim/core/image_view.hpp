@@ -31,6 +31,16 @@ struct Shape {
 }
 [[nodiscard]] constexpr bool operator!=(const Shape& a, const Shape& b) noexcept { return !(a == b); }
 
+// Where pixel y * width + x lies.
+struct PixelPlace {
+  int x = 0;
+  int y = 0;
+};
+[[nodiscard]] constexpr PixelPlace place_of(std::uint32_t pixel, int width) noexcept {
+  const auto columns = static_cast<std::uint32_t>(width);
+  return {static_cast<int>(pixel % columns), static_cast<int>(pixel / columns)};
+}
+
 template <class T>
 class ImageView {
  public:
@@ -55,6 +65,7 @@ class ImageView {
 
   [[nodiscard]] constexpr T* row(int y) const noexcept { return data_ + static_cast<std::ptrdiff_t>(y) * stride_; }
   [[nodiscard]] constexpr T& operator()(int x, int y) const noexcept { return row(y)[x]; }
+  [[nodiscard]] constexpr T& operator()(const PixelPlace& at) const noexcept { return row(at.y)[at.x]; }
   [[nodiscard]] constexpr bool contains(int x, int y) const noexcept {
     return x >= 0 && y >= 0 && x < shape_.width && y < shape_.height;
   }
@@ -98,21 +109,21 @@ constexpr void sweep_to_and_fro(Shape shape, F&& f) {
   }
 }
 
-// Takes the pixels that hang together with (x, y), along rows and columns, from those that are not 0 in `open`: there
-// they become 0, and y * width + x of each goes to `list`, which has room for all. Returns how many there are.
+// Takes the pixels that hang together with (x, y), along rows and columns, and have its value in `open`, which is not 0:
+// there they become 0, and y * width + x of each goes to `list`, which has room for all. Returns how many there are.
 [[nodiscard]] inline std::size_t take_piece(ImageView<std::uint8_t> open, int x, int y,
                                             Span<std::uint32_t> list) noexcept {
   const auto width = static_cast<std::uint32_t>(open.width());
+  const std::uint8_t value = open(x, y);
   std::size_t count = 0;
   const auto add = [&](int u, int v) {
-    if (!open.contains(u, v) || open(u, v) == 0) return;
+    if (!open.contains(u, v) || open(u, v) == 0 || open(u, v) != value) return;
     open(u, v) = 0;
     list[count++] = static_cast<std::uint32_t>(v) * width + static_cast<std::uint32_t>(u);
   };
   add(x, y);
   for (std::size_t next = 0; next < count; ++next) {
-    const auto u = static_cast<int>(list[next] % width);
-    const auto v = static_cast<int>(list[next] / width);
+    const auto [u, v] = place_of(list[next], open.width());
     add(u - 1, v);
     add(u + 1, v);
     add(u, v - 1);

@@ -219,11 +219,9 @@ void find_ground(const RetroreflectionParams& p, float wetness, ImageView<const 
   NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), list));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), strongest));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, open));
-  const auto width = static_cast<std::uint32_t>(shape.width);
   const auto is_sign = [&](int x, int y) { return labels.contains(x, y) && labels(x, y) == label::traffic_sign; };
   const auto is_inner = [&](std::uint32_t pixel) {
-    const auto x = static_cast<int>(pixel % width);
-    const auto y = static_cast<int>(pixel / width);
+    const auto [x, y] = place_of(pixel, shape.width);
     return is_sign(x - 1, y) && is_sign(x + 1, y) && is_sign(x, y - 1) && is_sign(x, y + 1);
   };
   for (int y = 0; y < shape.height; ++y) {
@@ -237,7 +235,7 @@ void find_ground(const RetroreflectionParams& p, float wetness, ImageView<const 
       const float white = white_of_sign(albedo, pixels, is_inner, strongest);
       if (!(white > 0.0F)) continue;
       const Retroreflector sheet{p.sign_cd_lx_m2 / white, RetroKind::sheeting};
-      for (const std::uint32_t i : pixels) out(static_cast<int>(i % width), static_cast<int>(i / width)) = sheet;
+      for (const std::uint32_t pixel : pixels) out(place_of(pixel, shape.width)) = sheet;
     }
   }
   return {};

@@ -292,10 +292,9 @@ template <class Executor>
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) depth(x, y) = 0.0F;
   }
-  const auto width = static_cast<std::uint32_t>(shape.width);
   const auto corner_of = [&](std::uint32_t v) {
-    return mesh_detail::Corner{static_cast<int>(pixels[v] % width), static_cast<int>(pixels[v] / width),
-                               1.0 / static_cast<double>(layer.vertices[v].z), 0};
+    const auto [x, y] = place_of(pixels[v], shape.width);
+    return mesh_detail::Corner{x, y, 1.0 / static_cast<double>(layer.vertices[v].z), 0};
   };
   for (const Face& f : layer.faces) {
     const mesh_detail::Corner a = corner_of(f.a);
@@ -308,9 +307,7 @@ template <class Executor>
       return true;
     }));
     // Corners keep their depth to the last bit.
-    for (const std::uint32_t v : {f.a, f.b, f.c}) {
-      depth(static_cast<int>(pixels[v] % width), static_cast<int>(pixels[v] / width)) = layer.vertices[v].z;
-    }
+    for (const std::uint32_t v : {f.a, f.b, f.c}) depth(place_of(pixels[v], shape.width)) = layer.vertices[v].z;
   }
   return {};
 }

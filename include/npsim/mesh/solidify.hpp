@@ -382,10 +382,8 @@ inline constexpr std::uint32_t kNoBody = 0xFFFFFFFFU;
 [[nodiscard]] inline Status collect_bodies(const SolidifyFront& front, const SolidifyScene& scene, Workspace& workspace,
                                            Bodies& bodies) {
   const std::size_t n = front.mesh.vertices.size();
-  const auto width = static_cast<std::uint32_t>(scene.object.width());
-  const auto object_of = [&](std::size_t v) {
-    return scene.object(static_cast<int>(front.pixel[v] % width), static_cast<int>(front.pixel[v] / width));
-  };
+  const int width = scene.object.width();
+  const auto object_of = [&](std::size_t v) { return scene.object(place_of(front.pixel[v], width)); };
   NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.object.shape().pixels() + 1, bodies.of_object));
   std::fill(bodies.of_object.begin(), bodies.of_object.end(), kNoBody);
   std::uint32_t count = 0;
@@ -411,8 +409,7 @@ inline constexpr std::uint32_t kNoBody = 0xFFFFFFFFU;
     std::array<std::uint32_t, kLabelCount> seen{};
     Label best = label::unlabeled;
     for (std::uint32_t i = bodies.start[b]; i < bodies.start[b + 1]; ++i) {
-      const std::uint32_t pixel = front.pixel[bodies.members[i]];
-      const Label l = scene.labels(static_cast<int>(pixel % width), static_cast<int>(pixel / width));
+      const Label l = scene.labels(place_of(front.pixel[bodies.members[i]], width));
       if (l >= kLabelCount || !scene.foreground.contains(l)) continue;
       if (++seen[l] > seen[best]) best = l;
     }
@@ -431,13 +428,11 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(collect_bodies(front, scene, workspace, bodies));
   Span<float> projected;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(ratio.size(), projected));
-  const auto width = static_cast<std::uint32_t>(scene.object.width());
+  const int width = scene.object.width();
   const Horizon horizon = horizon_of(scene.up);
   const auto vertex = [&](std::uint32_t i) { return front.mesh.vertices[i - front.first_vertex]; };
   for (const Face& f : front.mesh.faces) {
-    const std::uint32_t pixel = front.pixel[f.a - front.first_vertex];
-    const std::uint32_t body =
-        bodies.of_object[scene.object(static_cast<int>(pixel % width), static_cast<int>(pixel / width))];
+    const std::uint32_t body = bodies.of_object[scene.object(place_of(front.pixel[f.a - front.first_vertex], width))];
     if (params.rules[bodies.label[body]].shape != BackShape::box) continue;
     vote(horizon, vertex(f.a), vertex(f.b), vertex(f.c), bodies.votes[body]);
   }
@@ -455,8 +450,7 @@ template <class Executor>
       const float diagonal = std::sqrt(rule.length_m * rule.length_m + rule.width_m * rule.width_m);
       for (const std::uint32_t v : members) {
         const Vec3f p = front.mesh.vertices[v];
-        const auto x = static_cast<int>(front.pixel[v] % width);
-        const auto y = static_cast<int>(front.pixel[v] / width);
+        const auto [x, y] = place_of(front.pixel[v], width);
         const float distance = length(p);
         float thickness = rule.length_m;
         if (rule.shape == BackShape::round || rule.shape == BackShape::soft) {

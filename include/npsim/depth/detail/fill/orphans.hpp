@@ -127,8 +127,7 @@ template <class Joins, class Support>
       float supports[kMost];  // of the columns that were reached first
       std::size_t found = 0;
       for (std::size_t i = 0; i < count; ++i) {
-        const int u = static_cast<int>(region[i] % width);
-        const int v = static_cast<int>(region[i] / width);
+        const auto [u, v] = place_of(region[i], shape.width);
         const int around[4][2] = {{u - 1, v}, {u + 1, v}, {u, v - 1}, {u, v + 1}};
         for (const auto& at : around) {
           if (!view.w.contains(at[0], at[1]) || view.kind(at[0], at[1]) != kOrphan) continue;
@@ -142,7 +141,8 @@ template <class Joins, class Support>
       const auto chosen = static_cast<std::size_t>((1.0F - nearer) * static_cast<float>(found));
       select_nth(supports, supports + chosen, supports + found);
       for (std::size_t i = 0; i < count; ++i) {
-        view.give(static_cast<int>(region[i] % width), static_cast<int>(region[i] / width), supports[chosen]);
+        const auto [u, v] = place_of(region[i], shape.width);
+        view.give(u, v, supports[chosen]);
       }
     }
   }

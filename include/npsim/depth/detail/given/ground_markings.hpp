@@ -8,7 +8,7 @@
 // of what it does on the plane; of what stands it does not grow. It is then of that class of ground that borders on it
 // most, and of label::ground where none does.
 // Invariant: pieces with numbers of their own or in which a lamp was marked stay.
-// Cost: a pass for each class of things that there is, and some operations per pixel of things.
+// Cost: two passes over the labels, some operations per pixel of things.
 // Memory: ground_markings_workspace_bytes().
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_GROUND_MARKINGS_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_GROUND_MARKINGS_HPP
@@ -69,22 +69,20 @@ struct MarkingHalf {
 
 [[nodiscard]] inline bool lies_on_ground(const MarkingScene& scene, int width,
                                          Span<const std::uint32_t> piece) noexcept {
-  const auto columns = static_cast<std::uint32_t>(width);
-  std::uint32_t top = piece[0] / columns;
-  std::uint32_t bottom = top;
+  int top = place_of(piece[0], width).y;
+  int bottom = top;
   for (const std::uint32_t p : piece) {
-    top = std::min(top, p / columns);
-    bottom = std::max(bottom, p / columns);
+    top = std::min(top, place_of(p, width).y);
+    bottom = std::max(bottom, place_of(p, width).y);
   }
   MarkingHalf halves[2];
   for (const std::uint32_t p : piece) {
-    const auto x = static_cast<int>(p % columns);
-    const auto y = static_cast<int>(p / columns);
+    const auto [x, y] = place_of(p, width);
     const float fall = fall_of_ray(scene.ground, scene.camera, x, y);
     if (!(fall > 0.0F) || scene.is_named(x, y)) return false;
     const float z = scene.depth(x, y);
     if (!is_valid_depth(z)) continue;
-    MarkingHalf& half = halves[2 * (p / columns) > top + bottom ? 1 : 0];
+    MarkingHalf& half = halves[2 * y > top + bottom ? 1 : 0];
     ++half.measured;
     half.low += std::fabs(scene.ground.camera_height_m - fall * z) < ground_within_m(scene.ground) ? 1 : 0;
     half.inverse_depth += static_cast<double>(1.0F / z);
@@ -99,11 +97,9 @@ struct MarkingHalf {
 
 // The class of ground that borders on a piece most.
 [[nodiscard]] inline Label ground_beside(ImageView<const Label> labels, Span<const std::uint32_t> piece) noexcept {
-  const auto width = static_cast<std::uint32_t>(labels.width());
   std::array<int, kLabelCount> beside{};
   for (const std::uint32_t p : piece) {
-    const auto x = static_cast<int>(p % width);
-    const auto y = static_cast<int>(p / width);
+    const auto [x, y] = place_of(p, labels.width());
     for (const auto& [i, j] :
          {std::array{x - 1, y}, std::array{x + 1, y}, std::array{x, y - 1}, std::array{x, y + 1}}) {
       if (labels.contains(i, j) && kGroundLabels.contains(labels(i, j))) ++beside[labels(i, j)];
@@ -135,20 +131,18 @@ struct MarkingHalf {
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, open));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), list));
   const depth_detail::MarkingScene scene{depth, camera, ground, instances, marks};
-  const auto width = static_cast<std::uint32_t>(shape.width);
-  for (Label thing = 0; thing < kLabelCount; ++thing) {
-    if (!depth_detail::kTakenToStand.contains(thing)) continue;
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) open(x, y) = labels(x, y) == thing ? 1 : 0;
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      open(x, y) = depth_detail::kTakenToStand.contains(labels(x, y)) ? labels(x, y) : std::uint8_t{0};
     }
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        if (open(x, y) == 0) continue;
-        const Span<const std::uint32_t> piece = list.sub(0, take_piece(open, x, y, list));
-        if (!depth_detail::lies_on_ground(scene, shape.width, piece)) continue;
-        const Label l = depth_detail::ground_beside(labels, piece);
-        for (const std::uint32_t p : piece) labels(static_cast<int>(p % width), static_cast<int>(p / width)) = l;
-      }
+  }
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (open(x, y) == 0) continue;
+      const Span<const std::uint32_t> piece = list.sub(0, take_piece(open, x, y, list));
+      if (!depth_detail::lies_on_ground(scene, shape.width, piece)) continue;
+      const Label l = depth_detail::ground_beside(labels, piece);
+      for (const std::uint32_t p : piece) labels(place_of(p, shape.width)) = l;
     }
   }
   return {};

@@ -85,8 +85,8 @@ class SignOutlines {
   [[nodiscard]] std::uint32_t pixel(int x, int y) const noexcept {
     return static_cast<std::uint32_t>(y) * width_ + static_cast<std::uint32_t>(x);
   }
-  [[nodiscard]] int x_of(std::uint32_t p) const noexcept { return static_cast<int>(p % width_); }
-  [[nodiscard]] int y_of(std::uint32_t p) const noexcept { return static_cast<int>(p / width_); }
+  [[nodiscard]] int x_of(std::uint32_t p) const noexcept { return place_of(p, labels_.width()).x; }
+  [[nodiscard]] int y_of(std::uint32_t p) const noexcept { return place_of(p, labels_.width()).y; }
 
   [[nodiscard]] static bool near(std::uint8_t a, std::uint8_t b) noexcept { return (a > b ? a - b : b - a) <= kNoise; }
   // From `outside` on, a step further.
