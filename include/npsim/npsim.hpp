@@ -45,6 +45,7 @@
 #include "npsim/depth/normals.hpp"
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/refine_depth.hpp"
+#include "npsim/depth/refine_depth_params.hpp"
 #include "npsim/depth/uncertainty.hpp"
 
 // sections 3.1, 3.3, 3.5: the layered scene mesh

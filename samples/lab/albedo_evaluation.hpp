@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "npsim/core/scene_view.hpp"
-#include "npsim/depth/refine_depth.hpp"
+#include "npsim/depth/refine_depth_params.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/material/albedo.hpp"
 #include "npsim/pipeline/relight.hpp"

@@ -20,7 +20,7 @@
 #include "label_groups.hpp"
 #include "npsim/core/observe.hpp"
 #include "npsim/core/scene_view.hpp"
-#include "npsim/depth/refine_depth.hpp"
+#include "npsim/depth/refine_depth_params.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/metrics/geometry_errors.hpp"

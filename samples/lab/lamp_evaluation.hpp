@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "npsim/core/scene_view.hpp"
-#include "npsim/depth/refine_depth.hpp"
+#include "npsim/depth/refine_depth_params.hpp"
 #include "npsim/io/scene.hpp"
 #include "npsim/light/placement.hpp"
 #include "tool/figures.hpp"

@@ -19,7 +19,7 @@
 #include "evaluate_command.hpp"
 #include "npsim/core/scene_view.hpp"
 #include "npsim/depth/losses.hpp"
-#include "npsim/depth/refine_depth.hpp"
+#include "npsim/depth/refine_depth_params.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "scene_truth.hpp"
 #include "tool/console.hpp"

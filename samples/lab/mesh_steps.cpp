@@ -7,7 +7,7 @@
 #include <cstdint>
 
 #include "npsim/core/camera.hpp"
-#include "npsim/depth/refine_depth.hpp"
+#include "npsim/depth/refine_depth_params.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/image.hpp"
 #include "npsim/io/memory.hpp"

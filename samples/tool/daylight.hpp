@@ -10,7 +10,7 @@
 #include <string>
 
 #include "figures.hpp"
-#include "npsim/depth/refine_depth.hpp"
+#include "npsim/depth/refine_depth_params.hpp"
 #include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/error.hpp"
 #include "npsim/io/scene.hpp"

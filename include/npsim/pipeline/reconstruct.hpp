@@ -22,7 +22,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/refine_depth.hpp"
+#include "npsim/depth/refine_depth_params.hpp"
 #include "npsim/depth/uncertainty.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/mesh/complete.hpp"

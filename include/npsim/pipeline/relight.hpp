@@ -27,7 +27,7 @@
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/refine_depth.hpp"
+#include "npsim/depth/refine_depth_params.hpp"
 #include "npsim/light/activation.hpp"
 #include "npsim/light/emitter.hpp"
 #include "npsim/light/light_set.hpp"

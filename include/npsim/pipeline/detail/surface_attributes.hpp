@@ -14,7 +14,7 @@
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
-#include "npsim/depth/refine_depth.hpp"
+#include "npsim/depth/refine_depth_params.hpp"
 #include "npsim/material/albedo.hpp"
 #include "npsim/material/retroreflection.hpp"
 #include "npsim/material/roughness.hpp"
