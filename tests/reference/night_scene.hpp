@@ -263,7 +263,7 @@ struct NightScene {
   }
   [[nodiscard]] std::uint32_t lamp_of_face(std::uint32_t face) const { return face_lamp.empty() ? 0 : face_lamp[face]; }
   [[nodiscard]] RoughDielectric material(const SurfaceSample& at) const {
-    return matt ? RoughDielectric::matt(at.albedo) : RoughDielectric(at.albedo, at.alpha, f0);
+    return matt || at.alpha > 1 ? RoughDielectric::matt(at.albedo) : RoughDielectric(at.albedo, at.alpha, f0);
   }
   // Unit, along cross(b - a, c - a).
   [[nodiscard]] Vec3d face_normal(std::uint32_t face) const {

@@ -140,6 +140,19 @@ TEST_CASE("without interface (f0 = 0, facing) it is nearly Lambert; a mirror-lik
   CHECK(eval_bsdf({}, 0.05F, 0.04F, n, wo, mirror).x > 5 * eval_bsdf({}, 0.05F, 0.04F, n, wo, aside).x);
 }
 
+TEST_CASE("leaves lit and seen at grazing angles keep their colour: without a skin over them nothing shines") {
+  const Vec3f n{0, 0, 1};
+  const Vec3f wo = normalized(Vec3f{1, 0, 0.1F});
+  const Vec3f wi = normalized(Vec3f{-1, 0, 0.1F});
+  const Vec3f leaves{0.03F, 0.06F, 0.01F};
+  const Vec3f skin = eval_bsdf(leaves, 1.0F, 0.04F, n, wo, wi);
+  REQUIRE(skin.x > 10.0F * leaves.x / static_cast<float>(kPi));  // what an interface would add, however rough
+  const Vec3f matt = eval_bsdf(leaves, kMatt, 0.04F, n, wo, wi);
+  CHECK(static_cast<double>(matt.x) == doctest::Approx(0.03 / kPi).epsilon(1e-6));
+  CHECK(static_cast<double>(matt.y) == doctest::Approx(0.06 / kPi).epsilon(1e-6));
+  CHECK(static_cast<double>(matt.z) == doctest::Approx(0.01 / kPi).epsilon(1e-6));
+}
+
 TEST_CASE("bsdf is finite and not negative at grazing, below the horizon and for NaN") {
   const Vec3f n{0, 0, 1};
   const float nan = std::numeric_limits<float>::quiet_NaN();

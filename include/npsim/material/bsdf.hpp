@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reflection of a dielectric street surface: Lambert under a rough interface.
+// Reflection of a dielectric street surface: Lambert under a rough interface, or Lambert alone.
 //
 //   f(wi, wo) = (1 - E(n.wi)) (1 - E(n.wo)) / (1 - mean E) albedo / pi + D(h) V(wi, wo) F(wi.h)
 // D and V are GGX with height-correlated Smith masking (Walter et al., EGSR 2007; Heitz, JCGT 2014), F is Schlick's
@@ -24,6 +24,11 @@ inline namespace NPSIM_ABI {
 
 inline constexpr float kMinAlpha = 0.02F;
 
+// As alpha, it and all above 1: no interface, f = albedo / pi. Leaves, blades and fibres lie in all directions and have
+// no common normal by which they would shine; a skin over them would, ever more towards grazing angles, and be grey
+// there whatever their colour. What single leaves mirror is in the albedo.
+inline constexpr float kMatt = 2.0F;
+
 [[nodiscard]] constexpr float fresnel_schlick(float f0, float cosine) noexcept {
   const float t = cosine < 1.0F ? (cosine > 0.0F ? 1.0F - cosine : 1.0F) : 0.0F;
   const float t2 = t * t;
@@ -37,7 +42,8 @@ inline constexpr float kMinAlpha = 0.02F;
   const float no = dot(n, wo);
   const float ni = dot(n, wi);
   if (!(no > 0.0F) || !(ni > 0.0F)) return {};
-  const float a = alpha > kMinAlpha ? (alpha < 1.0F ? alpha : 1.0F) : kMinAlpha;
+  if (alpha > 1.0F) return albedo * kInvPi;
+  const float a = alpha > kMinAlpha ? alpha : kMinAlpha;
   const SpecularAlbedo reflected(a, f0);
   const float mean_through = 1.0F - reflected.mean();
   const float through = (1.0F - reflected(no)) * (1.0F - reflected(ni)) / (mean_through > 1e-3F ? mean_through : 1e-3F);

@@ -24,7 +24,7 @@ inline namespace NPSIM_ABI {
 // Roughness as renderers, glTF and networks give it, 0..1, looks even; GGX alpha is its square (Burley, SIGGRAPH 2012).
 [[nodiscard]] constexpr float alpha_of_roughness(float roughness) noexcept { return roughness * roughness; }
 
-// GGX alpha by class. `labels` may be empty: one class.
+// GGX alpha by class, kMatt for what has none. `labels` may be empty: one class.
 template <class Executor>
 Status estimate_roughness(ImageView<const Label> labels, ImageView<float> alpha, Executor& executor) {
   if (alpha.empty()) return Status(StatusCode::invalid_argument, "roughness: the output is empty");

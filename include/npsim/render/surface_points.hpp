@@ -30,7 +30,7 @@ struct SurfacePoints {
   Span<const Vec3f> position;             // m, camera frame
   Span<const Vec3f> normal;               // unit, facing the camera
   Span<const Vec3f> albedo;               // diffuse reflectance, linear RGB in [0, 1]
-  Span<const float> alpha;                // GGX width in (0, 1]
+  Span<const float> alpha;                // GGX width in (0, 1], or kMatt
   Span<const float> lift_m;               // how far along the normal a ray starts that leaves the point, >= 0
   Span<const Retroreflector> retro = {};  // what returns light to its lamp; empty: nothing does
   Span<const std::uint8_t> film = {};  // share of a film of water in 255ths (material/roughness.hpp); empty: all is dry

@@ -3,7 +3,7 @@
 //
 // Albedo: asphalt new .07-.08, aged .12-.15; concrete .14-.20; soil .22; grass .21 (broadband; the visible part of
 // leaves reflects about .1). The others, and all of roughness, are plausible defaults [default]: dry asphalt .8-1,
-// foliage .5-.7, clear coat .05-.1, other painted things .1-.4. A photograph shows relative albedo only; the prior sets
+// clear coat .05-.1, other painted things .1-.4; leaves, blades, fibres and spokes make no common interface at all. A photograph shows relative albedo only; the prior sets
 // its scale per class.
 #ifndef NPSIM_MATERIAL_DETAIL_CLASS_PRIORS_HPP
 #define NPSIM_MATERIAL_DETAIL_CLASS_PRIORS_HPP
@@ -12,13 +12,14 @@
 
 #include "npsim/core/config.hpp"
 #include "npsim/labels/cityscapes.hpp"
+#include "npsim/material/bsdf.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
 
 struct SurfacePrior {
   float albedo = 0.2F;  // median luminance of the albedo, linear
-  float alpha = 0.6F;   // GGX
+  float alpha = 0.6F;   // GGX, or kMatt
 };
 
 inline constexpr std::array<SurfacePrior, kLabelCount> kSurfacePriors = {{
@@ -43,11 +44,11 @@ inline constexpr std::array<SurfacePrior, kLabelCount> kSurfacePriors = {{
     {0.25F, 0.40F},  // polegroup
     {0.08F, 0.40F},  // traffic light: dark housing
     {0.40F, 0.35F},  // traffic sign
-    {0.08F, 0.60F},  // vegetation: leaves in visible light, with the gaps between them that a solid skin lacks
-    {0.19F, 0.90F},  // terrain: soil and grass
+    {0.08F, kMatt},  // vegetation: leaves in visible light, with the gaps between them that a solid skin lacks
+    {0.19F, kMatt},  // terrain: soil and grass
     {0.20F, 1.00F},  // sky: no surface
-    {0.20F, 0.90F},  // person: cloth
-    {0.20F, 0.90F},  // rider
+    {0.20F, kMatt},  // person: cloth
+    {0.20F, kMatt},  // rider
     {0.20F, 0.10F},  // car: paint under clear coat, and panes
     {0.25F, 0.12F},  // truck
     {0.30F, 0.10F},  // bus
@@ -55,7 +56,7 @@ inline constexpr std::array<SurfacePrior, kLabelCount> kSurfacePriors = {{
     {0.25F, 0.20F},  // trailer
     {0.30F, 0.12F},  // train
     {0.12F, 0.45F},  // motorcycle: in part like a bicycle
-    {0.15F, 0.60F},  // bicycle: tubes, and gaps between them that its outline takes for one skin
+    {0.15F, kMatt},  // bicycle: tubes, and gaps between them that its outline takes for one skin
 }};
 
 // Ids outside the definition count as unlabeled.
