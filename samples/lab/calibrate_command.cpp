@@ -92,7 +92,10 @@ int run_calibrate(const CalibrateOptions& options) {
   for (const NoiseSample& s : samples) used += s.freedom > 0 ? 1U : 0U;
   std::printf("beta1  %.4e +- %.1e (95 %%)\nbeta2  %.4e +- %.1e (95 %%)\nchi2   %.2f a degree of freedom, %zu areas\n",
               fit.beta1, 1.96 * fit.error1, fit.beta2, 1.96 * fit.error2, fit.chi2, used);
-  if (frames[0].iso > 0) std::printf("table  [%g, %.4e, %.4e]\n", frames[0].iso, fit.beta1, fit.beta2);
+  if (const io::RawFile& raw = frames[0]; raw.iso > 0) {  // tables are in whites of the picture
+    const double room = raw.headroom;
+    std::printf("table  [%g, %.4e, %.4e]\n", raw.iso, fit.beta1 * room, fit.beta2 * room * room);
+  }
   if (fit.beta2 < 0) std::printf("note: beta2 below 0, the black level is higher than %g\n", scale.black);
   return kExitDone;
 }

@@ -35,7 +35,7 @@ struct Sample {
     for (int y = 0; y < 21; ++y) {
       for (int x = 0; x < 37; ++x) levels(x, y) = static_cast<std::uint16_t>((x * 131 + y * 977) % 4096);
     }
-    raw = {levels.view(), {2, 1, 1.5F}, {1e-3F, 1e-6F}};
+    raw = {levels.view(), 4, {2, 1, 1.5F}, {1e-3F, 1e-6F}};
     fs::create_directories(kFolder);
   }
   ~Sample() { fs::remove_all(kFolder); }
@@ -64,6 +64,7 @@ TEST_CASE("raw picture: what is read is what was written, and the sidecar says h
   CHECK(read.value().black == 64);
   CHECK(read.value().white == 4095);
   CHECK(read.value().iso == 800);
+  CHECK(read.value().headroom == 4);
   for (int y = 0; y < 21; ++y) {
     for (int x = 0; x < 37; ++x) CHECK(read.value().levels(x, y) == s.levels(x, y));
   }
@@ -73,6 +74,12 @@ TEST_CASE("raw picture: what is read is what was written, and the sidecar says h
   CHECK(json.value()["bits"] == 12);
   CHECK(json.value()["gains"][0] == 2);
 
+  const std::string sidecar = (kFolder / "night_raw.json").string();
+  nlohmann::ordered_json less = json.value();
+  less["exposure"]["headroom"] = 0.5;
+  std::ofstream(sidecar) << less;
+  CHECK(io::read_raw(path).error().line().find("exposure.headroom: expected 1 or more") != std::string::npos);
+  REQUIRE(io::write_raw(path, s.raw, s.sensor, s.exposure).ok());
   std::ofstream(path, std::ios::binary | std::ios::app) << 'x';
   CHECK(io::read_raw(path).error().line().find("expected 1554") != std::string::npos);
   fs::remove(kFolder / "night_raw.json");
@@ -115,6 +122,7 @@ TEST_CASE("dng: tags ascend, levels, filters, matrix, neutral and noise are wher
   CHECK(number(tags[50717].at, 4) == 4095);
   CHECK(number(tags[50714].at, 4) == 6400);
   CHECK(number(tags[50728].at, 4) == 500000);
+  CHECK(number(tags[50730].at, 4) == 20000);  // two stops
   const std::size_t strip = number(tags[273].at, 4);
   CHECK(number(tags[279].at, 4) == 37 * 21 * 2);
   REQUIRE(strip + 37 * 21 * 2 == bytes.size());

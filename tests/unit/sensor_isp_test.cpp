@@ -94,7 +94,7 @@ Lch lch(const Vec3f& linear) {
 
 TEST_CASE("sensor: the tone curves are monotonic and continuous, 0 to 0 and 1 to 1, the filmic one straight between") {
   for (const ToneKind kind : {ToneKind::clip, ToneKind::filmic, ToneKind::log}) {
-    for (const float knee : {0.0F, 0.5F, 0.8F, 1.0F}) {
+    for (const float knee : {0.1F, 0.25F, 0.8F, 1.0F}) {
       for (const float toe : {0.0F, 0.003F, 0.1F}) {
         const ToneCurve curve{kind, toe, knee, 100.0F};
         CHECK(npsim::tone_map(curve, 0.0F) == 0.0F);
@@ -102,16 +102,45 @@ TEST_CASE("sensor: the tone curves are monotonic and continuous, 0 to 0 and 1 to
         float before = 0;
         for (int i = 1; i <= 5000; ++i) {
           const float y = npsim::tone_map(curve, static_cast<float>(i) / 5000.0F);
-          CHECK(y >= before - 0x1p-22F);  // rounding
-          CHECK(y - before < 25.0F / 5000.0F);
+          CHECK(y >= before - 0x1p-22F);          // rounding
+          CHECK(y - before < 1000.0F / 5000.0F);  // of a knee of .1: full scale is 810 times white
           CHECK(y <= 1.000001F);
           before = y;
         }
       }
     }
   }
-  const ToneCurve toe{ToneKind::filmic, 0.003F, 0.8F, 1.0F};
-  CHECK(npsim::tone_map(toe, 0.3F) == doctest::Approx(0.36 * 1.0025 - 0.003).epsilon(1e-3));
+  const ToneCurve toe{ToneKind::filmic, 0.003F, 0.5F, 1.0F};
+  const double white = 0.5 * std::exp(1.0);  // 1 / .5 - 1
+  CHECK(npsim::headroom(toe) == doctest::Approx(white).epsilon(1e-6));
+  CHECK(npsim::tone_map(toe, 0.3F) == doctest::Approx(0.3 * white + 0.3 * 0.003 - 0.003).epsilon(1e-3));
+}
+
+TEST_CASE(
+    "sensor: above the knee of the filmic curve each factor of light adds the same, and its slope is continuous") {
+  for (const float knee : {0.1F, 0.25F, 0.5F}) {
+    const ToneCurve curve{ToneKind::filmic, 0.0F, knee, 1.0F};
+    const float white = npsim::headroom(curve);
+    const auto shown_at = [&](float light) { return static_cast<double>(npsim::tone_map(curve, light / white)); };
+    for (float light = 1.001F * knee; 2 * light < white; light *= 1.3F) {
+      CHECK(shown_at(2 * light) - shown_at(light) ==
+            doctest::Approx(static_cast<double>(knee) * std::log(2.0)).epsilon(1e-4));
+    }
+    const double step = 0.01 * static_cast<double>(knee);
+    CHECK(shown_at(knee) == doctest::Approx(static_cast<double>(knee)).epsilon(1e-5));
+    CHECK(shown_at(1.01F * knee) - shown_at(knee) == doctest::Approx(step).epsilon(0.01));
+    CHECK(shown_at(knee) - shown_at(0.99F * knee) == doctest::Approx(step).epsilon(0.01));
+  }
+}
+
+TEST_CASE("sensor: a lit sign four times as bright as white keeps its picture, and what is darker is shown as it is") {
+  PhotographParams params;
+  const Vec3f grey{1, 1, 1};
+  const auto code = [&](float times) { return static_cast<int>(shown(params, grey, times).g); };
+  CHECK(code(4.0F) > code(2.0F) + 10);
+  CHECK(code(2.0F) > code(1.0F) + 10);
+  CHECK(code(6.0F) == 255);
+  CHECK(code(0.1F) == doctest::Approx(255 * (1.055 * std::pow(0.1, 1 / 2.4) - 0.055)).epsilon(0.02));
 }
 
 TEST_CASE("sensor: codes by the square root of a value are sRGB's within .04, do not fall, and reach 0 and 255") {
@@ -419,6 +448,20 @@ TEST_CASE("sensor: raw levels of a photograph are what the sensor read, before a
   CHECK((green - 64) / (4095 - 64) == doctest::Approx(signal).epsilon(0.02));
   CHECK(raw.gains.x >= 1);
   CHECK(raw.noise.beta1 == doctest::Approx(static_cast<double>(npsim::noise_level(exposure.iso).value().beta1)));
+  CHECK(raw.headroom == 1);
+  // What a shoulder shows the sensor has to take: its wells are so much deeper, the electrons and their noise the same.
+  params.isp.tone = {npsim::ToneKind::filmic, 0.0F, 0.5F, 100.0F};
+  REQUIRE(take() == npsim::StatusCode::ok);
+  const double room = 0.5 * std::exp(1.0);
+  CHECK(static_cast<double>(raw.headroom) == doctest::Approx(room).epsilon(1e-6));
+  double less = 0;
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 1 - y % 2; x < 40; x += 2) less += levels(x, y) / 480.0;
+  }
+  CHECK((less - 64) / (4095 - 64) == doctest::Approx(signal / room).epsilon(0.02));
+  const npsim::NoiseLevel level = npsim::noise_level(exposure.iso).value();
+  CHECK(raw.noise.beta1 == doctest::Approx(static_cast<double>(level.beta1) / room));
+  CHECK(raw.noise.beta2 == doctest::Approx(static_cast<double>(level.beta2) / (room * room)));
   params.sensor.exposures = 3;
   CHECK(take() == npsim::StatusCode::invalid_argument);
   params = PhotographParams::thesis();
@@ -433,7 +476,7 @@ TEST_CASE("sensor: displayed noise of the action camera lies within half and twi
   params.exposure.camera.iso = 1200;
   params.sensor.vignetting = 0;
   for (const float level : {6.0F, 12.0F, 23.0F, 45.0F, 90.0F}) {
-    const float linear = npsim::srgb_decode8(static_cast<std::uint8_t>(level)) / 1.2F;
+    const float linear = npsim::srgb_decode8(static_cast<std::uint8_t>(level));
     const float y = linear / npsim::signal_per_luminance(params.exposure.camera);
     const Picture out = photographed(params, Image({200, 200}, {y, y, y}));
     // As tools measure it: the median of |4 c - neighbours| of the grey level, over .6745 sqrt(20).
@@ -459,7 +502,7 @@ TEST_CASE("sensor: by 4:2:0 the pixels of a quad have one colour and their own l
     npsim_test::Image<float> plane(npsim::mosaic_shape(shape), 0.0F);
     npsim::RandomStream random(9, npsim::RandomPurpose::test, 0, 0, 0, 0);
     for (int y = 0; y < plane.shape().height; ++y) {
-      for (int x = 0; x < plane.shape().width; ++x) plane(x, y) = random.uniform(0.1F, 0.3F);
+      for (int x = 0; x < plane.shape().width; ++x) plane(x, y) = random.uniform(0.02F, 0.06F);
     }
     const npsim::SerialExecutor executor;
     npsim::Workspace none;

@@ -187,6 +187,7 @@ inline Outcome write_dng(const std::string& path, const RawPicture& raw, const S
     image.add_fractions(50721, TiffType::signed_rational, detail::raw_of_xyz(sensor), 1e4);
     image.add_fractions(50728, TiffType::rational, {neutral(raw.gains.x), neutral(raw.gains.y), neutral(raw.gains.z)},
                         1e6);
+    image.add_fractions(50730, TiffType::signed_rational, {std::log2(static_cast<double>(raw.headroom))}, 1e4);
     image.add_u16(50778, {21});  // D65
     image.add_doubles(51041, {static_cast<double>(raw.noise.beta1), static_cast<double>(raw.noise.beta2)});
 

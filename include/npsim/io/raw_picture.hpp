@@ -48,18 +48,21 @@ inline Outcome write_raw(const std::string& path, const RawPicture& raw, const S
     }
     nlohmann::ordered_json response = nlohmann::ordered_json::array();
     for (const Vec3f& row : sensor.response) response.push_back({row.x, row.y, row.z});
-    const nlohmann::ordered_json sidecar = {
-        {"npsim_raw", 1},
-        {"width", levels.width()},
-        {"height", levels.height()},
-        {"mosaic", kMosaicNames[static_cast<std::size_t>(sensor.mosaic)]},
-        {"bits", sensor.bits},
-        {"black", sensor.black},
-        {"white", white_level(sensor)},
-        {"response", std::move(response)},
-        {"gains", {raw.gains.x, raw.gains.y, raw.gains.z}},
-        {"noise", {{"beta1", raw.noise.beta1}, {"beta2", raw.noise.beta2}}},
-        {"exposure", {{"iso", exposure.iso}, {"f_number", exposure.f_number}, {"time_s", exposure.time_s}}}};
+    const nlohmann::ordered_json sidecar = {{"npsim_raw", 1},
+                                            {"width", levels.width()},
+                                            {"height", levels.height()},
+                                            {"mosaic", kMosaicNames[static_cast<std::size_t>(sensor.mosaic)]},
+                                            {"bits", sensor.bits},
+                                            {"black", sensor.black},
+                                            {"white", white_level(sensor)},
+                                            {"response", std::move(response)},
+                                            {"gains", {raw.gains.x, raw.gains.y, raw.gains.z}},
+                                            {"noise", {{"beta1", raw.noise.beta1}, {"beta2", raw.noise.beta2}}},
+                                            {"exposure",
+                                             {{"iso", exposure.iso},
+                                              {"headroom", raw.headroom},
+                                              {"f_number", exposure.f_number},
+                                              {"time_s", exposure.time_s}}}};
     if (auto o = write_file(path, bytes.data(), bytes.size()); !o) return o;
     return write_file(raw_sidecar(path), sidecar.dump(2) + "\n");
   });
@@ -70,6 +73,7 @@ struct RawFile {
   double black = 0;
   double white = 0;
   double iso = 0;
+  double headroom = 1;  // full scale over the white of the picture
 };
 
 // Of a .raw with its sidecar.
@@ -93,6 +97,9 @@ struct RawFile {
     if (!exposure) return exposure.error();
     const Expected<double> iso = exposure.value().number("iso");
     if (!iso) return iso.error();
+    const Expected<double> headroom = exposure.value().number("headroom");
+    if (!headroom) return headroom.error();
+    if (!(headroom.value() >= 1)) return Error{beside, "exposure.headroom", "expected 1 or more"};
     const Expected<Shape> shape = checked_shape(beside, width.value(), height.value(), 2, limits);
     if (!shape) return shape.error();
     if (!(black.value() >= 0 && white.value() > black.value())) {
@@ -106,7 +113,7 @@ struct RawFile {
                    std::to_string(bytes.size()) + " bytes, expected " + std::to_string(2 * shape.value().pixels()) +
                        " as the sidecar has it"};
     }
-    RawFile raw{Image<std::uint16_t>(shape.value()), black.value(), white.value(), iso.value()};
+    RawFile raw{Image<std::uint16_t>(shape.value()), black.value(), white.value(), iso.value(), headroom.value()};
     for (std::size_t i = 0; i < shape.value().pixels(); ++i) {
       raw.levels.data()[i] = static_cast<std::uint16_t>(bytes[2 * i] | (bytes[2 * i + 1] << 8U));
     }

@@ -34,7 +34,10 @@ inline namespace NPSIM_ABI {
 // motion -> starburst, glare -> exposure -> filters of the sensor, full well, shot and read noise (3.10), converter -> white
 // balance -> denoise -> demosaic -> highlights, colour matrix, tone curve, sRGB -> sharpening. docs/camera.md draws the
 // chain and shows the cameras.
-// Exposure is metered on what the sensor sees, glare included.
+// Exposure is metered on what the sensor sees, glare included. Its signal is 1 where the straight part of the tone
+// curve shows white: cameras are rated by the picture that they give (ISO 12232, standard output sensitivity). The
+// sensor takes the highlights of the curve too, in wells that are headroom() (sensor/isp.hpp) times as deep, with the
+// noise in electrons that the table has for the speed.
 // Motion needs depth, and instances and lamps where they are to move and to flicker: what the street is made of.
 // Memory: an image and two floats per pixel besides what the steps take; an image for the thesis' sensor.
 
@@ -71,6 +74,7 @@ struct PhotographedStreet {
 // The picture before it is developed.
 struct RawPicture {
   ImageView<std::uint16_t> levels;  // the caller's; left alone where it is empty
+  float headroom = 1.0F;            // full scale over the white of the picture
   Vec3f gains;                      // of white balance
   NoiseLevel noise;                 // of the samples, residual included
 };
@@ -78,7 +82,7 @@ struct RawPicture {
 // Defaults are those of an action camera: a wide lens behind a cover, 12 megapixels binned to video and frames averaged
 // (16 read-outs a sample), colours stronger than life.
 struct PhotographParams {
-  AutoExposureParams exposure;
+  AutoExposureParams exposure = for_video();
   MotionParams motion = rolling(0.016F);  // at rest, until its speed is given
   FlickerParams flicker;
   StarburstParams starburst;  // none: small lenses of fixed f-number have a round opening
@@ -90,11 +94,18 @@ struct PhotographParams {
   Span<const NoiseAtIso> noise_table = kDefaultNoise;
   float residual_noise = 0.25F;  // see NoiseParams
   WhiteBalanceParams white_balance;
-  RawDenoiseParams denoise;
+  RawDenoiseParams denoise{5.0F, 0.0001F};
   IspParams isp;              // but its gains and where it withdraws colour
   float sharpening = 0.7F;    // strength of sharpen(): real nights are as sharp (docs/camera.md); noise grows with it
   float colour_noise = 3.0F;  // standard deviations of the read noise below which colour is withdrawn
 
+  // As bright as real nights are (docs/camera.md).
+  [[nodiscard]] static constexpr AutoExposureParams for_video() noexcept {
+    AutoExposureParams exposure;
+    exposure.target_mean = 0.054F;
+    exposure.usual_iso = 1440.0F;
+    return exposure;
+  }
   // Sensors of video read a frame in half to all of its time. Assumed, not measured.
   [[nodiscard]] static constexpr MotionParams rolling(float readout_s) noexcept {
     MotionParams motion;
@@ -105,6 +116,7 @@ struct PhotographParams {
   // The text knows exposure and noise only: raw noise, no glare, no white balance, no tone curve.
   [[nodiscard]] static constexpr PhotographParams thesis() noexcept {
     PhotographParams params;
+    params.exposure = {};
     params.exposure.compensation = 1.0F;
     params.motion.readout_s = 0.0F;
     params.glare.halo = params.glare.veil = 0.0F;
@@ -134,6 +146,7 @@ struct PhotographParams {
   // Three exposures, 120 dB, and a curve that shows them all place by place; little colour preference.
   [[nodiscard]] static constexpr PhotographParams automotive_hdr() noexcept {
     PhotographParams params;
+    params.exposure = {};
     params.exposure.camera.f_number = 1.6F;
     params.exposure.camera.time_s = 1.0F / 60.0F;
     params.glare.halo = 0.4F;
@@ -143,7 +156,9 @@ struct PhotographParams {
     params.sensor.vignetting = 0.2F;
     params.sensor.blur_px = 0.7F;
     params.residual_noise = 0.35F;
+    params.denoise = {};
     params.sharpening = 0.0F;
+    params.isp.pale_from = 0.6F;
     params.isp.saturation = 1.0F;
     params.isp.tone.kind = ToneKind::log;
     params.isp.tone.lift = 4000.0F;
@@ -153,6 +168,7 @@ struct PhotographParams {
   // One exposure, noise as it is read, colours and levels as they are: what a network on raw pictures would see.
   [[nodiscard]] static constexpr PhotographParams automotive_raw() noexcept {
     PhotographParams params;
+    params.exposure = {};
     params.exposure.camera.f_number = 1.6F;
     params.glare.halo = 0.4F;
     params.sensor.bits = 12;
@@ -168,6 +184,7 @@ struct PhotographParams {
     params.colour_noise = 0.0F;
     params.isp.demosaic = Demosaic::bilinear;
     params.isp.chroma = ChromaSampling::yuv444;
+    params.isp.pale_from = 0.6F;
     params.isp.saturation = 1.0F;
     params.isp.tone.kind = ToneKind::clip;
     return params;
@@ -196,7 +213,30 @@ struct PhotographParams {
   return validate(params.isp);
 }
 
+// Full scale of the sensor over the white of the picture.
+[[nodiscard]] inline float headroom(const PhotographParams& params) noexcept {
+  return params.ideal_sensor ? 1.0F : headroom(params.isp.tone);
+}
+
 namespace photograph_detail {
+
+// The sensor's part of an exposure, in its full scales.
+struct SensorExposure {
+  float gain = 0.0F;  // signal per cd/m2
+  float hot = 0.0F;   // mean of hot pixels
+  NoiseLevel noise;   // before averaging
+};
+
+[[nodiscard]] inline Status expose_sensor(const PhotographParams& params, const CameraExposure& exposure,
+                                          SensorExposure& out) noexcept {
+  const Result<NoiseLevel> level = noise_level(exposure.iso, params.noise_table);
+  NPSIM_RETURN_IF_ERROR(level.status());
+  const float room = headroom(params);
+  out.gain = signal_per_luminance(exposure) / room;
+  out.hot = hot_signal(params.sensor, exposure.time_s, exposure.iso) / room;
+  out.noise = {level.value().beta1 / room, level.value().beta2 / (room * room)};
+  return {};
+}
 
 [[nodiscard]] constexpr bool moves(const PhotographParams& params) noexcept {
   return has_motion(params.motion) || params.flicker.on;
@@ -339,9 +379,9 @@ Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, 
   AutoExposureResult metered;
   NPSIM_RETURN_IF_ERROR(auto_exposure(params.exposure, light, metered, workspace, executor));
   exposure = metered.camera;
-  const Result<NoiseLevel> level = noise_level(exposure.iso, params.noise_table);
-  NPSIM_RETURN_IF_ERROR(level.status());
-  const NoiseParams noise{level.value(), params.residual_noise};
+  photograph_detail::SensorExposure sensor;
+  NPSIM_RETURN_IF_ERROR(photograph_detail::expose_sensor(params, exposure, sensor));
+  const NoiseParams noise{sensor.noise, params.residual_noise};
 
   if (params.ideal_sensor) {
     NPSIM_RETURN_IF_ERROR(expose(exposure, light, own, executor));
@@ -352,8 +392,8 @@ Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, 
   ImageView<float> clean;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(mosaic_shape(shape), plane));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(mosaic_shape(shape), clean));
-  NPSIM_RETURN_IF_ERROR(capture(params.sensor, signal_per_luminance(exposure), noise, intrinsics, seed, image, light,
-                                plane, executor, hot_signal(params.sensor, exposure.time_s, exposure.iso)));
+  NPSIM_RETURN_IF_ERROR(
+      capture(params.sensor, sensor.gain, noise, intrinsics, seed, image, light, plane, executor, sensor.hot));
   IspParams isp = params.isp;
   isp.colourless = clamp_to(
       params.colour_noise * noise.residual * std::sqrt(noise.level.beta2) / raw_range(params.sensor), 0.0F, 1.0F);
@@ -361,6 +401,7 @@ Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, 
   if (raw != nullptr && !raw->levels.empty()) {
     NPSIM_RETURN_IF_ERROR(raw_levels(params.sensor, plane, raw->levels, executor));
     const float r2 = noise.residual * noise.residual;
+    raw->headroom = headroom(params);
     raw->gains = isp.gains;
     raw->noise = {noise.level.beta1 * r2, noise.level.beta2 * r2};
   }
@@ -403,9 +444,9 @@ Status picture_masks(const SignalMaskParams& params, const PhotographParams& cam
   ImageView<Vec3f> own;
   NPSIM_RETURN_IF_ERROR(
       photograph_detail::light_at_sensor(camera, intrinsics, seed, image, street, light, own, workspace, executor));
-  const Result<NoiseLevel> level = noise_level(exposure.iso, camera.noise_table);
-  NPSIM_RETURN_IF_ERROR(level.status());
-  const NoiseParams noise{level.value(), camera.residual_noise};
+  photograph_detail::SensorExposure sensor;
+  NPSIM_RETURN_IF_ERROR(photograph_detail::expose_sensor(camera, exposure, sensor));
+  const NoiseParams noise{sensor.noise, camera.residual_noise};
   if (camera.ideal_sensor) {
     NPSIM_RETURN_IF_ERROR(expose(exposure, light, own, executor));
     return signal_masks(params, noise, own, out, executor);
@@ -415,8 +456,7 @@ Status picture_masks(const SignalMaskParams& params, const PhotographParams& cam
   fine.black = 0.0F;
   ImageView<float> plane;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(mosaic_shape(shape), plane));
-  NPSIM_RETURN_IF_ERROR(
-      capture(fine, signal_per_luminance(exposure), {noise.level, 0.0F}, intrinsics, 0, 0, light, plane, executor));
+  NPSIM_RETURN_IF_ERROR(capture(fine, sensor.gain, {noise.level, 0.0F}, intrinsics, 0, 0, light, plane, executor));
   Vec3f gains;
   NPSIM_RETURN_IF_ERROR(white_balance(camera.white_balance, camera.sensor, plane, gains, workspace, executor));
   return signal_masks(params, camera.sensor, noise, gains, plane, out, executor);

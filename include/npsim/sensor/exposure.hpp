@@ -28,7 +28,8 @@ inline namespace NPSIM_ABI {
 // A lens at f-number N in front of a surface of luminance L gives the sensor, in t seconds, the exposure
 //   H = pi / (4 N^2) * transmittance * L t                 lx s  (axial image, far object)
 // and the sensor saturates at H_sat = 78 / ISO lx s (saturation-based speed, ISO 12232). The signal is H / H_sat per
-// channel of linear sRGB: 1 is full scale, values above stay until the ISP clips them.
+// channel of linear sRGB: 1 is full scale, values above stay until the ISP clips them. Where the picture's tone curve
+// has a shoulder, 1 is white by its straight part, and the sensor takes more (headroom() in sensor/isp.hpp).
 // Check: 1 cd/m2 at f/2, 1/30 s, transmittance .9, ISO 3200 gives H = 5.9e-3 lx s, 24 % of full scale.
 //
 // Automatic exposure looks for the ISO speed at which the metered mean of the clipped luminance meets a target, or,

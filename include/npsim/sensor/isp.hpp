@@ -12,9 +12,10 @@
 // n / (n + colourless).
 // Tone curve, on the largest channel n of the three, which all are scaled by, so hue and chroma stay:
 //   clip    y = n
-//   filmic  W = 2 - knee, z = W n, then the toe  z <- z^2 (1 + toe / W) / (z + toe), then above the knee
-//           y = knee + (1 - knee) s (2 - s) with s = (z - knee) / (W - knee): a parabola that leaves the straight part
-//           with its slope and arrives at 1 with slope 0. In between, y = W n (1 + toe / W) - toe + O(toe^2 / n).
+//   filmic  z = W n, then the toe  z <- z^2 (1 + toe / W) / (z + toe), then above the knee y = knee (1 + ln(z / knee)),
+//           which leaves the straight part with its slope and arrives at 1 at n = 1, W = knee exp(1 / knee - 1). Below,
+//           y = W n (1 + toe / W) - toe + O(toe^2 / n). So lamps and lit signs up to W times as bright as what the
+//           straight part would show as white are told apart (headroom()).
 //   log     y = ln(1 + a n) / ln(1 + a), n = 1 at the end of the range: for several exposures
 // By `local` the curve follows the light of each place (sensor/detail/local_tone.hpp).
 // Chroma sampling: video keeps luma for every pixel and chroma for 2x2 of them (4:2:0), by which the coloured fringes
@@ -55,14 +56,14 @@ enum class ChromaSampling : std::uint8_t { yuv444, yuv420 };
 struct ToneCurve {
   ToneKind kind = ToneKind::filmic;
   float toe = 0.0F;     // how much the straight part is lowered; [0, .1]
-  float knee = 0.8F;    // displayed level where the shoulder begins; [0, 1]
+  float knee = 0.25F;   // displayed level where the shoulder begins; [.1, 1]
   float lift = 100.0F;  // a of the log curve; (0, 1e6]
 };
 
 struct IspParams {
   Vec3f gains{1.0F, 1.0F, 1.0F};  // of white balance
   Demosaic demosaic = Demosaic::gradient;
-  float pale_from = 0.6F;   // of full scale
+  float pale_from = 0.4F;   // of full scale
   float pale = 0.92F;       // share of its chroma that a clipped pixel loses
   float saturation = 1.2F;  // 1: as the scene is
   ChromaSampling chroma = ChromaSampling::yuv420;
@@ -73,9 +74,9 @@ struct IspParams {
 
 [[nodiscard]] inline Status validate(const ToneCurve& c) noexcept {
   const bool good =
-      c.toe >= 0.0F && c.toe <= 0.1F && c.knee >= 0.0F && c.knee <= 1.0F && c.lift > 0.0F && c.lift <= 1e6F;
+      c.toe >= 0.0F && c.toe <= 0.1F && c.knee >= 0.1F && c.knee <= 1.0F && c.lift > 0.0F && c.lift <= 1e6F;
   return good ? Status()
-              : Status(StatusCode::invalid_argument, "tone curve: toe in [0, .1], knee in [0, 1], lift in (0, 1e6]");
+              : Status(StatusCode::invalid_argument, "tone curve: toe in [0, .1], knee in [.1, 1], lift in (0, 1e6]");
 }
 
 [[nodiscard]] inline Status validate(const IspParams& p) noexcept {
@@ -90,23 +91,29 @@ struct IspParams {
           "ISP: gains in [0, 64], pale_from in [0, .89], pale in [0, 1], saturation in [0, 4], colourless in [0, 1]"};
 }
 
+// How many times brighter than white by the straight part of the curve, which shows light as it is, full scale is.
+[[nodiscard]] inline float headroom(const ToneCurve& curve) noexcept {
+  return curve.kind == ToneKind::filmic ? curve.knee * std::exp(1.0F / curve.knee - 1.0F) : 1.0F;
+}
+
 // Displayed linear value of the largest channel; 0 to 0, 1 to 1 and monotonic, within a rounding of 2^-23.
+// white: headroom(curve).
 template <class F>
-[[nodiscard]] NPSIM_ALWAYS_INLINE F tone_map(const ToneCurve& curve, F x) noexcept {
+[[nodiscard]] NPSIM_ALWAYS_INLINE F tone_map(const ToneCurve& curve, float white, F x) noexcept {
   const F c = simd::clamp(x, 0.0F, 1.0F);
   if (curve.kind == ToneKind::clip) return c;
   if (curve.kind == ToneKind::log) {
     return simd::log(fma(c, F(curve.lift), F(1.0F))) * (F(1.0F) / simd::log(F(1.0F + curve.lift)));
   }
-  const float white = 2.0F - curve.knee;
   F z = c * F(white);
   if (curve.toe > 0.0F) z = z * z * F(1.0F + curve.toe / white) / (z + F(curve.toe));
-  const F s = simd::clamp((z - F(curve.knee)) * F(white > curve.knee ? 1.0F / (white - curve.knee) : 0.0F), 0.0F, 1.0F);
-  return select(z > F(curve.knee), fma(F(1.0F - curve.knee) * s, F(2.0F) - s, F(curve.knee)), z);
+  if (none(z > F(curve.knee))) return z;  // most of a night
+  const F shoulder = fma(simd::log(max(z, F(curve.knee)) * F(1.0F / curve.knee)), F(curve.knee), F(curve.knee));
+  return select(z > F(curve.knee), min(shoulder, F(1.0F)), z);
 }
 
 [[nodiscard]] inline float tone_map(const ToneCurve& curve, float x) noexcept {
-  return tone_map(curve, simd::scalar::F32(x)).value;
+  return tone_map(curve, headroom(curve), simd::scalar::F32(x)).value;
 }
 
 namespace isp_detail {
@@ -272,8 +279,9 @@ void develop_segment(const IspParams& params, const ColourMatrix& matrix, Mosaic
     luma.store(s.y + i);
     (blue - luma).store(s.z + i);
   };
+  const float white = headroom(params.tone);
   if (lines.slope.empty()) {
-    for (int i = 0; i < count; i += F::lanes) shown(i, [&](F n) { return tone_map(params.tone, n); });
+    for (int i = 0; i < count; i += F::lanes) shown(i, [&](F n) { return tone_map(params.tone, white, n); });
     return;
   }
   alignas(64) float slope[kIspSegment] = {};
@@ -282,7 +290,7 @@ void develop_segment(const IspParams& params, const ColourMatrix& matrix, Mosaic
   for (int i = 0; i < count; i += F::lanes) {
     shown(i, [&](F n) {
       const F c = max(local_light(params.local, n, F::load(slope + i), F::load(offset + i)), F(1e-9F));
-      return below_white(n * tone_map(params.tone, c) / c, tone_map(params.tone, n));
+      return below_white(n * tone_map(params.tone, white, c) / c, tone_map(params.tone, white, n));
     });
   }
 }
