@@ -102,6 +102,31 @@ TEST_CASE(
   CHECK(s.unseen().empty());
 }
 
+TEST_CASE(
+    "a lamp above the picture beside a tree that the border cuts is passed over; beside a house or farther off it is "
+    "not") {
+  Street s;
+  s.lamp({3, -6.5F, 40});
+  s.lamp({3, -6.5F, 68});
+  // The next station, 12 m ahead and above the picture, is 3.3 m from what pixels about (135, 0) show at its depth.
+  const auto first = [&] { return s.unseen()[0].centre_m.z; };
+  CHECK(first() == doctest::Approx(12).epsilon(1e-4));
+  for (int x = 130; x < 140; ++x) {
+    s.labels(x, 0) = label::vegetation;
+    s.depth(x, 0) = 12.0F;
+  }
+  CHECK(first() == doctest::Approx(12).epsilon(1e-4));  // too far below
+  s.lamps[0].centre_m.y = s.lamps[1].centre_m.y = -4.2F;
+  CHECK(first() == doctest::Approx(-16).epsilon(1e-4));
+  for (int x = 130; x < 140; ++x) s.depth(x, 0) = 8.0F;
+  CHECK(first() == doctest::Approx(12).epsilon(1e-4));
+  for (int x = 130; x < 140; ++x) {
+    s.labels(x, 0) = label::building;
+    s.depth(x, 0) = 12.0F;
+  }
+  CHECK(first() == doctest::Approx(12).epsilon(1e-4));
+}
+
 TEST_CASE("rows of two classes and of both sides go on by themselves; signals and cars have none") {
   Street s;
   s.lamp({5, -6.5F, 20});

@@ -83,12 +83,14 @@ struct EgoHeadlampParams {
 // EN 13201-2 take with common luminaires. Each station outside the picture gets a lamp like the nearest one, as
 // high above the ground. The first station that the picture would show and does not ends the row, as it stops there for
 // all that one sees; and so does one inside a house. One that something else hides, such as leaves, is passed over: a
-// lamp that nobody sees would light just what hides it.
+// lamp that nobody sees would light just what hides it. So is one beyond the picture's border beside a tree that the
+// border cuts: trunk and crown go on there.
 // Where no street lamp is marked, assumed_width_m > 0 supposes a road of that width with a row of masts on its right
 // kerb: one-sided rows are about as high as the road is wide (5 to 10 m).
 // The moon is one more lamp of that kind, where its direction is given.
 // Such an emitter has mark 0 and the number `unseen`; strength and colour are those of its class in the same night.
-// Error: the row itself is a guess; gaps come from placed lamps, so from depth. Cost: one pass over the lamps per row.
+// Error: the row itself is a guess; gaps come from placed lamps, so from depth. Cost: one pass over the lamps per row,
+// one over a quarter of the picture for each station ahead of the camera and outside the picture.
 
 struct ContinuedRowParams {
   float behind_m = 60.0F;        // rows go on so far behind the camera; 0: no row is continued
@@ -126,6 +128,7 @@ inline constexpr int kRows = 12;
 
 inline constexpr LabelSet kHouses = LabelSet::of(label::building, label::wall, label::bridge, label::tunnel);
 inline constexpr float kGapPerHeight = 3.5F;
+inline constexpr float kBesideTree_m = 1.5F;  // nearer a lamp would hang in the tree [default]
 inline constexpr std::size_t kMaxOfRow = 16;  // lamps whose gaps are looked at
 
 // The distances of a row's nearest lamps along the road, sorted.
@@ -158,19 +161,29 @@ struct RowDistances {
   return clamp_to(kGapPerHeight * height_m, p.min_gap_m, p.max_gap_m);
 }
 
+// Whether the point lies in a tree that the picture shows in part, or right beside it; every other pixel is asked.
+[[nodiscard]] inline bool beside_tree(const PlacementScene& s, const Vec3f& point) noexcept {
+  for (int y = 0; y < s.labels.height(); y += 2) {
+    for (int x = 0; x < s.labels.width(); x += 2) {
+      if (s.labels(x, y) != label::vegetation || !is_valid_depth(s.depth(x, y))) continue;
+      if (length(unproject_pixel(s.camera, x, y, s.depth(x, y)) - point) < kBesideTree_m) return true;
+    }
+  }
+  return false;
+}
+
 // What the picture says of a lamp at a station.
 enum class Station : std::uint8_t { outside, hidden, missing };
 
 [[nodiscard]] inline Station look_at_station(const PlacementScene& s, const Vec3f& point) noexcept {
   if (!(point.z > 0.3F)) return Station::outside;
-  const float u = s.camera.fx * point.x / point.z + s.camera.cx;
-  const float v = s.camera.fy * point.y / point.z + s.camera.cy;
+  const Vec2f at = project(s.camera, point);
   const Shape shape = s.depth.shape();
   const bool inside =
-      u >= 0.0F && v >= 0.0F && u < static_cast<float>(shape.width) && v < static_cast<float>(shape.height);
-  if (!inside) return Station::outside;
-  const auto x = static_cast<int>(u);
-  const auto y = static_cast<int>(v);
+      at.x >= 0.0F && at.y >= 0.0F && at.x < static_cast<float>(shape.width) && at.y < static_cast<float>(shape.height);
+  if (!inside) return beside_tree(s, point) ? Station::hidden : Station::outside;
+  const auto x = static_cast<int>(at.x);
+  const auto y = static_cast<int>(at.y);
   if (!s.labels.empty() && (kHouses.contains(s.labels(x, y)) || s.labels(x, y) == label::sky)) return Station::missing;
   return is_valid_depth(s.depth(x, y)) && s.depth(x, y) < 0.9F * point.z ? Station::hidden : Station::missing;
 }
