@@ -37,6 +37,7 @@ namespace {
   if (options.black >= 0) raw.black = options.black;
   if (options.white >= 0) raw.white = options.white;
   if (options.iso > 0) raw.iso = options.iso;
+  if (options.headroom > 0) raw.headroom = options.headroom;
   if (!(raw.white > raw.black)) return io::Error{path, "--white", "expected more than the black level"};
   return raw;
 }

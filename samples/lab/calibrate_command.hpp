@@ -17,7 +17,8 @@ struct CalibrateOptions {
   int square = 32;                    // px
   double black = -1;                  // negative: as the sidecar has it
   double white = -1;
-  double iso = 0;  // 0: as the sidecar has it
+  double iso = 0;       // 0: as the sidecar has it
+  double headroom = 0;  // full scale over white of the picture; 0: as the sidecar has it, 1 without one
 };
 
 [[nodiscard]] int run_calibrate(const CalibrateOptions& options);  // an exit status

@@ -145,6 +145,11 @@ int main(int argc, char** argv) {
   calibrate_app->add_option("--white", calibrate.white, "Level of full scale")->check(within(1.0, 65535.0));
   calibrate_app->add_option("--iso", calibrate.iso, "At which the pictures were taken, for the row of the table")
       ->check(within(1.0, 1e7));
+  calibrate_app
+      ->add_option("--headroom", calibrate.headroom,
+                   "How many times white of the picture full scale is, for the row of the table; default: as the "
+                   "sidecar has it, else 1")
+      ->check(within(1.0, 1000.0));
 
   JudgeOptions judge;
   CLI::App* judge_app = commands["judge"];

@@ -317,8 +317,13 @@ struct NightScene {
   const auto of = [&](std::uint32_t v) -> const SurfaceMaterial& { return scene.materials[v]; };
   out.albedo = vec_cast<double>(of(f.a).albedo) * w + vec_cast<double>(of(f.b).albedo) * hit.u +
                vec_cast<double>(of(f.c).albedo) * hit.v;
-  out.alpha = static_cast<double>(of(f.a).alpha) * w + static_cast<double>(of(f.b).alpha) * hit.u +
-              static_cast<double>(of(f.c).alpha) * hit.v;
+  const double alpha[3] = {static_cast<double>(of(f.a).alpha), static_cast<double>(of(f.b).alpha),
+                           static_cast<double>(of(f.c).alpha)};
+  if (std::max({alpha[0], alpha[1], alpha[2]}) > 1) {  // between a matt surface and another there is none in between
+    out.alpha = alpha[w >= hit.u && w >= hit.v ? 0 : (hit.u >= hit.v ? 1 : 2)];
+  } else {
+    out.alpha = alpha[0] * w + alpha[1] * hit.u + alpha[2] * hit.v;
+  }
   return true;
 }
 

@@ -538,6 +538,21 @@ TEST_CASE("sensor: white balance: LED of 4000 K becomes nearly white, sodium sta
   // Nothing to see, or nothing but saturated samples: daylight.
   const Vec3f dark = gains({}, {0, 0, 0});
   CHECK(dark == gains({}, {1e9F, 1e9F, 1e9F}));
+  // A halo above white that the sensor still takes does not outweigh the street.
+  Image mixed({48, 40}, led * 0.05F);
+  for (int y = 0; y < 16; ++y) {
+    for (int x = 0; x < 48; ++x) mixed(x, y) = sodium;
+  }
+  const Plane plane = captured(plain(), mixed, {}, 0.9F);
+  const auto with_white = [&](float part) {
+    npsim_test::Scratch scratch(npsim::white_balance_workspace_bytes({48, 40}));
+    Vec3f out;
+    REQUIRE(npsim::white_balance({}, plain(), plane.cview(), out, scratch.workspace(), executor, part).ok());
+    return out;
+  };
+  const Vec3f street = gains({}, led);
+  CHECK(with_white(0.2F).z == doctest::Approx(static_cast<double>(street.z)).epsilon(0.02));
+  CHECK(with_white(1.0F).z > 1.1F * street.z);
   CHECK(balanced(dark, {1, 1, 1}).x == doctest::Approx(static_cast<double>(balanced(dark, {1, 1, 1}).y)).epsilon(0.03));
 }
 

@@ -4,6 +4,7 @@
 
 #ifdef NPSIM_TOOL
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -108,6 +109,19 @@ TEST_CASE("tool: calibrate-noise finds beta1 and beta2 of flat patches and of tw
   check_betas(run_tool("calibrate-noise '" + a + "'" + levels + patches));
   check_betas(run_tool("calibrate-noise '" + a + "' '" + b + "'" + levels));
   check_betas(run_tool("calibrate-noise" + patches + levels + " '" + a + "' '" + b + "'"));
+  // Rows of a table are in whites of the picture: of a sensor that takes five times white the noise is so much larger.
+  const std::string once = run_tool("calibrate-noise '" + a + "'" + levels + patches).output;
+  const std::string five = run_tool("calibrate-noise '" + a + "'" + levels + patches + " --headroom 5").output;
+  const auto row = [](const std::string& text) {
+    double iso = 0, beta1 = 0, beta2 = 0;
+    const std::size_t at = text.find("table  [");
+    REQUIRE(at != std::string::npos);
+    REQUIRE(std::sscanf(text.c_str() + at, "table  [%lf, %lf, %lf]", &iso, &beta1, &beta2) == 3);
+    return std::array<double, 3>{iso, beta1, beta2};
+  };
+  CHECK(row(five)[0] == 400);
+  CHECK(row(five)[1] == doctest::Approx(5 * row(once)[1]).epsilon(1e-3));
+  CHECK(row(five)[2] == doctest::Approx(25 * row(once)[2]).epsilon(1e-3));
   check_refused(run_tool("calibrate-noise '" + a + "'" + levels), "--patch: is missing");
   check_refused(run_tool("calibrate-noise '" + a + "' '" + b + "'"), "--black, --white");
   check_refused(run_tool("calibrate-noise '" + a + "'" + levels + " --patch 0,0,9999,9"), "--patch");

@@ -4,12 +4,13 @@
 //   {"preset": "dashcam",                                  what the file does not name is the preset's; action-camera
 //    "exposure": {"iso_max": 3200, "f_number": 1.8, "meter": "centre"},
 //    "glare": {"halo": 1.2, "veil": 0.1},
-//    "sensor": {"mosaic": "grbg", "bits": 10, "black": 64, "response": [[...], [...], [...]]},
+//    "sensor": {"mosaic": "grbg", "bits": 12, "black": 64, "response": [[...], [...], [...]]},
 //    "noise": {"residual": 1, "table": [[100, 1.46e-4, 2.6e-7], ...]},     rows of ISO, beta1, beta2
 //    "motion": {"velocity_m_s": [0, 0, 14], "objects": [[26001, 0, 0, 10]]}, "flicker": {},
 //    "white_balance": {"fixed_k": 4000}, "denoise": {"strength": 0}, "isp": {"demosaic": "bilinear", "tone": "clip"}}
 // docs/camera.md lists the fields with their units. A noise table that was fitted to digital numbers, black level
-// included (its beta2 is negative), says so by "black" and "white" beside it and is converted.
+// included (its beta2 is negative), says so by "black" and "white" beside it and is converted. Its unit is white of the
+// picture: sensors that take h times white have beta1 h and beta2 h^2 of what is measured in full scales.
 #ifndef NPSIM_IO_CAMERA_FILE_HPP
 #define NPSIM_IO_CAMERA_FILE_HPP
 

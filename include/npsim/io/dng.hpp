@@ -3,9 +3,9 @@
 //
 // A little-endian TIFF with one image and an EXIF directory (Adobe, "Digital Negative Specification" 1.4): mosaic,
 // black and white level, ColorMatrix1 (XYZ to raw, for D65), AsShotNeutral from the gains of white balance,
-// NoiseProfile, which is (beta1, beta2) of equation (3.10), and the exposure. Levels take 16 bits, whatever the
-// converter has.
-// Error: none in the levels; matrix and neutral are fractions of 10^4 and 10^6.
+// NoiseProfile, which is (beta1, beta2) of equation (3.10), BaselineExposure, which is log2 of the headroom, and the
+// exposure. Levels take 16 bits, whatever the converter has.
+// Error: none in the levels; matrix and baseline are fractions of 10^4, the neutral of 10^6.
 #ifndef NPSIM_IO_DNG_HPP
 #define NPSIM_IO_DNG_HPP
 

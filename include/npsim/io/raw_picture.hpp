@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A raw picture as NAME.raw, its levels row by row in 16 bits (little-endian, no header), and NAME_raw.json beside it:
-// size, mosaic, bits, black and white level, gains of white balance, noise, exposure.
+// size, mosaic, bits, black and white level, gains of white balance, noise, exposure and its headroom.
 //
 // A level is round(black + (white - black) x), x the signal of equation (3.10); its variance is beta1 x + beta2.
 // Error: none; what is read is what was written.

@@ -94,7 +94,7 @@ struct PhotographParams {
   Span<const NoiseAtIso> noise_table = kDefaultNoise;
   float residual_noise = 0.25F;  // see NoiseParams
   WhiteBalanceParams white_balance;
-  RawDenoiseParams denoise{5.0F, 0.0001F};
+  RawDenoiseParams denoise;   // but that its shadows are in whites
   IspParams isp;              // but its gains and where it withdraws colour
   float sharpening = 0.7F;    // strength of sharpen(): real nights are as sharp (docs/camera.md); noise grows with it
   float colour_noise = 3.0F;  // standard deviations of the read noise below which colour is withdrawn
@@ -106,6 +106,13 @@ struct PhotographParams {
     exposure.usual_iso = 1440.0F;
     return exposure;
   }
+  // What cameras without a shoulder begin with.
+  [[nodiscard]] static constexpr PhotographParams plain() noexcept {
+    PhotographParams params;
+    params.exposure = {};
+    params.isp.pale_from = 0.6F;
+    return params;
+  }
   // Sensors of video read a frame in half to all of its time. Assumed, not measured.
   [[nodiscard]] static constexpr MotionParams rolling(float readout_s) noexcept {
     MotionParams motion;
@@ -115,8 +122,7 @@ struct PhotographParams {
 
   // The text knows exposure and noise only: raw noise, no glare, no white balance, no tone curve.
   [[nodiscard]] static constexpr PhotographParams thesis() noexcept {
-    PhotographParams params;
-    params.exposure = {};
+    PhotographParams params = plain();
     params.exposure.compensation = 1.0F;
     params.motion.readout_s = 0.0F;
     params.glare.halo = params.glare.veil = 0.0F;
@@ -134,8 +140,6 @@ struct PhotographParams {
     params.motion.readout_s = 0.025F;
     params.glare.halo = 1.2F;
     params.glare.veil = 0.1F;
-    params.sensor.bits = 12;
-    params.sensor.black = 64.0F;
     params.residual_noise = 0.35F;
     params.white_balance.warmest_k = 3000.0F;
     params.white_balance.coolest_k = 7000.0F;
@@ -145,8 +149,7 @@ struct PhotographParams {
   }
   // Three exposures, 120 dB, and a curve that shows them all place by place; little colour preference.
   [[nodiscard]] static constexpr PhotographParams automotive_hdr() noexcept {
-    PhotographParams params;
-    params.exposure = {};
+    PhotographParams params = plain();
     params.exposure.camera.f_number = 1.6F;
     params.exposure.camera.time_s = 1.0F / 60.0F;
     params.glare.halo = 0.4F;
@@ -156,9 +159,7 @@ struct PhotographParams {
     params.sensor.vignetting = 0.2F;
     params.sensor.blur_px = 0.7F;
     params.residual_noise = 0.35F;
-    params.denoise = {};
     params.sharpening = 0.0F;
-    params.isp.pale_from = 0.6F;
     params.isp.saturation = 1.0F;
     params.isp.tone.kind = ToneKind::log;
     params.isp.tone.lift = 4000.0F;
@@ -167,8 +168,7 @@ struct PhotographParams {
   }
   // One exposure, noise as it is read, colours and levels as they are: what a network on raw pictures would see.
   [[nodiscard]] static constexpr PhotographParams automotive_raw() noexcept {
-    PhotographParams params;
-    params.exposure = {};
+    PhotographParams params = plain();
     params.exposure.camera.f_number = 1.6F;
     params.glare.halo = 0.4F;
     params.sensor.bits = 12;
@@ -184,7 +184,6 @@ struct PhotographParams {
     params.colour_noise = 0.0F;
     params.isp.demosaic = Demosaic::bilinear;
     params.isp.chroma = ChromaSampling::yuv444;
-    params.isp.pale_from = 0.6F;
     params.isp.saturation = 1.0F;
     params.isp.tone.kind = ToneKind::clip;
     return params;
@@ -397,7 +396,9 @@ Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, 
   IspParams isp = params.isp;
   isp.colourless = clamp_to(
       params.colour_noise * noise.residual * std::sqrt(noise.level.beta2) / raw_range(params.sensor), 0.0F, 1.0F);
-  NPSIM_RETURN_IF_ERROR(white_balance(params.white_balance, params.sensor, plane, isp.gains, workspace, executor));
+  const float white = 1.0F / headroom(params);
+  NPSIM_RETURN_IF_ERROR(
+      white_balance(params.white_balance, params.sensor, plane, isp.gains, workspace, executor, white));
   if (raw != nullptr && !raw->levels.empty()) {
     NPSIM_RETURN_IF_ERROR(raw_levels(params.sensor, plane, raw->levels, executor));
     const float r2 = noise.residual * noise.residual;
@@ -405,7 +406,8 @@ Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, 
     raw->gains = isp.gains;
     raw->noise = {noise.level.beta1 * r2, noise.level.beta2 * r2};
   }
-  NPSIM_RETURN_IF_ERROR(denoise_raw(params.denoise, params.sensor, noise, plane, clean, executor));
+  const RawDenoiseParams denoise{params.denoise.strength, params.denoise.shadows * white};
+  NPSIM_RETURN_IF_ERROR(denoise_raw(denoise, params.sensor, noise, plane, clean, executor));
   NPSIM_RETURN_IF_ERROR(develop(isp, params.sensor, clean, picture, workspace, executor));
   return sharpen(params.sharpening, picture, plane, executor);
 }
@@ -458,7 +460,8 @@ Status picture_masks(const SignalMaskParams& params, const PhotographParams& cam
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(mosaic_shape(shape), plane));
   NPSIM_RETURN_IF_ERROR(capture(fine, sensor.gain, {noise.level, 0.0F}, intrinsics, 0, 0, light, plane, executor));
   Vec3f gains;
-  NPSIM_RETURN_IF_ERROR(white_balance(camera.white_balance, camera.sensor, plane, gains, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(
+      white_balance(camera.white_balance, camera.sensor, plane, gains, workspace, executor, 1.0F / headroom(camera)));
   return signal_masks(params, camera.sensor, noise, gains, plane, out, executor);
 }
 

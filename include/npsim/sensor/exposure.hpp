@@ -27,7 +27,7 @@ inline namespace NPSIM_ABI {
 //
 // A lens at f-number N in front of a surface of luminance L gives the sensor, in t seconds, the exposure
 //   H = pi / (4 N^2) * transmittance * L t                 lx s  (axial image, far object)
-// and the sensor saturates at H_sat = 78 / ISO lx s (saturation-based speed, ISO 12232). The signal is H / H_sat per
+// and H_sat = 78 / ISO lx s saturates it (saturation-based speed, ISO 12232). The signal is H / H_sat per
 // channel of linear sRGB: 1 is full scale, values above stay until the ISP clips them. Where the picture's tone curve
 // has a shoulder, 1 is white by its straight part, and the sensor takes more (headroom() in sensor/isp.hpp).
 // Check: 1 cd/m2 at f/2, 1/30 s, transmittance .9, ISO 3200 gives H = 5.9e-3 lx s, 24 % of full scale.
@@ -51,7 +51,7 @@ struct CameraExposure {
 enum class Metering : std::uint8_t {
   mean,       // of the whole picture
   centre,     // weighted by a Gaussian about the middle, of a quarter of width and height
-  highlight,  // the brightest `highlight_share` of the area saturates
+  highlight,  // the brightest `highlight_share` of the area reaches a signal of 1
   fixed       // CameraExposure::iso as it is
 };
 
@@ -249,7 +249,7 @@ template <class Executor>
 
 // White balance of a raw picture: which light the camera takes for white.
 //
-//   automatic  the mean of the 2x2 quads of which no sample is saturated (grey world) is taken for a grey under a
+//   automatic  the mean of the 2x2 quads of which no sample is white or above (grey world) is taken for a grey under a
 //              glowing body, the nearest of the Planckian locus within the limits; the camera adapts to a share of it,
 //              in reciprocal temperature from daylight at 6500 K
 //   fixed      to a stated temperature
@@ -327,11 +327,12 @@ void sum_quads(const float* upper, const float* lower, int width, float clip, do
   return allocation_bytes<Vec3d>(chunk_count(rows, kSensorRowChunk)) + kWorkspaceAlignment;
 }
 
-// plane: as capture() makes it. Gains of a black picture are those of daylight.
+// plane: as capture() makes it. white: of the picture, in full scales, so that the halos of lamps do not outweigh the
+// street. Gains of a black picture are those of daylight.
 template <class Executor>
 [[nodiscard]] Status white_balance(const WhiteBalanceParams& params, const SensorParams& sensor,
-                                   ImageView<const float> plane, Vec3f& gains, Workspace& workspace,
-                                   Executor& executor) {
+                                   ImageView<const float> plane, Vec3f& gains, Workspace& workspace, Executor& executor,
+                                   float white = 1.0F) {
   using namespace white_balance_detail;
   NPSIM_RETURN_IF_ERROR(validate(params));
   NPSIM_RETURN_IF_ERROR(validate(sensor));
@@ -348,7 +349,7 @@ template <class Executor>
   Span<Vec3d> partial;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(chunk_count(rows, kSensorRowChunk), partial));
   const int width = plane.width() - 2 * kMosaicMargin;
-  const float clip = 0.95F * raw_range(sensor);
+  const float clip = 0.95F * white * raw_range(sensor);
   executor.for_chunks(rows, kSensorRowChunk, [&](std::size_t begin, std::size_t end) {
     double sum[4] = {};
     for (std::size_t y = begin; y + 1 < end; y += 2) {  // chunks begin at even rows

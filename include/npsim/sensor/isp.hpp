@@ -32,6 +32,7 @@
 
 #include "npsim/color/chromaticity.hpp"
 #include "npsim/color/srgb.hpp"
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
@@ -56,7 +57,7 @@ enum class ChromaSampling : std::uint8_t { yuv444, yuv420 };
 struct ToneCurve {
   ToneKind kind = ToneKind::filmic;
   float toe = 0.0F;     // how much the straight part is lowered; [0, .1]
-  float knee = 0.25F;   // displayed level where the shoulder begins; [.1, 1]
+  float knee = 0.25F;   // displayed level where the shoulder begins; [.2, 1]: 11 times to once white
   float lift = 100.0F;  // a of the log curve; (0, 1e6]
 };
 
@@ -74,9 +75,9 @@ struct IspParams {
 
 [[nodiscard]] inline Status validate(const ToneCurve& c) noexcept {
   const bool good =
-      c.toe >= 0.0F && c.toe <= 0.1F && c.knee >= 0.1F && c.knee <= 1.0F && c.lift > 0.0F && c.lift <= 1e6F;
+      c.toe >= 0.0F && c.toe <= 0.1F && c.knee >= 0.2F && c.knee <= 1.0F && c.lift > 0.0F && c.lift <= 1e6F;
   return good ? Status()
-              : Status(StatusCode::invalid_argument, "tone curve: toe in [0, .1], knee in [.1, 1], lift in (0, 1e6]");
+              : Status(StatusCode::invalid_argument, "tone curve: toe in [0, .1], knee in [.2, 1], lift in (0, 1e6]");
 }
 
 [[nodiscard]] inline Status validate(const IspParams& p) noexcept {
@@ -93,7 +94,8 @@ struct IspParams {
 
 // How many times brighter than white by the straight part of the curve, which shows light as it is, full scale is.
 [[nodiscard]] inline float headroom(const ToneCurve& curve) noexcept {
-  return curve.kind == ToneKind::filmic ? curve.knee * std::exp(1.0F / curve.knee - 1.0F) : 1.0F;
+  if (curve.kind != ToneKind::filmic) return 1.0F;
+  return max_of(1.0F, curve.knee * std::exp(1.0F / curve.knee - 1.0F));
 }
 
 // Displayed linear value of the largest channel; 0 to 0, 1 to 1 and monotonic, within a rounding of 2^-23.

@@ -45,6 +45,7 @@ struct NoiseParams {
   float residual = 1.0F;  // of the standard deviation, in [0, 1]
 };
 
+// At a speed by which cameras are rated; 1 is then white of the picture (headroom() in sensor/isp.hpp).
 struct NoiseAtIso {
   float iso = 0.0F;
   NoiseLevel level;

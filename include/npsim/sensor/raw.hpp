@@ -66,7 +66,7 @@ struct SensorParams {
   float ratio = 16.0F;      // of exposure times, from one to the next
   float row_noise = 0.0F;   // of the read noise; [0, 10]. Visible from a tenth on
   float hot_pixels = 0.0F;  // share; [0, .1]
-  float hot_rate = 0.05F;   // mean of their signals: full scales a second at ISO 100 [assumed]
+  float hot_rate = 0.05F;   // mean of their signals: whites a second at ISO 100 [assumed]
   int serial = 1;           // which camera this is
 };
 
@@ -141,8 +141,8 @@ void for_hot_pixels(const SensorParams& p, int width, int y, const F& f) noexcep
 
 }  // namespace raw_detail
 
-// gain: signal_per_luminance() of the exposure. plane: of mosaic_shape(). `image` keeps the noise of two pictures
-// apart. hot: hot_signal() of the exposure.
+// gain: signal_per_luminance() of the exposure, over the headroom. plane: of mosaic_shape(). `image` keeps the noise of
+// two pictures apart. hot: hot_signal() of the exposure, over the headroom.
 template <class Executor>
 [[nodiscard]] Status capture(const SensorParams& params, float gain, const NoiseParams& noise,
                              const Intrinsics& intrinsics, std::uint64_t seed, std::uint32_t image,

@@ -3,8 +3,8 @@
 //
 // Albedo: asphalt new .07-.08, aged .12-.15; concrete .14-.20; soil .22; grass .21 (broadband; the visible part of
 // leaves reflects about .1). The others, and all of roughness, are plausible defaults [default]: dry asphalt .8-1,
-// clear coat .05-.1, other painted things .1-.4; leaves, blades, fibres and spokes make no common interface at all. A photograph shows relative albedo only; the prior sets
-// its scale per class.
+// clear coat .05-.1, other painted things .1-.4; leaves, blades, fibres and spokes make no common interface at all. A
+// photograph shows relative albedo only; the prior sets its scale per class.
 #ifndef NPSIM_MATERIAL_DETAIL_CLASS_PRIORS_HPP
 #define NPSIM_MATERIAL_DETAIL_CLASS_PRIORS_HPP
 
