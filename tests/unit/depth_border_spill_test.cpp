@@ -435,6 +435,30 @@ TEST_CASE("border spill: a corner of a house takes the pavement behind it no far
   }
 }
 
+TEST_CASE("border spill: the top of a mast that a car hides takes not the depth of its roof, a shorter piece is left") {
+  for (const int rows : {9, 5}) {
+    Image<float> depth({40, 60}, 50.0F);
+    Image<Label> labels({40, 60}, label::building);
+    for (int y = 0; y < 60; ++y) {
+      for (int x = 0; x < 40; ++x) {
+        if (y >= 28) depth(x, y) = 16.0F;  // the car, and two rows above it
+        if (y >= 30) labels(x, y) = label::car;
+        if (y < 30 && y >= 30 - rows && x >= 18 && x < 22) labels(x, y) = label::pole;
+      }
+    }
+    Image<float> kept = depth;
+    const SerialExecutor executor;
+    REQUIRE(drop_border_spill({}, depth.view(), {labels.cview(), {}}, {}, kept.view(), executor).ok());
+    for (int x = 18; x < 22; ++x) {
+      CHECK(kept(x, 30 - rows) == 50.0F);
+      CHECK(kept(x, 27) == 50.0F);
+      CHECK(kept(x, 28) == (rows == 9 ? 0.0F : 16.0F));
+      CHECK(kept(x, 29) == (rows == 9 ? 0.0F : 16.0F));
+      CHECK(kept(x, 30) == 16.0F);
+    }
+  }
+}
+
 TEST_CASE("border spill: one pixel, nothing measured, parameters and sizes out of range") {
   const SerialExecutor executor;
   Image<float> one({1, 1}, 3.0F);

@@ -23,9 +23,9 @@ inline namespace NPSIM_ABI {
 // samples of the same filter whose difference from it is likely to be noise.
 //
 //   out = sum w_i x_i / sum w_i,   w_i = max(0, 1 - (x_i - x)^2 / (strength sigma)^2)^2,   w of the sample itself 1
-// with sigma^2 = residual^2 (beta1 min(x, shadows) + beta2) + q^2 / 12 of the sample, q a level of the converter: cameras
-// remove more in the shadows and leave brighter areas their grain. It is the sigma filter (Lee, "Digital image smoothing
-// and the sigma filter", 1983) with smooth weights. What differs by more than strength sigma is left alone.
+// with sigma^2 = residual^2 (beta1 min(x, shadows) + beta2) + q^2 / 12 of the sample, q a level of the converter:
+// cameras remove more in the shadows and leave brighter areas their grain. It is the sigma filter (Lee, "Digital image
+// smoothing and the sigma filter", 1983) with smooth weights. What differs by more than strength sigma is left alone.
 // In a flat area of normal noise the standard deviation falls to .74 at a strength of 2, to .49 at 4, to .37 at 8.
 // strength 0 is a copy. Cost: about 1.5 ns per pixel (AVX2). Memory: the caller's second plane.
 

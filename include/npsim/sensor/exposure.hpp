@@ -39,7 +39,8 @@ inline namespace NPSIM_ABI {
 //   log2 ISO = log2 ISO_usual + compensation (log2 ISO_target - log2 ISO_usual), then + ev, then the limits.
 // Metering reads a histogram of luminance with 32 bins an octave, which is bisected; of pictures above 100,000 pixels
 // every other pixel of every other row.
-// Error: ISO within 1e-3 where the target is a mean. Cost: a pass over a quarter of the image. Memory: 32 KiB for 64 rows.
+// Error: ISO within 1e-3 where the target is a mean. Cost: a pass over a quarter of the image. Memory: 32 KiB for 64
+// rows.
 
 struct CameraExposure {
   float f_number = 2.0F;

@@ -5,7 +5,8 @@
 // Highlights: what is clipped in one filter has lost its hue: a red lamp three times over full scale has the raw
 // colours of an amber one. Between `pale_from` and .9 of full scale the brightest channel m draws the others to itself:
 // c <- c + pale t^2 (3 - 2 t) (m - c), so lamps keep a ring of their colour about a pale core, and no lamp shows
-// another's hue. Neighbours of a clipped sample count as partly clipped: their channels come from either side of an edge.
+// another's hue. Neighbours of a clipped sample count as partly clipped: their channels come from either side of an
+// edge.
 // Colour matrix: the inverse of the sensor's response for daylight, with chroma about luminance times `saturation`
 // (cameras show colours stronger than they are). Gamut: a colour with a negative channel moves towards the grey of
 // its luminance until that channel is 0. Shadows: cameras withdraw colour where it is noise, here by
@@ -95,20 +96,20 @@ struct IspParams {
 // How many times brighter than white by the straight part of the curve, which shows light as it is, full scale is.
 [[nodiscard]] inline float headroom(const ToneCurve& curve) noexcept {
   if (curve.kind != ToneKind::filmic) return 1.0F;
-  return max_of(1.0F, curve.knee * std::exp(1.0F / curve.knee - 1.0F));
+  return max_of(1.0F, curve.knee * simd::exp(simd::scalar::F32(1.0F / curve.knee - 1.0F)).value);
 }
 
 // Displayed linear value of the largest channel; 0 to 0, 1 to 1 and monotonic, within a rounding of 2^-23.
-// white: headroom(curve).
+// room: headroom(curve).
 template <class F>
-[[nodiscard]] NPSIM_ALWAYS_INLINE F tone_map(const ToneCurve& curve, float white, F x) noexcept {
+[[nodiscard]] NPSIM_ALWAYS_INLINE F tone_map(const ToneCurve& curve, float room, F x) noexcept {
   const F c = simd::clamp(x, 0.0F, 1.0F);
   if (curve.kind == ToneKind::clip) return c;
   if (curve.kind == ToneKind::log) {
     return simd::log(fma(c, F(curve.lift), F(1.0F))) * (F(1.0F) / simd::log(F(1.0F + curve.lift)));
   }
-  F z = c * F(white);
-  if (curve.toe > 0.0F) z = z * z * F(1.0F + curve.toe / white) / (z + F(curve.toe));
+  F z = c * F(room);
+  if (curve.toe > 0.0F) z = z * z * F(1.0F + curve.toe / room) / (z + F(curve.toe));
   if (none(z > F(curve.knee))) return z;  // most of a night
   const F shoulder = fma(simd::log(max(z, F(curve.knee)) * F(1.0F / curve.knee)), F(curve.knee), F(curve.knee));
   return select(z > F(curve.knee), min(shoulder, F(1.0F)), z);
@@ -281,9 +282,9 @@ void develop_segment(const IspParams& params, const ColourMatrix& matrix, Mosaic
     luma.store(s.y + i);
     (blue - luma).store(s.z + i);
   };
-  const float white = headroom(params.tone);
+  const float room = headroom(params.tone);
   if (lines.slope.empty()) {
-    for (int i = 0; i < count; i += F::lanes) shown(i, [&](F n) { return tone_map(params.tone, white, n); });
+    for (int i = 0; i < count; i += F::lanes) shown(i, [&](F n) { return tone_map(params.tone, room, n); });
     return;
   }
   alignas(64) float slope[kIspSegment] = {};
@@ -292,7 +293,7 @@ void develop_segment(const IspParams& params, const ColourMatrix& matrix, Mosaic
   for (int i = 0; i < count; i += F::lanes) {
     shown(i, [&](F n) {
       const F c = max(local_light(params.local, n, F::load(slope + i), F::load(offset + i)), F(1e-9F));
-      return below_white(n * tone_map(params.tone, white, c) / c, tone_map(params.tone, white, n));
+      return below_white(n * tone_map(params.tone, room, c) / c, tone_map(params.tone, room, n));
     });
   }
 }
