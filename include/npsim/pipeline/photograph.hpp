@@ -32,8 +32,8 @@ inline namespace NPSIM_ABI {
 // Section 3.6.3: the camera that looks at the night. Linear scene luminance in, an 8-bit picture out.
 //
 // motion -> starburst, glare -> exposure -> filters of the sensor, full well, shot and read noise (3.10), converter ->
-// white balance -> denoise -> demosaic -> highlights, colour matrix, tone curve, sRGB -> sharpening. docs/camera.md draws
-// the chain and shows the cameras.
+// white balance -> denoise -> demosaic -> highlights, colour matrix, tone curve, sRGB -> sharpening. docs/camera.md
+// draws the chain and shows the cameras.
 // Exposure is metered on what the sensor sees, glare included. Its signal is 1 where the straight part of the tone
 // curve shows white: cameras are rated by the picture that they give (ISO 12232, standard output sensitivity). The
 // sensor takes the highlights of the curve too, in wells that are headroom() (sensor/isp.hpp) times as deep, with the

@@ -12,8 +12,8 @@
 // inverse depths within `reach` of the border; the far one goes on along the line through two medians of its inverse
 // depths, over the first `reach` samples beyond the reach and over as many behind those. In the hidden band these begin
 // beyond the widest band that the near object can have, and where the far object has none there, which a sliver of wall
-// between two poles has not, a median beyond the near object stands in; what is as short as the top of a mast behind a
-// car is known by what it has beyond half the reach. Of the ground it is the ground plane that goes on, or beside a
+// between two poles has not, a median beyond the near object stands in; what is as short as the top of a mast behind
+// a car is known by what it has beyond half the reach. Of the ground it is the ground plane that goes on, or beside a
 // house, and of a laser always, where the first of these medians lies higher, as a pavement does, its parallel through
 // that.
 // Where the near one is more than `contrast` times the far one, samples of the far object within the reach, or in
