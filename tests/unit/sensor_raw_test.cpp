@@ -507,6 +507,29 @@ TEST_CASE("sensor: denoising halves the noise of a flat area, leaves an edge, an
   CHECK(out == noisy);
 }
 
+TEST_CASE("sensor: denoising knows the converter's levels, between which hardly any noise lets samples fall") {
+  SensorParams params = plain();
+  params.bits = 10;
+  params.black = 64;
+  for (Vec3f& row : params.response) row = {0, 1, 0};
+  const double level = 1.0 / (1023 - 64);
+  const auto between = static_cast<float>(20.5 * level);
+  const NoiseParams noise{{0.0F, static_cast<float>(0.05 * level * 0.05 * level)}, 1.0F};
+  const Plane coarse = captured(params, Image({120, 120}, {between, between, between}), noise);
+  Plane out(coarse.shape());
+  const npsim::SerialExecutor executor;
+  REQUIRE(npsim::denoise_raw({5.0F, 1.0F}, params, noise, coarse.view(), out.view(), executor).ok());
+  const auto deviation = [&](const Plane& p) {
+    double sum = 0;
+    for (int y = 4; y < 116; ++y) {
+      for (int x = 4; x < 116; ++x) sum += std::pow(static_cast<double>(at(p, x, y) - between), 2);
+    }
+    return std::sqrt(sum / (112 * 112));
+  };
+  REQUIRE(deviation(coarse) == doctest::Approx(0.5 * level).epsilon(0.02));
+  CHECK(deviation(out) < 0.7 * deviation(coarse));
+}
+
 TEST_CASE("sensor: white balance: LED of 4000 K becomes nearly white, sodium stays orange, limits and fixed hold") {
   const npsim::SerialExecutor executor;
   const auto gains = [&](const npsim::WhiteBalanceParams& params, const Vec3f& light) {
