@@ -150,6 +150,30 @@ TEST_CASE(
   }
 }
 
+TEST_CASE(
+    "street furniture: the top of a far mast takes nothing of the longer post before the car that hides the rest") {
+  Street s;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 40; x < 60; ++x) {
+      s.labels(x, y) = y >= 34 && y < 40 ? label::car : label::building;
+      s.depth(x, y) = y >= 34 && y < 40 ? 16.0F : 40.0F;
+    }
+  }
+  s.put(46, 40, 54, 110, label::pole);  // the post, 12 m away
+  for (int y = 24; y < 34; ++y) {
+    for (int x = 46; x < 54; ++x) {
+      s.labels(x, y) = label::pole;
+      s.depth(x, y) = 30.0F;
+    }
+  }
+  SerialExecutor serial;
+  REQUIRE(s.run(serial).ok());
+  for (int y = 24; y < 34; ++y) {
+    for (int x = 46; x < 54; ++x) CHECK(s.surface(x, y) == doctest::Approx(30).epsilon(1e-5));
+  }
+  for (int y = 50; y < 100; ++y) CHECK(s.surface(50, y) == doctest::Approx(kPole_m).epsilon(0.03));
+}
+
 TEST_CASE("street furniture: a large sign that is turned away keeps its plane") {
   Street s;
   s.plane.normal = normalized(Vec3f{-0.866F, 0, -0.5F});

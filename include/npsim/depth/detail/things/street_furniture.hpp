@@ -80,7 +80,8 @@ struct Run {
   return {count(-1), count(1)};
 }
 
-// Median inverse depth of the pole's pixels on the lines across it within `reach` of (x, y); 0 where there is none.
+// Median inverse depth of the pole's pixels on the lines across it within `reach` of (x, y), to the first line without
+// any: what is of its class beyond a gap may be another thing; 0 where there is none.
 [[nodiscard]] inline float typical_w(ImageView<const float> depth, const ObjectMap& objects, int x, int y, bool stands,
                                      const Run& across, int reach) noexcept {
   std::array<float, kMaxSamples> w;
@@ -88,15 +89,20 @@ struct Run {
   const auto pixels = static_cast<std::size_t>(across.length()) * static_cast<std::size_t>(2 * reach + 1);
   int step = 1;
   while (pixels > kMaxSamples * static_cast<std::size_t>(step) * static_cast<std::size_t>(step)) ++step;
-  for (int along = -(reach / step) * step; along <= reach; along += step) {
+  const auto take_line = [&](int along) {
+    bool any = false;
     for (int side = -(across.before / step) * step; side <= across.after; side += step) {
       const int u = stands ? x + side : x + along;
       const int v = stands ? y + along : y + side;
-      if (n == kMaxSamples || !depth.contains(u, v) || !objects.same(x, y, u, v) || !is_valid_depth(depth(u, v))) {
-        continue;
-      }
-      w[n++] = 1.0F / depth(u, v);
+      if (!depth.contains(u, v) || !objects.same(x, y, u, v)) continue;
+      any = true;
+      if (n < kMaxSamples && is_valid_depth(depth(u, v))) w[n++] = 1.0F / depth(u, v);
     }
+    return any;
+  };
+  for (int along = 0; along >= -reach && take_line(along); along -= step) {
+  }
+  for (int along = step; along <= reach && take_line(along); along += step) {
   }
   if (n == 0) return 0.0F;
   select_nth(w.data(), w.data() + n / 2, w.data() + n);
