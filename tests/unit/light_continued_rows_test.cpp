@@ -38,6 +38,14 @@ struct Street {
     e.mark = static_cast<std::uint16_t>(count + 1);
     lamps[count++] = e;
   }
+  void show(Label label, float z, int x0, int y0, int x1, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = x0; x < x1; ++x) {
+        labels(x, y) = label;
+        depth(x, y) = z;
+      }
+    }
+  }
   [[nodiscard]] std::vector<Emitter> unseen() {
     PlacementScene scene;
     scene.camera = {180, 180, 100, 50};
@@ -91,12 +99,7 @@ TEST_CASE(
   s.lamp({1, -6.5F, 90});
   s.lamp({1, -6.5F, 60});
   CHECK(s.unseen().empty());  // z = 30 is before the sky
-  for (int y = 0; y < 50; ++y) {
-    for (int x = 0; x < 200; ++x) {
-      s.labels(x, y) = label::vegetation;
-      s.depth(x, y) = 9;
-    }
-  }
+  s.show(label::vegetation, 9, 0, 0, 200, 50);
   CHECK(s.unseen().size() == 3);  // 30 behind leaves is passed over; 0, -30, -60
   for (Label& l : s.labels.view().pixels()) l = label::building;
   CHECK(s.unseen().empty());
@@ -111,19 +114,13 @@ TEST_CASE(
   // The next station, 12 m ahead and above the picture, is 3.3 m from what pixels about (135, 0) show at its depth.
   const auto first = [&] { return s.unseen()[0].centre_m.z; };
   CHECK(first() == doctest::Approx(12).epsilon(1e-4));
-  for (int x = 130; x < 140; ++x) {
-    s.labels(x, 0) = label::vegetation;
-    s.depth(x, 0) = 12.0F;
-  }
+  s.show(label::vegetation, 12, 130, 0, 140, 1);
   CHECK(first() == doctest::Approx(12).epsilon(1e-4));  // too far below
   s.lamps[0].centre_m.y = s.lamps[1].centre_m.y = -4.2F;
   CHECK(first() == doctest::Approx(-16).epsilon(1e-4));
-  for (int x = 130; x < 140; ++x) s.depth(x, 0) = 8.0F;
+  s.show(label::vegetation, 8, 130, 0, 140, 1);
   CHECK(first() == doctest::Approx(12).epsilon(1e-4));
-  for (int x = 130; x < 140; ++x) {
-    s.labels(x, 0) = label::building;
-    s.depth(x, 0) = 12.0F;
-  }
+  s.show(label::building, 12, 130, 0, 140, 1);
   CHECK(first() == doctest::Approx(12).epsilon(1e-4));
 }
 

@@ -83,8 +83,8 @@ struct EgoHeadlampParams {
 // EN 13201-2 take with common luminaires. Each station outside the picture gets a lamp like the nearest one, as
 // high above the ground. The first station that the picture would show and does not ends the row, as it stops there for
 // all that one sees; and so does one inside a house. One that something else hides, such as leaves, is passed over: a
-// lamp that nobody sees would light just what hides it. So is one beyond the picture's border beside a tree that the
-// border cuts: trunk and crown go on there.
+// lamp that nobody sees would light just what hides it. So is one beyond the picture's border within kBesideTree_m of
+// what the picture shows of a tree: trunk and crown go on there.
 // Where no street lamp is marked, assumed_width_m > 0 supposes a road of that width with a row of masts on its right
 // kerb: one-sided rows are about as high as the road is wide (5 to 10 m).
 // The moon is one more lamp of that kind, where its direction is given.

@@ -221,9 +221,10 @@ namespace photograph_detail {
 
 // The sensor's part of an exposure, in its full scales.
 struct SensorExposure {
-  float gain = 0.0F;  // signal per cd/m2
-  float hot = 0.0F;   // mean of hot pixels
-  NoiseLevel noise;   // before averaging
+  float white = 1.0F;  // of the picture
+  float gain = 0.0F;   // signal per cd/m2
+  float hot = 0.0F;    // mean of hot pixels
+  NoiseLevel noise;    // before averaging
 };
 
 [[nodiscard]] inline Status expose_sensor(const PhotographParams& params, const CameraExposure& exposure,
@@ -231,6 +232,7 @@ struct SensorExposure {
   const Result<NoiseLevel> level = noise_level(exposure.iso, params.noise_table);
   NPSIM_RETURN_IF_ERROR(level.status());
   const float room = headroom(params);
+  out.white = 1.0F / room;
   out.gain = signal_per_luminance(exposure) / room;
   out.hot = hot_signal(params.sensor, exposure.time_s, exposure.iso) / room;
   out.noise = {level.value().beta1 / room, level.value().beta2 / (room * room)};
@@ -397,9 +399,8 @@ Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, 
   IspParams isp = params.isp;
   isp.colourless = clamp_to(
       params.colour_noise * noise.residual * std::sqrt(noise.level.beta2) / raw_range(params.sensor), 0.0F, 1.0F);
-  const float white = 1.0F / headroom(params);
   NPSIM_RETURN_IF_ERROR(
-      white_balance(params.white_balance, params.sensor, plane, isp.gains, workspace, executor, white));
+      white_balance(params.white_balance, params.sensor, plane, isp.gains, workspace, executor, sensor.white));
   if (raw != nullptr && !raw->levels.empty()) {
     NPSIM_RETURN_IF_ERROR(raw_levels(params.sensor, plane, raw->levels, executor));
     const float r2 = noise.residual * noise.residual;
@@ -407,7 +408,7 @@ Status photograph(const PhotographParams& params, const Intrinsics& intrinsics, 
     raw->gains = isp.gains;
     raw->noise = {noise.level.beta1 * r2, noise.level.beta2 * r2};
   }
-  const RawDenoiseParams denoise{params.denoise.strength, params.denoise.shadows * white};
+  const RawDenoiseParams denoise{params.denoise.strength, params.denoise.shadows * sensor.white};
   NPSIM_RETURN_IF_ERROR(denoise_raw(denoise, params.sensor, noise, plane, clean, executor));
   NPSIM_RETURN_IF_ERROR(develop(isp, params.sensor, clean, picture, workspace, executor));
   return sharpen(params.sharpening, picture, plane, executor);
@@ -462,7 +463,7 @@ Status picture_masks(const SignalMaskParams& params, const PhotographParams& cam
   NPSIM_RETURN_IF_ERROR(capture(fine, sensor.gain, {noise.level, 0.0F}, intrinsics, 0, 0, light, plane, executor));
   Vec3f gains;
   NPSIM_RETURN_IF_ERROR(
-      white_balance(camera.white_balance, camera.sensor, plane, gains, workspace, executor, 1.0F / headroom(camera)));
+      white_balance(camera.white_balance, camera.sensor, plane, gains, workspace, executor, sensor.white));
   return signal_masks(params, camera.sensor, noise, gains, plane, out, executor);
 }
 
