@@ -426,6 +426,25 @@ TEST_CASE("a crown of which only the trunk was measured does not lean back onto 
   CHECK(s.worst_relative_error(label::vegetation) > 0.5);
 }
 
+TEST_CASE("above a laser's last row a crown has no strips of single leaves' depth, the hedge beside it keeps its own") {
+  // Of both the lower ten rows are measured: leaves lie metres before or behind those beside them.
+  Scene s({320, 100}, label::vegetation);
+  RandomStream random(2, RandomPurpose::test, 0, 0, 0, 0);
+  const auto base_m = [](int x) { return x < 200 ? 10.0F : 40.0F; };
+  for (int x = 0; x < 320; ++x) {
+    const float leaf = base_m(x) * (0.85F + 0.3F * random.uniform());
+    for (int y = 0; y < 100; ++y) s.truth(x, y) = base_m(x);
+    for (int y = 90; y < 100; ++y) s.depth(x, y) = leaf;
+  }
+  s.depth(100, 90) = 40.0F;  // seen between the leaves
+  REQUIRE(s.run().ok());
+  for (int x = 0; x < 320; ++x) {
+    CAPTURE(x);
+    CHECK(s.relative_error(x, 20) < 0.12);
+    if (x > 0 && x != 200) CHECK(std::fabs(s.out(x, 20) / s.out(x - 1, 20) - 1.0F) < 0.05F);
+  }
+}
+
 TEST_CASE("what hangs over nothing that was measured takes its surroundings' depth, at the picture's border too") {
   Scene s({40, 40});
   s.plane(0.02, 0, 0, 0, 0, 40, 40, label::building);

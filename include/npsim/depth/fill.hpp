@@ -314,6 +314,41 @@ inline void spread(FillState& state, FillReach reach) noexcept {
          [&](int x, int y, int from_x, int from_y) { return relax(state, reach, x, y, from_x, from_y); });
 }
 
+// Above a laser's last row each column of a crown stands upright on its own topmost sample, and leaves are metres before
+// or behind those beside them: strips, of which one would throw its shadow on the next. The median over kCrownReach of
+// the width to either side makes one crown of them, and the mean of what differs little a smooth one. row: the width.
+inline void level_crowns(FillState& state, Span<float> row) noexcept {
+  constexpr float kCrownReach = 1.0F / 32.0F;
+  constexpr float kOneCrown = 0.25F;  // of 1/z
+  constexpr int kSteps = 16;          // to either side
+  const int width = state.w.width();
+  const int step = std::max(1, static_cast<int>(kCrownReach * static_cast<float>(width)) / kSteps);
+  for (int y = 0; y < state.w.height(); ++y) {
+    const auto is_crown = [&](int x) {
+      return state.kind(x, y) == kGiven && state.steps(x, y) != 0 && state.label_at(x, y) == label::vegetation;
+    };
+    for (const bool median : {true, false}) {
+      for (int x = 0; x < width; ++x) row[static_cast<std::size_t>(x)] = state.w(x, y);
+      for (int x = 0; x < width; ++x) {
+        if (!is_crown(x)) continue;
+        const float own = row[static_cast<std::size_t>(x)];
+        float seen[2 * kSteps + 1];
+        int count = 0;
+        float sum = 0.0F;
+        for (int u = x - kSteps * step; u <= x + kSteps * step; u += step) {
+          if (u < 0 || u >= width || !is_crown(u)) continue;
+          const float w = row[static_cast<std::size_t>(u)];
+          if (!median && !(std::fabs(w - own) < kOneCrown * own)) continue;
+          seen[count++] = w;
+          sum += w;
+        }
+        if (median) select_nth(seen, seen + count / 2, seen + count);
+        state.w(x, y) = median ? seen[count / 2] : sum / static_cast<float>(count);
+      }
+    }
+  }
+}
+
 // A start value for every pixel: from its region, else from its class' plane, else from what it is a part of
 // (detail/fill/orphans.hpp), else from any surface, else from anything.
 [[nodiscard]] inline Status initialise(const FillParams& params, FillState& state, Workspace& workspace) noexcept {
@@ -338,6 +373,12 @@ inline void spread(FillState& state, FillReach reach) noexcept {
     }
   }
   if (labelled) {
+    {
+      const WorkspaceScope scope(workspace);
+      Span<float> row;
+      NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(state.w.width()), row));
+      level_crowns(state, row);
+    }
     const OrphanView orphans{state.objects, state.w, state.steps, state.kind};
     const float reach = params.behind_reach * static_cast<float>(state.w.width());
     continue_behind(params.behind, static_cast<int>(reach), orphans);
