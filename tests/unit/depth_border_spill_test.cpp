@@ -176,6 +176,50 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("border spill: a bumper's beams below the outline that a loose label drew are no road, the road's own stay") {
+  // A car of 10 m, its label drawn 12 rows too short, and the road below and beside it, which lies up to 10 cm higher
+  // than the plane.
+  constexpr Shape kShape{200, 160};
+  SpillView view = road_view();
+  view.camera = {500, 500, 100, 20};
+  const SerialExecutor executor;
+  for (const float raised_m : {0.0F, 0.1F}) {
+    CAPTURE(raised_m);
+    const float height_m = 1.5F - raised_m;
+    Image<float> depth(kShape, 0.0F);
+    Image<float> expected(kShape, 0.0F);
+    Image<Label> labels(kShape, label::road);
+    int bumper = 0;
+    for (int y = 30; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        const float fall = (static_cast<float>(y) + 0.5F - 20.0F) / 500.0F;
+        const float ground_m = height_m / fall;
+        const bool of_car = x >= 60 && x < 140 && fall * 10.0F < height_m - 0.3F;  // it ends above the road
+        if (of_car && (fall * 10.0F < height_m - 0.54F)) labels(x, y) = label::car;
+        if (y % 4 != 0 || (x + y / 4) % 3 != 0) continue;
+        depth(x, y) = of_car ? 10.0F : ground_m;
+        const bool loose = of_car && labels(x, y) == label::road;
+        bumper += loose ? 1 : 0;
+        expected(x, y) = loose ? 0.0F : depth(x, y);
+      }
+    }
+    REQUIRE(bumper > 50);
+    Image<float> out = depth;
+    const BorderSpillParams laser = BorderSpillParams::laser();
+    REQUIRE(drop_border_spill(laser, depth.view(), {labels.cview(), {}}, view, out.view(), executor).ok());
+    int left = 0;
+    int lost = 0;
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        left += out(x, y) > 0.0F && expected(x, y) == 0.0F ? 1 : 0;
+        lost += out(x, y) == 0.0F && expected(x, y) > 0.0F ? 1 : 0;
+      }
+    }
+    CHECK(left == 0);
+    CHECK(lost == 0);
+  }
+}
+
 TEST_CASE("border spill: a clean wall, a wall that runs up to the post, the ground and scenes without labels stay") {
   const Street street;
   CHECK(street.kept() == street.depth);
