@@ -120,6 +120,41 @@ TEST_CASE("missing sky is no hole, and a small map enlarged is not exact") {
   CHECK(source_of(enlarged) == DepthSource::network);
 }
 
+TEST_CASE("a laser's noise is measured on houses and cars, of any density, and not on plants, edges or tilted walls") {
+  const auto measured = [](float sigma_m, int rows_apart, Label of, float share = 1.0F) {
+    Image<float> depth(kShape, 0.0F);
+    Image<Label> labels(kShape, of);
+    RandomStream random(5, RandomPurpose::test, 0, 0, 0, 0);
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        const float gauss = random.uniform() + random.uniform() + random.uniform() - 1.5F;  // of variance 1/4
+        if (y % rows_apart != 0 || random.uniform() >= share) continue;
+        const float wall_m = (x / 40 % 2 == 0 ? 1.0F : 2.0F) / (0.05F + 3e-4F * static_cast<float>(y));
+        depth(x, y) = wall_m + 2.0F * sigma_m * gauss;
+        if (x / 40 % 2 == 1) labels(x, y) = of == label::building ? label::car : of;
+      }
+    }
+    return estimate_laser_noise(depth.cview(), ObjectMap{labels.cview(), {}});
+  };
+  for (const float sigma_m : {0.03F, 0.06F}) {
+    for (const int rows_apart : {1, 3}) {
+      CAPTURE(sigma_m);
+      CAPTURE(rows_apart);
+      CHECK(measured(sigma_m, rows_apart, label::building).amplitude == doctest::Approx(sigma_m).epsilon(0.1));
+      CHECK(measured(sigma_m, rows_apart, label::building, 0.3F).amplitude == doctest::Approx(sigma_m).epsilon(0.1));
+    }
+  }
+  CHECK(measured(0.002F, 1, label::building).amplitude == 0.02F);
+  CHECK(measured(1.0F, 1, label::building).amplitude == 0.1F);
+  CHECK(measured(0.06F, 1, label::vegetation).amplitude == 0.02F);
+  CHECK(measured(0.06F, 3, label::building, 0.3F).width_px >
+        1.5F * measured(0.06F, 1, label::building).width_px / 1.5F);
+  // Planes of sparse samples are as smooth in the mesh as the noise that they really have allows.
+  const DepthNoise none = estimate_laser_noise(Image<float>(kShape, 0.0F).cview(), {});
+  CHECK(none.amplitude == 0.02F);
+  CHECK(none.width_px == 1.0F);
+}
+
 TEST_CASE("what is proposed for a measured depth is held within its source's noise") {
   const DepthSourceParams params;
   const DepthNoise noise{0.001F, 0, 4.0F};  // of 1/z, the same everywhere
