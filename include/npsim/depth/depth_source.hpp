@@ -93,10 +93,10 @@ namespace depth_detail {
 
 }  // namespace depth_detail
 
-// Of a laser: how far a sample on a vehicle or a house is off the line in 1/z through the nearest above and below it, as
-// a standard deviation between that of a good scanner and .1 m: beams of a scanner, or several scanners, differ by more
-// than one beam's readings do. Some 2,000 samples are looked at; where there are less than 100, or no labels, it is a
-// good scanner's. 8 KiB of stack.
+// Of a laser: how far a sample on a vehicle or a house is off the line in 1/z through the nearest above and below it,
+// as a standard deviation between that of a good scanner and .1 m: beams of a scanner, or several scanners, differ by
+// more than one beam's readings do. Some 2,000 samples are looked at; where there are less than 100, or no labels, it
+// is a good scanner's. 8 KiB of stack.
 [[nodiscard]] inline DepthNoise estimate_laser_noise(ImageView<const float> depth, const ObjectMap& objects) noexcept {
   constexpr float kGood_m = 0.02F;
   constexpr float kMost_m = 0.1F;

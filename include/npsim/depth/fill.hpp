@@ -314,9 +314,10 @@ inline void spread(FillState& state, FillReach reach) noexcept {
          [&](int x, int y, int from_x, int from_y) { return relax(state, reach, x, y, from_x, from_y); });
 }
 
-// Above a laser's last row each column of a crown stands upright on its own topmost sample, and leaves are metres before
-// or behind those beside them: strips, of which one would throw its shadow on the next. The median over kCrownReach of
-// the width to either side makes one crown of them, and the mean of what differs little a smooth one. row: the width.
+// Above a laser's last row each column of a crown stands upright on its own topmost sample, and leaves are metres
+// before or behind those beside them: strips, of which one would throw its shadow on the next. The median over
+// kCrownReach of the width to either side makes one crown of them, and the mean of what differs little a smooth one.
+// row: the width.
 inline void level_crowns(FillState& state, Span<float> row) noexcept {
   constexpr float kCrownReach = 1.0F / 32.0F;
   constexpr float kOneCrown = 0.25F;  // of 1/z
