@@ -437,7 +437,10 @@ TEST_CASE("above a laser's last row a crown has no strips of single leaves' dept
     for (int y = 90; y < 100; ++y) s.depth(x, y) = leaf;
   }
   s.depth(100, 90) = 40.0F;  // seen between the leaves
-  REQUIRE(s.run().ok());
+  FillParams laser;
+  laser.laser = true;
+  const SerialExecutor serial;
+  REQUIRE(s.run(serial, true, laser).ok());
   for (int x = 0; x < 320; ++x) {
     CAPTURE(x);
     CHECK(s.relative_error(x, 20) < 0.12);

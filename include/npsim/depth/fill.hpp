@@ -374,7 +374,7 @@ inline void level_crowns(FillState& state, Span<float> row) noexcept {
     }
   }
   if (labelled) {
-    {
+    if (params.laser) {
       const WorkspaceScope scope(workspace);
       Span<float> row;
       NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(state.w.width()), row));
