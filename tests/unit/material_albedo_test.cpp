@@ -472,6 +472,50 @@ struct Ground {
   }
 };
 
+TEST_CASE("a line of paint that runs through a shadow is whole but in half shade, and a long gap of sun is no paint") {
+  Picture p(480, 270);
+  const Vec3f shade{0.13F, 0.155F, 0.21F};
+  const auto place = [](int x, int y) {  // on the ground, m
+    const float z = 600.0F / (static_cast<float>(y) + 0.5F - 120.0F);
+    return Vec2f{(static_cast<float>(x) + 0.5F - 240.0F) / 400.0F * z, z};
+  };
+  const auto is_paint = [](Vec2f at) { return at.x > 1.0F && at.x < 1.15F; };
+  const auto is_gap = [](Vec2f at) { return at.y > 7.3F && at.y < 7.6F && at.x > -3.0F && at.x < -1.0F; };
+  for (int y = 0; y < 270; ++y) {
+    for (int x = 0; x < 480; ++x) {
+      RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * 480 + x), 0);
+      const Vec2f at = place(x, y);
+      p.labels[p.i(x, y)] = y >= 135 ? label::road : label::sky;
+      // Slanted, as the shadow of a house is, and soft over .2 m.
+      const float inside = std::min(at.y + 0.5F * at.x - 6.0F, 8.6F - at.y - 0.5F * at.x);
+      const float sun = is_gap(at) ? 1.0F : 1.0F - std::max(0.0F, std::min(1.0F, inside / 0.2F));
+      const Vec3f light = shade + (Vec3f{1, 1, 1} - shade) * sun;
+      const Vec3f seen = light * (0.24F * (is_paint(at) ? 3.5F : 1.0F) * (0.95F + 0.1F * r.uniform()));
+      p.day[p.i(x, y)] = {encode(seen.x), encode(seen.y), encode(seen.z)};
+    }
+  }
+  REQUIRE(Ground().run(p, true).ok());
+  REQUIRE(p.report.shadow);
+  const double road = mean(p, 300, 400, 250, 268);
+  int broken = 0;  // rows
+  double gap = 0;
+  int gap_px = 0;
+  for (int y = 165; y < 260; ++y) {
+    double best = 0;
+    for (int x = 0; x < 480; ++x) {
+      const auto value = static_cast<double>(luminance(p.albedo[p.i(x, y)]));
+      if (is_paint(place(x - 1, y)) && is_paint(place(x + 1, y))) best = std::max(best, value);
+      if (!is_gap(place(x, y))) continue;
+      gap += value;
+      ++gap_px;
+    }
+    if (best < 2.0 * road) ++broken;
+  }
+  REQUIRE(gap_px > 20);
+  CHECK(gap / gap_px < 1.6 * road);
+  CHECK(broken <= 5);  // of 95; each edge of the shadow is soft over 3 to 4 of them
+}
+
 TEST_CASE("panes of a car that the picture cuts off at its foot reach down to its doors, and its bonnet is none") {
   // A dark car whose panes mirror the sky, and whose bonnet, facing the sky, is brighter than its doors. What is seen of
   // it is .6 of its height, so that by rows the panes would end at half of theirs and the bonnet lie among them.

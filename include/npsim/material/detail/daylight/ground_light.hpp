@@ -6,7 +6,8 @@
 //    on a cloudy day are not the sun (stripes.hpp). No shadow found: the ground is left as it is, so that overcast
 //    scenes do not change.
 // 2. Posterior of each pixel, then mean field: neighbours that no edge of the picture separates share their light.
-//    Coloured paint says nothing of it, and lies in that of the ground around it.
+//    Coloured paint says nothing of it, and lies in that of the ground around it; so does a bright stripe that is as
+//    blue as the shadow, in that of the ground beside it: white paint in the shadow is as bright as asphalt in the sun.
 // 3. The ratio of lights, per channel, is measured where it shows best: means on either side of shadows' edges, the
 //    median over all edges of the road.
 // 4. Penumbra: within a few pixels of an edge the share of the sun is the mean of its posterior over nine levels.
@@ -55,6 +56,7 @@ struct GroundLightParams {
   float smooth_px = 4.0F;  // lengths are for 960 px width
   float smooth_epsilon = 0.02F;
   MeanFieldParams field;
+  float beside_px = 1.5F;  // of stripes: within that lies the ground that tells their light
   float around_px = 8.0F;
   float edge_near_px = 3.0F;
   float edge_far_px = 16.0F;
@@ -78,7 +80,7 @@ struct GroundLight {
   float ratio_y = 0.0F;                  // of luminance
   Plane sun;                             // share of the sun, 0..1, on the ground
   Plane level;                           // log2: what is left of the light, relative to the road's level
-  ImageView<std::uint8_t> coloured;      // not 0 on coloured paint of the road; read where there is a shadow
+  ImageView<std::uint8_t> coloured;      // not 0 on paint that its neighbours light; read where there is a shadow
 };
 
 // Its result, the smoothed picture, and what the greediest of the steps takes: shadow_field() and measure_ratio().
@@ -215,33 +217,45 @@ Status mean_field(const MeanFieldParams& p, const Inside& inside, const Guide& g
 }
 inline constexpr std::size_t kMeanFieldPlanes = 1 + kGuidedFilterPlanes;
 
-// Of coloured ground, in GroundLight::coloured; 0: plain.
-inline constexpr std::uint8_t kWaitsForLight = 1, kLitByNeighbours = 2;
+// Of coloured ground and stripes, in GroundLight::coloured; 0: plain.
+inline constexpr std::uint8_t kWaitsForLight = 1, kStripeWaits = 2, kLitByNeighbours = 3;
 
-// Step 2 on coloured ground: its light is that of what is plain within around_px, then that of what is coloured beside
-// it, so that edges of shadows stay as sharp as they are on the ground beside paint. `around` is scratch.
+// Step 2 on ground that waits: its light is that of what is plain within around_px, then that of what has waited beside
+// it, so that edges of shadows stay as sharp as they are on the ground beside paint. A stripe between sun and shade
+// learns nothing from them, and is plain. `around` is scratch.
 template <class Executor>
-Status light_coloured(const GroundLightParams& p, const Picture& picture, Workspace& workspace, Plane around,
-                      GroundLight& out, Executor& executor) {
+Status light_by_neighbours(std::uint8_t waiting, float around_px, const Picture& picture, Workspace& workspace,
+                           Plane around, GroundLight& out, Executor& executor) {
   constexpr int kRounds = 32;
   constexpr float kNone = -1.0F;
+  constexpr float kOneLight = 0.04F;  // variance of the sun's share, at most
+  const WorkspaceScope scope(workspace);
+  Plane squares;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), squares));
+  const int radius = picture.radius(around_px);
   const auto known = [&](int x, int y) {
-    return picture.is_ground(x, y) && out.coloured(x, y) != kWaitsForLight ? 1.0F : 0.0F;
+    const std::uint8_t state = out.coloured(x, y);
+    return picture.is_ground(x, y) && state != kWaitsForLight && state != kStripeWaits ? 1.0F : 0.0F;
   };
+  const auto square = [&](int x, int y) { return out.sun(x, y) * out.sun(x, y); };
   bool goes_on = false;
   for (int y = 0; y < picture.shape().height; ++y) {
-    for (int x = 0; x < picture.shape().width; ++x) goes_on = goes_on || out.coloured(x, y) == kWaitsForLight;
+    for (int x = 0; x < picture.shape().width; ++x) goes_on = goes_on || out.coloured(x, y) == waiting;
   }
   for (int round = 0; round < kRounds && goes_on; ++round) {
-    NPSIM_RETURN_IF_ERROR(
-        window_mean(known, out.sun, picture.radius(p.around_px), 0.0F, kNone, workspace, around, executor));
+    NPSIM_RETURN_IF_ERROR(window_mean(known, out.sun, radius, 0.0F, kNone, workspace, around, executor));
+    if (waiting == kStripeWaits) {
+      NPSIM_RETURN_IF_ERROR(window_mean(known, square, radius, 0.0F, kNone, workspace, squares, executor));
+    }
     goes_on = false;
     for (int y = 0; y < picture.shape().height; ++y) {
       for (int x = 0; x < picture.shape().width; ++x) {
-        if (out.coloured(x, y) != kWaitsForLight || around(x, y) < 0.5F * kNone) continue;
-        out.sun(x, y) = clamp_to(around(x, y), 0.0F, 1.0F);
-        out.coloured(x, y) = kLitByNeighbours;
+        const float sun = around(x, y);
+        if (out.coloured(x, y) != waiting || sun < 0.5F * kNone) continue;
         goes_on = true;
+        const bool told = waiting != kStripeWaits || squares(x, y) - sun * sun < kOneLight;
+        out.coloured(x, y) = told ? kLitByNeighbours : std::uint8_t{0};
+        if (told) out.sun(x, y) = clamp_to(sun, 0.0F, 1.0F);
       }
     }
   }
@@ -250,8 +264,8 @@ Status light_coloured(const GroundLightParams& p, const Picture& picture, Worksp
 
 // Step 2.
 template <class Executor>
-Status shadow_field(const GroundLightParams& p, const Picture& picture, Plane smooth_y, Plane smooth_c,
-                    Workspace& workspace, GroundLight& out, Executor& executor) {
+Status shadow_field(const GroundLightParams& p, const Picture& picture, ImageView<const std::uint8_t> stripe,
+                    Plane smooth_y, Plane smooth_c, Workspace& workspace, GroundLight& out, Executor& executor) {
   const WorkspaceScope scope(workspace);
   const Shape shape = picture.shape();
   Plane odds;
@@ -265,14 +279,19 @@ Status shadow_field(const GroundLightParams& p, const Picture& picture, Plane sm
       const LightMixture& m = out.mixture[kind];
       o = m.known ? sun_odds(p.mixture, m, smooth_y(x, y), smooth_c(x, y)) : 0.0F;
       if (kind == kRails) o = 8.0F;  // between stones and sleepers it is dark in any light
-      if (kind == kRoad && m.known && is_coloured(m, smooth_y(x, y), smooth_c(x, y)))
+      // Paint in the shadow is blue as the shadow is, which long gaps of it are not.
+      const bool blue = m.known && smooth_c(x, y) > m.sun_c + 0.5F * m.bluer;
+      if (stripe(x, y) == kBrightStripe && blue) out.coloured(x, y) = kStripeWaits;
+      if (kind == kRoad && m.known && is_coloured(m, smooth_y(x, y), smooth_c(x, y))) {
         out.coloured(x, y) = kWaitsForLight;
+      }
     }
     odds(x, y) = o;
     out.sun(x, y) = kind < kGroundRegions ? logistic(o) : 0.0F;
   });
   NPSIM_RETURN_IF_ERROR(mean_field(p.field, ground, smooth_y, odds, picture, workspace, out.sun, executor));
-  return light_coloured(p, picture, workspace, odds, out, executor);
+  NPSIM_RETURN_IF_ERROR(light_by_neighbours(kStripeWaits, p.beside_px, picture, workspace, odds, out, executor));
+  return light_by_neighbours(kWaitsForLight, p.around_px, picture, workspace, odds, out, executor);
 }
 
 // Step 3.
@@ -535,7 +554,7 @@ Status find_ground_light(const GroundLightParams& p, const AlbedoScene& scene, c
   NPSIM_RETURN_IF_ERROR(find_stripes(p.stripes, scene, picture, smooth_y, workspace, stripe, executor));
   fit_lights(p, picture, stripe, smooth_y, smooth_c, histogram, cells, out);
   if (out.shadow) {
-    NPSIM_RETURN_IF_ERROR(shadow_field(p, picture, smooth_y, smooth_c, workspace, out, executor));
+    NPSIM_RETURN_IF_ERROR(shadow_field(p, picture, stripe, smooth_y, smooth_c, workspace, out, executor));
     NPSIM_RETURN_IF_ERROR(measure_ratio(p, picture, stripe, histogram, workspace, out, executor));
     out.shadow = out.ratio_y >= std::min(p.min_edge_drop * out.mixture[out.lead].drop, p.clear_edge_drop) &&
                  out.ratio.x - out.ratio.z >= p.min_edge_bluer;

@@ -97,7 +97,10 @@ class GroundAround {
   float own_;
 };
 
-// stripe(x, y): 1 on stripes of the road, 0 elsewhere and where depth is not known. smooth_y: log2 of luminance without
+// Of a pixel: brighter than the ground beside it, darker, or beside one of these; 0: no stripe.
+inline constexpr std::uint8_t kBrightStripe = 1, kDarkStripe = 2, kStripeBorder = 3;
+
+// stripe(x, y): of the road; 0 elsewhere and where depth is not known. smooth_y: log2 of luminance without
 // its noise.
 template <class Executor>
 Status find_stripes(const StripeParams& p, const AlbedoScene& s, const Picture& picture, Plane smooth_y,
@@ -129,7 +132,7 @@ Status find_stripes(const StripeParams& p, const AlbedoScene& s, const Picture& 
       if (!narrow) continue;
       for (const Vec2f& direction : directions) {
         if (!ground.longer(direction, p.length_m, sign, p.step)) continue;
-        stripe(x, y) = 1;
+        stripe(x, y) = sign > 0.0F ? kBrightStripe : kDarkStripe;
         return;
       }
     }
@@ -139,7 +142,9 @@ Status find_stripes(const StripeParams& p, const AlbedoScene& s, const Picture& 
   for (Plane* plane : {&rows, &near}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), *plane));
   const auto is_stripe = [&](int x, int y) { return stripe(x, y) != 0 ? 1.0F : 0.0F; };
   window_sum(is_stripe, picture.radius(p.border_px), rows, near, executor);
-  for_pixels(picture.shape(), executor, [&](int x, int y) { stripe(x, y) = near(x, y) > 0.5F ? 1 : 0; });
+  for_pixels(picture.shape(), executor, [&](int x, int y) {
+    if (stripe(x, y) == 0 && near(x, y) > 0.5F) stripe(x, y) = kStripeBorder;
+  });
   return {};
 }
 
