@@ -25,7 +25,8 @@ inline namespace NPSIM_ABI {
 //   stereo   disparity is measured, so the deviation of w is the same everywhere: .17 px of an image 2048 wide, over
 //            focal length and baseline. On facades of real frames .15 to .17 px, .13 to .21 on cars; correlated over
 //            some 4 px, the width over which matching smooths.
-//   lidar    2 cm in z or more, measured: estimate_laser_noise(); each point by itself.
+//   lidar    2 cm in z or more, measured: estimate_laser_noise(). Each point by itself, shared by what is filled
+//            between it and the next.
 //   network  a share of the depth, hence proportional to w, and smooth: neighbours share it. That deviation is what
 //            normals see, over some pixels; over a whole facade errors drift by twice as much.
 //   exact    rounding.
@@ -74,34 +75,40 @@ struct DepthNoise {
 
 namespace depth_detail {
 
-// Rows from (x, y) up or down to the nearest sample within `reach` of them and `aside` columns, and its depth; 0: none,
-// or one of another surface.
-[[nodiscard]] inline int rows_to_sample(ImageView<const float> depth, const ObjectMap& objects, int x, int y, int dy,
-                                        int reach, int aside, float& there) noexcept {
+struct NearSample {
+  int x = 0;
+  int rows = 0;  // to it; 0: there is none, or it is of another surface
+  float z = 0.0F;
+};
+
+// Of (x, y) upwards or downwards, within `reach` rows and `aside` columns.
+[[nodiscard]] inline NearSample nearest_sample(ImageView<const float> depth, const ObjectMap& objects, int x, int y,
+                                               int dy, int reach, int aside) noexcept {
   constexpr float kSame = 0.1F;  // of depth, that neighbours on one surface differ by at most
   for (int j = 1; j <= reach; ++j) {
     for (int i = 0; i <= 2 * aside; ++i) {
       const int u = x + (i % 2 == 0 ? i / 2 : -(i + 1) / 2);
       const int v = y + dy * j;
       if (!depth.contains(u, v) || !is_valid_depth(depth(u, v))) continue;
-      there = depth(u, v);
-      return objects.same(x, y, u, v) && std::fabs(there - depth(x, y)) < kSame * depth(x, y) ? j : 0;
+      const bool same = objects.same(x, y, u, v) && std::fabs(depth(u, v) - depth(x, y)) < kSame * depth(x, y);
+      return {u, same ? j : 0, depth(u, v)};
     }
   }
-  return 0;
+  return {};
 }
 
 }  // namespace depth_detail
 
 // Of a laser: how far a sample on a vehicle or a house is off the line in 1/z through the nearest above and below it,
-// as a standard deviation between that of a good scanner and .1 m: beams of a scanner, or several scanners, differ by
-// more than one beam's readings do. Some 2,000 samples are looked at; where there are less than 100, or no labels, it
-// is a good scanner's. 8 KiB of stack.
+// where that passes it within half a pixel of 960 across, as a standard deviation between that of a good scanner and
+// .1 m: beams of a scanner, or several scanners, differ by more than one beam's readings do. Some 2,000 samples are
+// looked at; where there are less than 50, or no labels, it is a good scanner's. 8 KiB of stack.
 [[nodiscard]] inline DepthNoise estimate_laser_noise(ImageView<const float> depth, const ObjectMap& objects) noexcept {
   constexpr float kGood_m = 0.02F;
   constexpr float kMost_m = 0.1F;
   constexpr float kAlike = 0.4F;  // of the distance of samples: filled between them, pixels share their noise
-  constexpr std::size_t kFewest = 100;
+  constexpr float kWidest_px = 8.0F;
+  constexpr std::size_t kFewest = 50;
   constexpr std::size_t kMost = 2048;
   constexpr LabelSet kSolid = kVehicleLabels | kHouseLabels;
   const auto is_solid = [&](int x, int y) { return !objects.labels.empty() && kSolid.contains(objects.labels(x, y)); };
@@ -117,11 +124,11 @@ namespace depth_detail {
   DepthNoise noise{kGood_m, 2, 1.0F};
   if (samples == 0) return noise;
   const float apart = std::sqrt(static_cast<float>(depth.shape().pixels()) / static_cast<float>(samples));
-  noise.width_px = max_of(1.0F, kAlike * apart);
+  noise.width_px = clamp_to(kAlike * apart, 1.0F, kWidest_px);
 
-  const float scale = static_cast<float>(depth.width()) / 960.0F;
-  const int reach = std::max(4, static_cast<int>(16.0F * scale));
-  const int aside = std::max(1, static_cast<int>(2.0F * scale));
+  const float scale = std::max(1.0F, static_cast<float>(depth.width()) / 960.0F);
+  const auto reach = static_cast<int>(16.0F * scale);
+  const auto aside = static_cast<int>(2.0F * scale);
   const std::size_t step = 1 + solid / kMost;
   std::array<float, kMost> off;
   std::size_t count = 0;
@@ -130,13 +137,13 @@ namespace depth_detail {
     for (int x = 0; x < depth.width(); ++x) {
       const float z = depth(x, y);
       if (!is_valid_depth(z) || !is_solid(x, y) || seen++ % step != 0) continue;
-      float z_above = 0.0F;
-      float z_below = 0.0F;
-      const int above = depth_detail::rows_to_sample(depth, objects, x, y, -1, reach, aside, z_above);
-      const int below = depth_detail::rows_to_sample(depth, objects, x, y, 1, reach, aside, z_below);
-      if (above == 0 || below == 0) continue;
-      const float t = static_cast<float>(above) / static_cast<float>(above + below);
-      const float between = 1.0F / ((1.0F - t) / z_above + t / z_below);
+      const auto above = depth_detail::nearest_sample(depth, objects, x, y, -1, reach, aside);
+      const auto below = depth_detail::nearest_sample(depth, objects, x, y, 1, reach, aside);
+      if (above.rows == 0 || below.rows == 0) continue;
+      const float t = static_cast<float>(above.rows) / static_cast<float>(above.rows + below.rows);
+      const float passes = static_cast<float>(above.x) + t * static_cast<float>(below.x - above.x);
+      if (std::fabs(passes - static_cast<float>(x)) > 0.5F * scale) continue;
+      const float between = 1.0F / ((1.0F - t) / above.z + t / below.z);
       off[count++] = std::fabs(z - between) / std::sqrt(1.0F + t * t + (1.0F - t) * (1.0F - t));
     }
   }

@@ -6,10 +6,11 @@
 // in holes, and meet in creases. For the ground classes slope counts from the plane that fits all valid pixels of the
 // class, so that the ground also goes on as a plane beyond the last measurement, and kinds of ground meet at their
 // borders. A crown or a pole stands upright before what lies beside it: but for pixels close to what was measured of
-// it, it is as far away as the nearest of that. Points of a laser are joined first (detail/fill/scan_lines.hpp). A
-// region without any valid pixel takes the plane of its class (ground that determines none: of the largest ground
-// class), else the depth of what it is a part of (detail/fill/orphans.hpp), else that of what surrounds it. Labels
-// without a surface (the sky) get 0 and are never a source. Without labels the image is one region.
+// it, it is as far away as the nearest of that; of a laser, crowns as the median of these to either side. Points of a
+// laser are joined first (detail/fill/scan_lines.hpp). A region without any valid pixel takes the plane of its class
+// (ground that determines none: of the largest ground class), else the depth of what it is a part of
+// (detail/fill/orphans.hpp), else that of what surrounds it. Labels without a surface (the sky) get 0 and are never a
+// source. Without labels the image is one region.
 //
 // Invariant: valid depths on surfaces come out unchanged, except those far beneath the near ground (stereo mismatches,
 // which would otherwise spread over the hole they stand in), and every other surface pixel gets a positive depth within
@@ -61,7 +62,7 @@ struct FillParams {
   float relaxation = 1.8F;      // of the over-relaxation, in (0, 2)
   float edge = 0.005F;          // slopes and curvatures of 1/z per pixel below this share of it count as squares
   float edge_inverse = 0;       // 1/m, on top: the noise of stereo is uniform in 1/z
-  bool laser = false;           // the depth is a laser's: neighbouring points are joined
+  bool laser = false;           // the depth is a laser's: neighbouring points are joined, crowns levelled
   float same_surface = 0.06F;   // of 1/z, that neighbours on such a line differ by at most
 };
 
@@ -315,18 +316,19 @@ inline void spread(FillState& state, FillReach reach) noexcept {
 }
 
 // Above a laser's last row each column of a crown stands upright on its own topmost sample, and leaves are metres
-// before or behind those beside them: strips, of which one would throw its shadow on the next. The median over
-// kCrownReach of the width to either side makes one crown of them, and the mean of what differs little a smooth one.
+// before or behind those beside them: strips, of which one would throw its shadow on the next. Farther than half of
+// kCrownReach from what was measured, the median over kCrownReach of the width to either side makes one crown of them,
+// and the mean of what differs little a smooth one. What is narrower than the reach comes as far as what is beside it.
 // row: the width.
 inline void level_crowns(FillState& state, Span<float> row) noexcept {
   constexpr float kCrownReach = 1.0F / 32.0F;
   constexpr float kOneCrown = 0.25F;  // of 1/z
   constexpr int kSteps = 16;          // to either side
   const int width = state.w.width();
-  const int step = std::max(1, static_cast<int>(kCrownReach * static_cast<float>(width)) / kSteps);
+  const int reach = static_cast<int>(kCrownReach * static_cast<float>(width));
   for (int y = 0; y < state.w.height(); ++y) {
     const auto is_crown = [&](int x) {
-      return state.kind(x, y) == kGiven && state.steps(x, y) != 0 && state.label_at(x, y) == label::vegetation;
+      return state.kind(x, y) == kGiven && state.steps(x, y) > reach / 2 && state.label_at(x, y) == label::vegetation;
     };
     for (const bool median : {true, false}) {
       for (int x = 0; x < width; ++x) row[static_cast<std::size_t>(x)] = state.w(x, y);
@@ -336,7 +338,8 @@ inline void level_crowns(FillState& state, Span<float> row) noexcept {
         float seen[2 * kSteps + 1];
         int count = 0;
         float sum = 0.0F;
-        for (int u = x - kSteps * step; u <= x + kSteps * step; u += step) {
+        for (int i = -kSteps; i <= kSteps; ++i) {
+          const int u = x + i * reach / kSteps;
           if (u < 0 || u >= width || !is_crown(u)) continue;
           const float w = row[static_cast<std::size_t>(u)];
           if (!median && !(std::fabs(w - own) < kOneCrown * own)) continue;
