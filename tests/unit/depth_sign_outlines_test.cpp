@@ -70,6 +70,43 @@ TEST_CASE("sign outlines: what a loose outline takes of a grainy wall or of the 
 }
 
 TEST_CASE(
+    "sign outlines: poles and signals drawn too wide before the sky are slim again, an arm as grey as it is whole") {
+  Wall s;
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      s.picture(x, y) = {200, 210, static_cast<std::uint8_t>(226 + (5 * x + y) % 7)};
+      s.labels(x, y) = label::sky;
+    }
+  }
+  const auto draw = [&](int x0, int x1, int y0, int y1, Label l, const Rgb8* colour) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = x0; x < x1; ++x) {
+        s.labels(x, y) = l;
+        if (colour != nullptr) s.picture(x, y) = *colour;
+      }
+    }
+  };
+  const Rgb8 steel{90, 90, 95};
+  const Rgb8 pale{196, 205, 224};
+  draw(100, 112, 0, 60, label::pole, nullptr);  // 12 px for 7
+  draw(103, 110, 0, 60, label::pole, &steel);
+  draw(200, 230, 10, 40, label::traffic_light, nullptr);
+  draw(202, 228, 12, 38, label::traffic_light, &kBlue);
+  draw(300, 306, 20, 60, label::pole, &steel);  // exact, with an arm that can hardly be seen
+  draw(306, 340, 20, 23, label::pole, &pale);
+  REQUIRE(s.clear().ok());
+  for (int y = 1; y < 59; ++y) {
+    for (int x = 98; x < 114; ++x) CHECK((s.labels(x, y) == label::pole) == (x >= 103 && x < 110));
+  }
+  for (int y = 8; y < 42; ++y) {
+    for (int x = 198; x < 232; ++x) {
+      CHECK((s.labels(x, y) == label::traffic_light) == (x >= 202 && x < 228 && y >= 12 && y < 38));
+    }
+  }
+  for (int x = 300; x < 340; ++x) CHECK(s.labels(x, 21) == label::pole);
+}
+
+TEST_CASE(
     "sign outlines: signs like the wall, with numbers, with lamps, before a car, or drawn exactly keep their outline") {
   Wall s;
   s.sign(8, 8, 0, {120, 115, 100});

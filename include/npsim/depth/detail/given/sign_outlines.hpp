@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gives back what the outlines of signs have taken of what is behind them.
+// Gives back what the outlines of signs have taken of what is behind them, and those of poles and signals of the sky.
 //
-// Labels are drawn as polygons around signs, a little too wide or some pixels beside them. By day nobody sees it; at
-// night a sign shines by its sheeting, and the wall within its outline shines as a border that no sign has. So an
-// outline is walked from outside inwards for as long as the picture shows the colour that it has a little further
-// outside of where the walk began, at most kReach of the picture's width; what is walked over is of the class there.
-// Where a quarter of the walks would go on, or half of a sign would go, it is as bright as the wall and keeps its
-// outline. A border of the wall's colour, or the wall's grey, within a sign that ends before that is lost.
+// Labels are drawn as polygons around signs, a little too wide or some pixels beside them, and networks make poles
+// twice as thick as they are. By day nobody sees it; at night a sign shines by its sheeting, and the wall within its
+// outline shines as a border that no sign has; a pole before the sky is a black one. So an outline is walked from
+// outside inwards for as long as the picture shows the colour that it has a little further outside of where the walk
+// began, at most kReach of the picture's width; what is walked over is of the class there. Where a quarter of the walks
+// would go on, or half of a thing would go, it is as bright as the wall and keeps its outline, and so does a pole where
+// nothing of it would be left across. A border of the wall's colour, or the wall's grey, within a sign that ends before
+// that is lost.
 // Invariant: labels of other classes, signs with numbers of their own and pixels of marked lamps stay. Deterministic.
 // Cost: four passes over the labels, some operations per pixel of signs. Memory: sign_outlines_workspace_bytes().
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SIGN_OUTLINES_HPP
@@ -35,6 +37,7 @@ inline namespace NPSIM_ABI {
 namespace depth_detail {
 
 inline constexpr LabelSet kBehindSigns = LabelSet::of(label::building, label::wall, label::sky);
+inline constexpr LabelSet kOutlined = kPoleLabels | LabelSet::of(label::traffic_sign, label::traffic_light);
 
 class SignOutlines {
  public:
@@ -76,8 +79,11 @@ class SignOutlines {
   static constexpr int kY[4] = {0, 0, 1, -1};
 
   [[nodiscard]] bool is_sign(int x, int y) const noexcept {
-    if (!labels_.contains(x, y) || labels_(x, y) != label::traffic_sign) return false;
+    if (!labels_.contains(x, y) || !kOutlined.contains(labels_(x, y))) return false;
     return (instances_.empty() || instances_(x, y) == 0) && (marks_.empty() || marks_(x, y) == 0);
+  }
+  [[nodiscard]] static bool lies_behind(Label thing, Label l) noexcept {
+    return thing == label::traffic_sign ? kBehindSigns.contains(l) : l == label::sky;
   }
   [[nodiscard]] bool is_of(int x, int y, Label l) const noexcept {
     return labels_.contains(x, y) && labels_(x, y) == l;
@@ -106,7 +112,7 @@ class SignOutlines {
         for (int k = 0; k < 4; ++k) {
           const int u = x + kX[k];
           const int v = y + kY[k];
-          if (!labels_.contains(u, v) || !kBehindSigns.contains(labels_(u, v))) continue;
+          if (!labels_.contains(u, v) || !lies_behind(labels_(x, y), labels_(u, v))) continue;
           int apart = 1;
           while (apart < apart_px_ && is_of(x + (apart + 1) * kX[k], y + (apart + 1) * kY[k], labels_(u, v))) ++apart;
           if (apart == apart_px_) reach(x, y, pixel(x + apart * kX[k], y + apart * kY[k]), 1);
@@ -138,8 +144,26 @@ class SignOutlines {
     for (const std::uint32_t p : list_.sub(0, count)) {
       const int x = x_of(p);
       const int y = y_of(p);
+      const bool stays = kPoleLabels.contains(labels_(x, y)) && is_given_back(steps_(x, y)) && !leaves_core(x, y);
+      if (stays) from_(x, y) = p;
+    }
+    for (const std::uint32_t p : list_.sub(0, count)) {
+      const int x = x_of(p);
+      const int y = y_of(p);
       if (is_given_back(steps_(x, y))) labels_(x, y) = labels_(x_of(from_(x, y)), y_of(from_(x, y)));
     }
+  }
+  // Whether something of a pole is left on the way from outside through (x, y): an arm as grey as the sky is no rim.
+  [[nodiscard]] bool leaves_core(int x, int y) const noexcept {
+    const int across = x - x_of(from_(x, y));
+    const int down = y - y_of(from_(x, y));
+    const bool along_row = across * across >= down * down;
+    const int dx = along_row ? (across > 0 ? 1 : -1) : 0;
+    const int dy = along_row ? 0 : (down > 0 ? 1 : -1);
+    for (int k = 1; k <= reach_px_ && is_sign(x + k * dx, y + k * dy); ++k) {
+      if (!is_given_back(steps_(x + k * dx, y + k * dy))) return true;
+    }
+    return false;
   }
   [[nodiscard]] bool is_given_back(int steps) const noexcept { return steps > 0 && steps <= reach_px_; }
 
@@ -152,7 +176,7 @@ class SignOutlines {
   int reach_px_;
   Span<std::uint32_t> list_;
   std::size_t count_ = 0;          // of the list, while it is walked
-  ImageView<std::uint32_t> from_;  // the pixel outside
+  ImageView<std::uint32_t> from_;  // the pixel outside, or itself where that stays
   ImageView<std::uint8_t> open_;   // signs that were not cleared yet
   ImageView<std::uint8_t> steps_;  // from it, up to one more than may be; 0: not walked over
 };
