@@ -16,10 +16,10 @@
 // a car is known by what it has beyond half the reach. Of the ground it is the ground plane that goes on, or beside a
 // house, and of a laser always, where the first of these medians lies higher, as a pavement does, its parallel through
 // that.
-// Where the near one is more than `contrast` times the far one, samples of the far object within the reach, or in
-// the band, that lie nearer to the near object than to their own are spilled. Objects of which six reaches hold less
-// than half of these samples are left. Of a laser the medians are taken over `lines` on either side as well, for a row
-// has few samples, or none of a pole; and its ground is told along rows alone, for where a thing ends below, it is as far
+// Where the near one is more than `contrast` times the far one, samples of the far object within the reach, or in the
+// band, that lie nearer to the near object than to their own are spilled. Objects of which six reaches hold less than
+// half of these samples are left. Of a laser the medians are taken over `lines` on either side as well, for a row has
+// few samples, or none of a pole; and its ground is told along rows alone, for where a thing ends below, it is as far
 // away as the ground there.
 // Down a column, below what stands on it, the ground is dark, and matching carries the depth of a bumper or a foot
 // further down: there the ground goes on in parallel to the ground plane, through the median of one reach of samples
@@ -28,8 +28,8 @@
 // after 20 to 30 rows.) But a house stands on its ground: below one it is at least as near as the line to the house's
 // foot, the median of a reach above the border, for pavements rise to it. Of a laser what is as near there as the thing
 // above is the thing's where ground below is farther off: labels end where the dark below a car begins.
-// Cost: about 15 ns per pixel, of a laser 40; where near things stand side by side before a house, the widest band for each. Memory:
-// 1 KiB of stack.
+// Cost: about 15 ns per pixel, of a laser 40; where near things stand side by side before a house, the widest band for
+// each. Memory: 1 KiB of stack.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_BORDER_SPILL_HPP
 #define NPSIM_DEPTH_DETAIL_MEASURED_BORDER_SPILL_HPP
 
@@ -77,8 +77,7 @@ struct BorderSpillParams {
   if (good) return {};
   return {StatusCode::invalid_argument,
           "border spill: reach in 0..128, lines in 0..8, contrast and farther at least 1, reaches under things in "
-          "0..16, their px "
-          "not negative"};
+          "0..16, their px not negative"};
 }
 
 // How the scene was seen.
@@ -247,7 +246,7 @@ struct SpillLine {
     }
   }
 
-  // The same of a laser: ground further down the picture is nearer, however it rises.
+  // Below what stands on it, of a laser: ground further down the picture is nearer, however it rises.
   void drop_before_ground(int i, int reach) const noexcept {
     const float near = near_object(i, 1);
     float farthest_m = 0.0F;  // of the ground below
