@@ -527,8 +527,11 @@ TEST_CASE("depth noise: of a pair in disparity, of a laser in metres, of anythin
   const DepthNoise pair = depth_noise(DepthSource::stereo, 0.22F, s.depth.cview(), objects, s.k);
   CHECK(pair.deviation(0.1F) == pair.deviation(0.02F));
   CHECK(pair.deviation(0.1F) == doctest::Approx(s.noise.amplitude).epsilon(1e-4));
-  const DepthNoise laser = depth_noise(DepthSource::lidar, 0.0F, s.depth.cview(), objects, s.k);
+  const DepthNoise laser = depth_noise(DepthSource::lidar, 0.0F, s.depth.cview(), {}, s.k);
   CHECK(laser.deviation(0.1F) / (0.1F * 0.1F) == doctest::Approx(0.02F));
+  const DepthNoise rough = depth_noise(DepthSource::lidar, 0.0F, s.depth.cview(), objects, s.k);  // on its walls
+  CHECK(rough.deviation(0.1F) / (0.1F * 0.1F) == doctest::Approx(rough.deviation(0.02F) / (0.02F * 0.02F)));
+  CHECK(rough.deviation(0.1F) > 1.5F * laser.deviation(0.1F));
   const DepthNoise found = depth_noise(DepthSource::unknown, 0.0F, s.depth.cview(), objects, s.k);
   CHECK(found.deviation(1.0F / 14.0F) == doctest::Approx(s.noise.amplitude).epsilon(0.4));
 }
