@@ -13,6 +13,7 @@
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/scene_view.hpp"
+#include "npsim/depth/detail/fill/scan_lines.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
@@ -73,32 +74,6 @@ struct DepthNoise {
   return median / (0.6745F * 1.2247449F);  // of a Gaussian; of one sample less the mean of two
 }
 
-namespace depth_detail {
-
-struct NearSample {
-  int x = 0;
-  int rows = 0;  // to it; 0: there is none, or it is of another surface
-  float z = 0.0F;
-};
-
-// Of (x, y) upwards or downwards, within `reach` rows and `aside` columns.
-[[nodiscard]] inline NearSample nearest_sample(ImageView<const float> depth, const ObjectMap& objects, int x, int y,
-                                               int dy, int reach, int aside) noexcept {
-  constexpr float kSame = 0.1F;  // of depth, that neighbours on one surface differ by at most
-  for (int j = 1; j <= reach; ++j) {
-    for (int i = 0; i <= 2 * aside; ++i) {
-      const int u = x + (i % 2 == 0 ? i / 2 : -(i + 1) / 2);
-      const int v = y + dy * j;
-      if (!depth.contains(u, v) || !is_valid_depth(depth(u, v))) continue;
-      const bool same = objects.same(x, y, u, v) && std::fabs(depth(u, v) - depth(x, y)) < kSame * depth(x, y);
-      return {u, same ? j : 0, depth(u, v)};
-    }
-  }
-  return {};
-}
-
-}  // namespace depth_detail
-
 // Of a laser: how far a sample on a vehicle or a house is off the line in 1/z through the nearest above and below it,
 // where that passes it within half a pixel of 960 across, as a standard deviation between that of a good scanner and
 // .1 m: beams of a scanner, or several scanners, differ by more than one beam's readings do. Some 2,000 samples are
@@ -108,9 +83,11 @@ struct NearSample {
   constexpr float kMost_m = 0.1F;
   constexpr float kAlike = 0.4F;  // of the distance of samples: filled between them, pixels share their noise
   constexpr float kWidest_px = 8.0F;
+  constexpr float kSame = 0.1F;  // of depth, that neighbours on one surface differ by at most
   constexpr std::size_t kFewest = 50;
   constexpr std::size_t kMost = 2048;
   constexpr LabelSet kSolid = kVehicleLabels | kHouseLabels;
+  const auto is_sample = [&](int x, int y) { return depth.contains(x, y) && is_valid_depth(depth(x, y)); };
   const auto is_solid = [&](int x, int y) { return !objects.labels.empty() && kSolid.contains(objects.labels(x, y)); };
   std::size_t samples = 0;
   std::size_t solid = 0;
@@ -137,13 +114,17 @@ struct NearSample {
     for (int x = 0; x < depth.width(); ++x) {
       const float z = depth(x, y);
       if (!is_valid_depth(z) || !is_solid(x, y) || seen++ % step != 0) continue;
-      const auto above = depth_detail::nearest_sample(depth, objects, x, y, -1, reach, aside);
-      const auto below = depth_detail::nearest_sample(depth, objects, x, y, 1, reach, aside);
-      if (above.rows == 0 || below.rows == 0) continue;
-      const float t = static_cast<float>(above.rows) / static_cast<float>(above.rows + below.rows);
+      const auto next = [&](int dy) { return depth_detail::next_point(is_sample, x, y, 0, dy, reach, aside); };
+      const auto alike = [&](const depth_detail::ScanPoint& at) {
+        return at.x >= 0 && objects.same(x, y, at.x, at.y) && std::fabs(depth(at.x, at.y) - z) < kSame * z;
+      };
+      const depth_detail::ScanPoint above = next(-1);
+      const depth_detail::ScanPoint below = next(1);
+      if (!alike(above) || !alike(below)) continue;
+      const float t = static_cast<float>(y - above.y) / static_cast<float>(below.y - above.y);
       const float passes = static_cast<float>(above.x) + t * static_cast<float>(below.x - above.x);
       if (std::fabs(passes - static_cast<float>(x)) > 0.5F * scale) continue;
-      const float between = 1.0F / ((1.0F - t) / above.z + t / below.z);
+      const float between = 1.0F / ((1.0F - t) / depth(above.x, above.y) + t / depth(below.x, below.y));
       off[count++] = std::fabs(z - between) / std::sqrt(1.0F + t * t + (1.0F - t) * (1.0F - t));
     }
   }

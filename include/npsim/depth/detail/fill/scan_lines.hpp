@@ -32,14 +32,16 @@ struct ScanPoint {
   int x = -1, y = -1;  // none
 };
 
-// The next source within `reach` steps of (dx, dy) from a pixel, or up to `aside` pixels beside it.
-[[nodiscard]] inline ScanPoint next_source(ImageView<const std::int32_t> steps, int x, int y, int dx, int dy, int reach,
-                                           int aside) noexcept {
+// The next point within `reach` steps of (dx, dy) from a pixel, or up to `aside` pixels beside it. is_point(x, y): not
+// outside the picture.
+template <class IsPoint>
+[[nodiscard]] ScanPoint next_point(const IsPoint& is_point, int x, int y, int dx, int dy, int reach,
+                                   int aside) noexcept {
   for (int i = 1; i <= reach; ++i) {
     for (int k = 0; k <= 2 * aside; ++k) {
       const int off = k % 2 == 0 ? k / 2 : -(k + 1) / 2;
-      const ScanPoint at{x + dx * i + dy * off, y + dy * i + dx * off};
-      if (steps.contains(at.x, at.y) && steps(at.x, at.y) == 0) return at;
+      const ScanPoint at{x + dx * i + (dx == 0 ? off : 0), y + dy * i + (dy == 0 ? off : 0)};
+      if (is_point(at.x, at.y)) return at;
     }
   }
   return {};
@@ -51,7 +53,8 @@ inline constexpr std::int32_t kJoined = -1;  // steps of a pixel between joined 
 // than `differ` of the larger. Where two joints cross, the nearer hides the other.
 inline void join_to_next(const ObjectMap& objects, int x, int y, int dx, int dy, int reach, int aside, float differ,
                          ImageView<float> w, ImageView<std::int32_t> steps) noexcept {
-  const ScanPoint to = next_source(steps, x, y, dx, dy, reach, aside);
+  const auto is_source = [&](int u, int v) { return steps.contains(u, v) && steps(u, v) == 0; };
+  const ScanPoint to = next_point(is_source, x, y, dx, dy, reach, aside);
   if (to.x < 0) return;
   const float a = w(x, y);
   const float b = w(to.x, to.y);

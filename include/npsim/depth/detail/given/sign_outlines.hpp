@@ -9,8 +9,8 @@
 // would go on, or half of a thing would go, it is as bright as the wall and keeps its outline, and so does a pole where
 // nothing of it would be left across. A border of the wall's colour, or the wall's grey, within a sign that ends before
 // that is lost.
-// Invariant: labels of other classes, signs with numbers of their own and pixels of marked lamps stay. Deterministic.
-// Cost: four passes over the labels, some operations per pixel of signs. Memory: sign_outlines_workspace_bytes().
+// Invariant: labels of other classes, things with numbers of their own and pixels of marked lamps stay. Deterministic.
+// Cost: four passes over the labels, some operations per pixel of things. Memory: sign_outlines_workspace_bytes().
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SIGN_OUTLINES_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SIGN_OUTLINES_HPP
 
@@ -37,7 +37,7 @@ inline namespace NPSIM_ABI {
 namespace depth_detail {
 
 inline constexpr LabelSet kBehindSigns = LabelSet::of(label::building, label::wall, label::sky);
-inline constexpr LabelSet kOutlined = kPoleLabels | LabelSet::of(label::traffic_sign, label::traffic_light);
+inline constexpr LabelSet kOutlined = kPoleLabels | kSignLabels;
 
 class SignOutlines {
  public:
@@ -61,7 +61,7 @@ class SignOutlines {
   void run() noexcept {
     walk();
     for (int y = 0; y < labels_.height(); ++y) {
-      for (int x = 0; x < labels_.width(); ++x) open_(x, y) = is_sign(x, y) ? 1 : 0;
+      for (int x = 0; x < labels_.width(); ++x) open_(x, y) = is_thing(x, y) ? 1 : 0;
     }
     for (int y = 0; y < labels_.height(); ++y) {
       for (int x = 0; x < labels_.width(); ++x) {
@@ -78,7 +78,7 @@ class SignOutlines {
   static constexpr int kX[4] = {1, -1, 0, 0};
   static constexpr int kY[4] = {0, 0, 1, -1};
 
-  [[nodiscard]] bool is_sign(int x, int y) const noexcept {
+  [[nodiscard]] bool is_thing(int x, int y) const noexcept {
     if (!labels_.contains(x, y) || !kOutlined.contains(labels_(x, y))) return false;
     return (instances_.empty() || instances_(x, y) == 0) && (marks_.empty() || marks_(x, y) == 0);
   }
@@ -108,7 +108,7 @@ class SignOutlines {
     for (std::uint8_t& s : steps_.pixels()) s = 0;
     for (int y = 0; y < labels_.height(); ++y) {
       for (int x = 0; x < labels_.width(); ++x) {
-        if (!is_sign(x, y)) continue;
+        if (!is_thing(x, y)) continue;
         for (int k = 0; k < 4; ++k) {
           const int u = x + kX[k];
           const int v = y + kY[k];
@@ -124,12 +124,12 @@ class SignOutlines {
       const int y = y_of(list_[next]);
       if (steps_(x, y) > reach_px_) continue;
       for (int k = 0; k < 4; ++k) {
-        if (is_sign(x + kX[k], y + kY[k])) reach(x + kX[k], y + kY[k], from_(x, y), steps_(x, y) + 1);
+        if (is_thing(x + kX[k], y + kY[k])) reach(x + kX[k], y + kY[k], from_(x, y), steps_(x, y) + 1);
       }
     }
   }
 
-  // Of the sign whose pixels are the first `count` of the list.
+  // Of the thing whose pixels are the first `count` of the list.
   void clear(std::size_t count) noexcept {
     std::size_t walked = 0;
     std::size_t begun = 0;
@@ -160,7 +160,7 @@ class SignOutlines {
     const bool along_row = across * across >= down * down;
     const int dx = along_row ? (across > 0 ? 1 : -1) : 0;
     const int dy = along_row ? 0 : (down > 0 ? 1 : -1);
-    for (int k = 1; k <= reach_px_ && is_sign(x + k * dx, y + k * dy); ++k) {
+    for (int k = 1; k <= reach_px_ && is_thing(x + k * dx, y + k * dy); ++k) {
       if (!is_given_back(steps_(x + k * dx, y + k * dy))) return true;
     }
     return false;
@@ -177,7 +177,7 @@ class SignOutlines {
   Span<std::uint32_t> list_;
   std::size_t count_ = 0;          // of the list, while it is walked
   ImageView<std::uint32_t> from_;  // the pixel outside, or itself where that stays
-  ImageView<std::uint8_t> open_;   // signs that were not cleared yet
+  ImageView<std::uint8_t> open_;   // things that were not cleared yet
   ImageView<std::uint8_t> steps_;  // from it, up to one more than may be; 0: not walked over
 };
 

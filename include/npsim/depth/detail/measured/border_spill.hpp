@@ -109,6 +109,16 @@ struct SpillLine {
   [[nodiscard]] bool goes_on_behind(int i) const noexcept { return params.behind.contains(objects.labels(x(i), y(i))); }
   [[nodiscard]] bool matched() const noexcept { return view.focal_baseline_px_m > 0.0F; }
   [[nodiscard]] float depth(int i) const noexcept { return depth_m(x(i), y(i)); }
+  // How far down below a thing its depth is looked for.
+  [[nodiscard]] int under_reach() const noexcept { return std::min(params.under_reaches * params.reach_px, 128); }
+
+  // Depth at `here` of the row or column that is `line` further, where it is known and of the object at i; else 0.
+  [[nodiscard]] float beside(ImageView<const float> of, int here, int line, int i) const noexcept {
+    const int px = x(here) + (column ? line : 0);
+    const int py = y(here) + (column ? 0 : line);
+    const bool known = of.contains(px, py) && objects.same(px, py, x(i), y(i)) && is_valid_depth(of(px, py));
+    return known ? of(px, py) : 0.0F;
+  }
 
   // Median inverse depth of the object at i over at most `most` samples of it, from the pixel i + k step on and up to
   // `end`; k is left behind them. 0 for fewer than half of them. mean_k: where they lie.
@@ -124,10 +134,9 @@ struct SpillLine {
         break;
       }
       for (int line = -params.lines; line <= params.lines && count < most; ++line) {
-        const int px = x(here) + (column ? line : 0);
-        const int py = y(here) + (column ? 0 : line);
-        if (!of.contains(px, py) || !objects.same(px, py, x(i), y(i)) || !is_valid_depth(of(px, py))) continue;
-        some[count++] = 1.0F / of(px, py);
+        const float z = beside(of, here, line, i);
+        if (!(z > 0.0F)) continue;
+        some[count++] = 1.0F / z;
         mean_k += static_cast<float>(k);
       }
     }
@@ -246,8 +255,9 @@ struct SpillLine {
     }
   }
 
-  // Below what stands on it, of a laser: ground further down the picture is nearer, however it rises.
-  void drop_before_ground(int i, int reach) const noexcept {
+  // Ground begins at i, below what stands on it. Of a laser: ground further down the picture is nearer.
+  void drop_before_ground(int i) const noexcept {
+    const int reach = under_reach();
     const float near = near_object(i, 1);
     float farthest_m = 0.0F;  // of the ground below
     float known_m = 0.0F;     // the second: one sample may be an echo
@@ -258,22 +268,16 @@ struct SpillLine {
       const bool of_it = near * z < params.contrast && near * z * params.contrast > 1.0F;
       if (k <= reach && is_valid_depth(z) && of_it && known_m > params.farther * z) kept(x(here), y(here)) = 0.0F;
       for (int line = -params.lines; line <= params.lines; ++line) {
-        if (!depth_m.contains(x(here) + line, y(here)) || !objects.same(x(here) + line, y(here), x(i), y(i))) continue;
-        const float there = depth_m(x(here) + line, y(here));
-        if (!is_valid_depth(there)) continue;
+        const float there = beside(depth_m, here, line, i);
         known_m = max_of(known_m, std::min(farthest_m, there));
         farthest_m = max_of(farthest_m, there);
       }
     }
   }
 
-  // Ground begins at i, below what stands on it.
+  // The same of stereo, by the ground farther down.
   void drop_under(int i) const noexcept {
-    const int reach = std::min(params.under_reaches * params.reach_px, 128);
-    if (!matched()) {
-      drop_before_ground(i, reach);
-      return;
-    }
+    const int reach = under_reach();
     const Continued plane = ground(i, 1);
     int k0 = reach;
     float farther_k = 0.0F;
@@ -300,7 +304,12 @@ struct SpillLine {
       const bool stands_on_it = column && !matched();  // where it ends it is as far away as its ground
       if (!ground_before && (!ground_after || (knows_ground && is_paved(i) && !stands_on_it))) drop(i, 1);
       if (!ground_after && (!ground_before || (knows_ground && is_paved(i - 1)))) drop(i - 1, -1);
-      if (column && knows_ground && !ground_before && is_paved(i)) drop_under(i);
+      if (!(column && knows_ground && !ground_before && is_paved(i))) continue;
+      if (matched()) {
+        drop_under(i);
+      } else {
+        drop_before_ground(i);
+      }
     }
   }
 };
