@@ -69,6 +69,7 @@ struct NightParams {
   params.relight.activation.by_text_alone = true;
   params.relight.activation.stop_probability = 0.0F;
   params.relight.denoise.iterations = 0;
+  params.relight.unsure_light.reach = 0;
   params.relight.veils = VeilParams::none();
   params.relight.bodies = LabelSet();
   params.relight.flat.classes = LabelSet();
@@ -104,7 +105,8 @@ struct Night {
                           true,
                           0,
                           pixels,
-                          most_unseen_lamps(params.relight.rows, marks)};
+                          most_unseen_lamps(params.relight.rows, marks),
+                          true};
   const std::size_t mesh = mesh_workspace_bytes(params.mesh, shape, most);
   const std::size_t nights = allocation_bytes<Rgb8>(pixels) + allocation_bytes<std::uint16_t>(params.raw ? pixels : 0) +
                              light_images_bytes(params.relight, shape, marks) +

@@ -43,6 +43,7 @@
 #include "npsim/pipeline/detail/scene_rays.hpp"
 #include "npsim/pipeline/detail/source_pixels.hpp"
 #include "npsim/pipeline/detail/surface_attributes.hpp"
+#include "npsim/pipeline/detail/unsure_surfaces.hpp"
 #include "npsim/pipeline/detail/veil_faces.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/render/denoise.hpp"
@@ -50,6 +51,7 @@
 #include "npsim/render/light_images.hpp"
 #include "npsim/render/mirror.hpp"
 #include "npsim/render/surface_points.hpp"
+#include "npsim/render/unsure_light.hpp"
 #include "npsim/render/visibility.hpp"
 
 namespace npsim {
@@ -65,6 +67,7 @@ struct RelightParams {
   MirrorParams mirror;        // where the ground is wet (material.film)
   UnseenStreetParams unseen;  // what rays see that leave the picture's street
   DenoiseParams denoise;
+  UnsureLightParams unsure_light;  // of measured depth
   SkyParams sky;
   MaterialParams material;
   VeilParams veils;
@@ -90,6 +93,7 @@ struct RelightParams {
   NPSIM_RETURN_IF_ERROR(validate(p.mirror));
   NPSIM_RETURN_IF_ERROR(validate(p.unseen));
   NPSIM_RETURN_IF_ERROR(validate(p.denoise));
+  NPSIM_RETURN_IF_ERROR(validate(p.unsure_light));
   NPSIM_RETURN_IF_ERROR(validate(p.sky));
   NPSIM_RETURN_IF_ERROR(validate(p.material.albedo));
   NPSIM_RETURN_IF_ERROR(validate(p.material.film));
@@ -141,6 +145,7 @@ struct RelightSize {
   std::size_t groups = 0;  // of the marks, those that shine no light of their own
   std::size_t wet = 0;     // of the receivers, those that a film of water may cover
   std::size_t unseen = 0;  // street lamps that continue a row
+  bool unsure = false;     // whether depth is measured
 };
 
 [[nodiscard]] inline RelightSize relight_size(const SceneView& scene, const SceneMesh& mesh, int variants) noexcept {
@@ -153,7 +158,8 @@ struct RelightSize {
                    scene.albedo.empty(),
                    0,
                    0,
-                   0};
+                   0,
+                   false};
   for (const LightMark& mark : scene.lights) size.groups += is_group(mark.cls) ? 1U : 0U;
   for (int y = 0; y < scene.shape().height; ++y) {
     for (int x = 0; x < scene.shape().width; ++x) {
@@ -198,6 +204,7 @@ struct RelightSize {
       allocation_bytes<Vec3f>(size.receivers) + allocation_bytes<Vec2f>(size.receivers) +
       (wet ? mirrors_bytes(params.mirror, size.wet) : 0) + allocation_bytes<Vec3f>(2 * emitters + 1) +
       allocation_bytes<float>(emitters) +
+      (size.unsure ? allocation_bytes<float>(UnsureLightGuides::floats(shape)) : 0) +
       relight_detail::light_transport_workspace_bytes(shape, size.points, params.bounces, wet);
   return shared +
          max_of(size.marks > 0 ? placement_workspace_bytes(params.placement, shape) : std::size_t{0},
@@ -328,7 +335,7 @@ template <class Rays>
 // afterwards. `out` holds all but groups' images and what was reached. Rays: LayerRays or MeshRays (scene_rays.hpp).
 template <class Rays, class Executor, class Observer>
 [[nodiscard]] Status trace_light(const RelightParams& params, std::uint64_t key, const SceneView& scene,
-                                 const SceneMesh& mesh, DepthSource source, const RelightSize& size,
+                                 const SceneMesh& mesh, const RefinedDepth& refined, const RelightSize& size,
                                  Span<std::uint32_t> block, Workspace& workspace, Executor& executor,
                                  Observer& observer, Relighting& out) {
   const Shape shape = scene.shape();
@@ -337,7 +344,7 @@ template <class Rays, class Executor, class Observer>
   NPSIM_RETURN_IF_ERROR(Rays::make(scene, mesh, workspace, executor, rays));
   Occluders occluders;
   NPSIM_RETURN_IF_ERROR(
-      find_occluders(params, scene, mesh, out.points, source, rays, out.emitters, workspace, occluders));
+      find_occluders(params, scene, mesh, out.points, refined.source, rays, out.emitters, workspace, occluders));
   observer.end(Stage::build_trace);
 
   observer.begin(Stage::render);
@@ -358,6 +365,10 @@ template <class Rays, class Executor, class Observer>
   NPSIM_RETURN_IF_ERROR(list_receivers(mesh.visible_vertex, size.receivers, workspace, receivers, first_receiver));
   lit.receivers = receivers;
   lit.first_receiver = first_receiver;
+  if (size.unsure) {
+    NPSIM_RETURN_IF_ERROR(
+        find_unsure_surfaces(params.unsure_light, refined, out.points, out.visible_point, workspace, lit.unsure));
+  }
   const auto point_of = [&rays](const Hit& hit) { return rays.point_of(hit); };
   if (is_wet(params.material.film)) {
     NPSIM_RETURN_IF_ERROR(list_mirrors(params.mirror, lit.points, lit.visible_point, size.wet, workspace, lit.mirrors));
@@ -403,7 +414,7 @@ template <class Rays, class Executor, class Observer>
                           static_cast<std::uint32_t>(e), lit.groups.peak_cd[e], occluders, untraced_lx, executor,
                           observer, each_block);
     };
-    LightTransport transport(lit, gather.rays, params.bounces, params.denoise);
+    LightTransport transport(lit, gather.rays, params.bounces, params.denoise, params.unsure_light);
     NPSIM_RETURN_IF_ERROR(transport.allocate(workspace));
     LightImageBuilder images;
     NPSIM_RETURN_IF_ERROR(images.start(shape, params.least_cd_m2, block, workspace));
@@ -434,6 +445,7 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   if (variants < 1) return Status(StatusCode::invalid_argument, "at least one variant is needed");
   const std::size_t before = workspace.used();
   RelightSize size = relight_size(scene, mesh, variants);
+  size.unsure = relight_detail::has_unsure_surfaces(params.unsure_light, refined.source);
   NPSIM_RETURN_IF_ERROR(workspace.ensure(relight_workspace_bytes(params, traced, scene.shape(), size)));
 
   observer.begin(Stage::lights);
@@ -490,8 +502,8 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   {
     const WorkspaceScope scope(workspace);
     const auto trace = [&](auto kind) {
-      return relight_detail::trace_light<decltype(kind)>(params, key, scene, mesh, refined.source, size, block,
-                                                         workspace, executor, observer, out);
+      return relight_detail::trace_light<decltype(kind)>(params, key, scene, mesh, refined, size, block, workspace,
+                                                         executor, observer, out);
     };
     NPSIM_RETURN_IF_ERROR(traced == TracedFaces::mesh ? trace(MeshRays{}) : trace(LayerRays{}));
   }

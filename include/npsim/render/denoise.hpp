@@ -13,7 +13,6 @@
 #ifndef NPSIM_RENDER_DENOISE_HPP
 #define NPSIM_RENDER_DENOISE_HPP
 
-#include <algorithm>
 #include <cstddef>
 #include <utility>
 
@@ -23,6 +22,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/render/detail/atrous.hpp"
 #include "npsim/simd/batch.hpp"
 
 namespace npsim {
@@ -59,75 +59,36 @@ struct DenoiseGuides {
 
 namespace denoise_detail {
 
-template <class F>
-struct Guide {
-  F px, py, pz, nx, ny, nz;
+// What taps count by.
+struct Weights {
+  const DenoiseParams& params;
+  const DenoiseGuides& guides;
 
-  Guide(const DenoiseGuides& g, std::ptrdiff_t at) noexcept {
-    const std::size_t plane = g.shape.pixels();
-    const float* const p = g.planes.data() + at;
-    px = F::load(p);
-    py = F::load(p + plane);
-    pz = F::load(p + 2 * plane);
-    nx = F::load(p + 3 * plane);
-    ny = F::load(p + 4 * plane);
-    nz = F::load(p + 5 * plane);
+  template <class F>
+  struct Guide {
+    F px, py, pz, nx, ny, nz;
+  };
+  template <class F>
+  [[nodiscard]] NPSIM_ALWAYS_INLINE Guide<F> at(std::ptrdiff_t pixel) const noexcept {
+    const std::size_t plane = guides.shape.pixels();
+    const float* const p = guides.planes.data() + pixel;
+    return {F::load(p),
+            F::load(p + plane),
+            F::load(p + 2 * plane),
+            F::load(p + 3 * plane),
+            F::load(p + 4 * plane),
+            F::load(p + 5 * plane)};
+  }
+  // A rational kernel of the distance from the tangent plane instead of exp: cheap, and as wide in its core.
+  template <class F>
+  [[nodiscard]] NPSIM_ALWAYS_INLINE F weight(const Guide<F>& p, const Guide<F>& q, float spline) const noexcept {
+    const F off = fma(p.nz, q.pz - p.pz, fma(p.ny, q.py - p.py, p.nx * (q.px - p.px))) / (p.pz * params.plane_sigma);
+    F cosine = fma(p.nz, q.nz, fma(p.ny, q.ny, p.nx * q.nx));
+    const auto counts = (cosine > F(0.0F)) & (q.pz > F(0.0F)) & (p.pz > F(0.0F));
+    for (int d = 0; d < params.normal_power_doublings; ++d) cosine = cosine * cosine;
+    return select(counts, cosine * spline / fma(off, off, F(1.0F)), F(0.0F));
   }
 };
-
-// A rational kernel of the distance from the tangent plane instead of exp: cheap, and as wide in its core.
-template <class F>
-[[nodiscard]] NPSIM_ALWAYS_INLINE F tap_weight(const DenoiseParams& params, const Guide<F>& p, const Guide<F>& q,
-                                               float spline) noexcept {
-  const F off = fma(p.nz, q.pz - p.pz, fma(p.ny, q.py - p.py, p.nx * (q.px - p.px))) / (p.pz * params.plane_sigma);
-  F cosine = fma(p.nz, q.nz, fma(p.ny, q.ny, p.nx * q.nx));
-  const auto counts = (cosine > F(0.0F)) & (q.pz > F(0.0F)) & (p.pz > F(0.0F));
-  for (int d = 0; d < params.normal_power_doublings; ++d) cosine = cosine * cosine;
-  return select(counts, cosine * spline / fma(off, off, F(1.0F)), F(0.0F));
-}
-
-// Pixels x .. x + lanes - 1 of row y, of all planes; more than one only where no tap leaves the row.
-template <class F>
-void filter_pixels(const DenoiseParams& params, const DenoiseGuides& guides, const float* in, float* out,
-                   std::size_t planes, int x, int y, int step) noexcept {
-  constexpr float kSpline[3] = {0.25F, 0.5F, 0.25F};
-  const std::size_t plane = guides.shape.pixels();
-  const auto at = [&](int column, int row) { return std::ptrdiff_t{row} * guides.shape.width + column; };
-  const Guide<F> centre(guides, at(x, y));
-  F weights[9];
-  std::ptrdiff_t offsets[9];
-  int taps = 0;
-  F sum(0.0F);
-  for (int j = -1; j <= 1; ++j) {
-    const int row = y + j * step;
-    if (row < 0 || row >= guides.shape.height) continue;
-    for (int i = -1; i <= 1; ++i) {
-      const int column = x + i * step;
-      if (column < 0 || column + F::lanes > guides.shape.width) continue;
-      offsets[taps] = at(column, row);
-      weights[taps] = tap_weight<F>(params, centre, Guide<F>(guides, offsets[taps]), kSpline[i + 1] * kSpline[j + 1]);
-      sum = sum + weights[taps++];
-    }
-  }
-  const auto any = sum > F(0.0F);
-  const F share = F(1.0F) / select(any, sum, F(1.0F));
-  for (std::size_t c = 0; c < planes; ++c) {
-    const float* const from = in + c * plane;
-    F value(0.0F);
-    for (int t = 0; t < taps; ++t) value = fma(weights[t], F::load(from + offsets[t]), value);
-    select(any, value * share, F::load(from + at(x, y))).store(out + c * plane + static_cast<std::size_t>(at(x, y)));
-  }
-}
-
-template <class F>
-void filter_row(const DenoiseParams& params, const DenoiseGuides& guides, const float* in, float* out,
-                std::size_t planes, int y, int step) noexcept {
-  const int width = guides.shape.width;
-  int x = 0;
-  for (; x < std::min(step, width); ++x) filter_pixels<simd::scalar::F32>(params, guides, in, out, planes, x, y, step);
-  for (; x + F::lanes + step <= width; x += F::lanes) filter_pixels<F>(params, guides, in, out, planes, x, y, step);
-  for (; x < width; ++x) filter_pixels<simd::scalar::F32>(params, guides, in, out, planes, x, y, step);
-}
 
 }  // namespace denoise_detail
 
@@ -142,12 +103,10 @@ Status denoise_planes(const DenoiseParams& params, const DenoiseGuides& guides, 
     return Status(StatusCode::shape_mismatch, "denoise: guides and planes must have one size, at most 12 planes");
   }
   NPSIM_RETURN_IF_ERROR(validate(params));
+  const denoise_detail::Weights weights{params, guides};
   for (int i = 0; i < params.iterations; ++i) {
-    executor.for_chunks(static_cast<std::size_t>(shape.height), 8, [&](std::size_t begin, std::size_t end) {
-      for (auto y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-        denoise_detail::filter_row<F>(params, guides, planes.data(), other.data(), count, y, 1 << i);
-      }
-    });
+    atrous_detail::filter_rows<F>(weights, shape, 0, shape.height, 1 << i, count, planes.data(), other.data(),
+                                  executor);
     std::swap(planes, other);
   }
   return {};

@@ -6,7 +6,7 @@
 //   indirect irradiance of every pixel, lx: the mean exitance that its rays meet, the sky, the street that is not seen
 //   exitance of what pixels show += albedo times that; gather again, `bounces` times in all
 // and the image is albedo / pi times the denoised irradiance. Direct light of each lamp has an image of its own, without
-// noise to remove.
+// noise to remove. On surfaces of unsure shape both are what may be expected there (render/unsure_light.hpp).
 // The last gather is made with even and with odd rays apart. Half of what they differ by, weighted as in the night that
 // is expected (every lamp at its mean intensity) and denoised like everything else, has the noise of the images: its
 // size is error (LightTransport). It knows neither the denoiser's bias nor that of guesses about the scene.
@@ -38,6 +38,7 @@
 #include "npsim/render/light_images.hpp"
 #include "npsim/render/mirror.hpp"
 #include "npsim/render/surface_points.hpp"
+#include "npsim/render/unsure_light.hpp"
 #include "npsim/render/visibility.hpp"
 
 namespace npsim {
@@ -61,6 +62,7 @@ struct LitScene {
   Span<const Vec2f> unseen;
   PointBlocks blocks;  // points that light is asked for
   Mirrors mirrors;
+  UnsureLightGuides unsure;
   Vec3f up;
   float f0 = 0;
 };
@@ -78,8 +80,14 @@ struct LitScene {
 
 class LightTransport {
  public:
-  LightTransport(const LitScene& scene, int rays, int bounces, const DenoiseParams& denoise) noexcept
-      : scene_(scene), shape_(scene.visible_point.shape()), rays_(rays), bounces_(bounces), denoise_(denoise) {}
+  LightTransport(const LitScene& scene, int rays, int bounces, const DenoiseParams& denoise,
+                 const UnsureLightParams& spread) noexcept
+      : scene_(scene),
+        shape_(scene.visible_point.shape()),
+        rays_(rays),
+        bounces_(bounces),
+        denoise_(denoise),
+        spread_(spread) {}
 
   // Before make(). What it takes stays until the images are made.
   Status allocate(Workspace& workspace) noexcept {
@@ -122,9 +130,13 @@ class LightTransport {
     for (std::size_t first = 0; first < scene_.groups.count && !observer.cancelled(); first += kLightsAtOnce) {
       first_ = first;
       in_batch_ = std::min(kLightsAtOnce, scene_.groups.count - first);
-      NPSIM_RETURN_IF_ERROR(direct(light_blocks, images, workspace, observer));
+      NPSIM_RETURN_IF_ERROR(direct(light_blocks, images, workspace, executor, observer));
       indirect(expected, executor);
       NPSIM_RETURN_IF_ERROR(denoise_planes(denoise_, guides_, 3 * in_batch_, now_, spare_, executor));
+      if (is_unsure()) {
+        NPSIM_RETURN_IF_ERROR(
+            spread_unsure_light(spread_, scene_.unsure, 0, shape_.height, 3 * in_batch_, now_, spare_, executor));
+      }
       if (!mirrored_.empty()) {
         NPSIM_RETURN_IF_ERROR(
             denoise_planes(mirror_filter(denoise_), guides_, 3 * in_batch_, mirrored_, spare_, executor));
@@ -205,8 +217,9 @@ class LightTransport {
   }
 
   // Direct light of the batch's lamps: their images, and the exitance of all points.
-  template <class LightBlocks, class Observer>
-  Status direct(const LightBlocks& light_blocks, LightImageBuilder& images, Workspace& workspace, Observer& observer) {
+  template <class LightBlocks, class Executor, class Observer>
+  Status direct(const LightBlocks& light_blocks, LightImageBuilder& images, Workspace& workspace, Executor& executor,
+                Observer& observer) {
     for (float& m : exitance_) m = 0.0F;
     const SurfacePoints& points = scene_.points;
     const std::size_t count = scene_.emitters.size();
@@ -220,6 +233,7 @@ class LightTransport {
       const float certain = scene_.certain_cd[e] / peak;
       const std::size_t lane = 3 * (group - first_);
       const bool shown = scene_.groups.shines[e] != 0;  // else it is part of what its group may shine
+      if (shown && is_unsure()) std::fill(now_.begin(), now_.end(), 0.0F);
       NPSIM_RETURN_IF_ERROR(light_blocks(e, certain_lx_, untraced_lx_, [&](std::size_t b, const BlockLight& light) {
         const Span<const std::uint32_t> block = scene_.blocks.of_block(b);
         for (std::size_t slot = 0; light.any && slot < kBlockPoints; ++slot) {
@@ -234,14 +248,79 @@ class LightTransport {
           certain_lx_[p] += certain * lx;
         }
         if (b >= scene_.blocks.tiles || !shown) return;
-        images.stage(0, b, light.any, [&](std::size_t slot) {
+        const auto luminance_of = [&](std::size_t slot) {
           const float lx = light.illuminance_lx[slot];
           return lx > 0.0F ? direct_light(points, block[slot], lx, light.to_light[slot], scene_.f0) : Vec3f{};
-        });
+        };
+        if (!is_unsure()) {
+          images.stage(0, b, light.any, luminance_of);
+        } else if (light.any) {
+          lay_over_albedo(b, luminance_of);
+        }
       }));
+      if (shown && is_unsure()) NPSIM_RETURN_IF_ERROR(stage_spread(images, executor));
       if (shown) NPSIM_RETURN_IF_ERROR(images.keep(scene_.groups.image_of_emitter(e), 0, workspace));
       observer.progress(++done_, count);
     }
+    return {};
+  }
+
+  [[nodiscard]] bool is_unsure() const noexcept { return !scene_.unsure.planes.empty(); }
+  [[nodiscard]] Vec3f spread_albedo(std::uint32_t p) const noexcept {
+    const Vec3f& a = scene_.points.albedo[p];
+    constexpr float kDarkest = UnsureLightGuides::kDarkest;
+    return {std::max(a.x, kDarkest), std::max(a.y, kDarkest), std::max(a.z, kDarkest)};
+  }
+  [[nodiscard]] std::size_t pixel_of(std::size_t tile, std::size_t slot) const noexcept {
+    const auto across = static_cast<std::size_t>(light_tiles(shape_).width);
+    const auto width = static_cast<std::size_t>(shape_.width);
+    return (tile / across * kLightTile + slot / kLightTile) * width + tile % across * kLightTile + slot % kLightTile;
+  }
+
+  // Direct light of a tile, over albedo, into the first three planes of now_.
+  template <class At>
+  void lay_over_albedo(std::size_t tile, const At& luminance_of) noexcept {
+    for (std::size_t slot = 0; slot < kLightTilePixels; ++slot) {
+      const std::uint32_t p = scene_.blocks.of_block(tile)[slot];
+      if (p == kNoPoint) continue;
+      const Vec3f light = luminance_of(slot);
+      const Vec3f albedo = spread_albedo(p);
+      float* const to = now_.data() + pixel_of(tile, slot);
+      to[0] = light.x / albedo.x;
+      to[shape_.pixels()] = light.y / albedo.y;
+      to[2 * shape_.pixels()] = light.z / albedo.z;
+    }
+  }
+
+  // Spreads what has been laid, with the other half of now_ as room, and stages it.
+  template <class Executor>
+  Status stage_spread(LightImageBuilder& images, Executor& executor) {
+    Span<float> light = now_.sub(0, 3 * shape_.pixels());
+    Span<float> other = now_.sub(3 * shape_.pixels(), 3 * shape_.pixels());
+    const auto is_dark = [&](int y) {
+      const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(shape_.width);
+      for (std::size_t c = 0; c < 3; ++c) {
+        const float* const from = light.data() + c * shape_.pixels() + row;
+        if (std::any_of(from, from + shape_.width, [](float v) { return v != 0.0F; })) return false;
+      }
+      return true;
+    };
+    int first = 0;
+    int last = shape_.height;
+    while (first < last && is_dark(first)) ++first;
+    while (last > first && is_dark(last - 1)) --last;
+    if (first < last) {
+      const int reach = unsure_light_reach_px(scene_.unsure.iterations);
+      first = std::max(first - reach, 0);
+      last = std::min(last + reach, shape_.height);
+      NPSIM_RETURN_IF_ERROR(spread_unsure_light(spread_, scene_.unsure, first, last, 3, light, other, executor));
+    }
+    for_light_tiles(shape_, executor, [&](std::size_t tile, int, int top, int, int bottom) {
+      images.stage(0, tile, bottom > first && top < last, [&](std::size_t slot) {
+        const std::uint32_t p = scene_.blocks.of_block(tile)[slot];
+        return p == kNoPoint ? Vec3f{} : spread_albedo(p) * channels(light, 0, pixel_of(tile, slot));
+      });
+    });
     return {};
   }
 
@@ -325,14 +404,11 @@ class LightTransport {
 
   template <class Executor>
   void stage_indirect(std::size_t light, LightImageBuilder& images, Executor& executor) const {
-    for_light_tiles(shape_, executor, [&](std::size_t tile, int left, int top, int, int) {
-      const Span<const std::uint32_t> block = scene_.blocks.of_block(tile);
+    for_light_tiles(shape_, executor, [&](std::size_t tile, int, int, int, int) {
       images.stage(light, tile, true, [&](std::size_t slot) {
-        const std::uint32_t p = block[slot];
+        const std::uint32_t p = scene_.blocks.of_block(tile)[slot];
         if (p == kNoPoint) return Vec3f{};
-        const std::size_t x = static_cast<std::size_t>(left) + slot % kLightTile;
-        const std::size_t y = static_cast<std::size_t>(top) + slot / kLightTile;
-        const std::size_t pixel = y * static_cast<std::size_t>(shape_.width) + x;
+        const std::size_t pixel = pixel_of(tile, slot);
         const Vec3f seen = scene_.points.albedo[p] * channels(now_, light, pixel) * kInversePi;
         return mirrored_.empty() ? seen : seen * body_[pixel] + channels(mirrored_, light, pixel);
       });
@@ -344,6 +420,7 @@ class LightTransport {
   int rays_;
   int bounces_;
   DenoiseParams denoise_;
+  UnsureLightParams spread_;
   std::size_t first_ = 0;     // group of the batch
   std::size_t in_batch_ = 0;  // of its groups
   DenoiseGuides guides_;
