@@ -84,6 +84,7 @@
 #include "npsim/render/mirror.hpp"
 #include "npsim/render/preview.hpp"
 #include "npsim/render/surface_points.hpp"
+#include "npsim/render/unsure_light.hpp"
 #include "npsim/render/visibility.hpp"
 
 // section 3.6.3: the camera
