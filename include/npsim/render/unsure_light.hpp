@@ -7,10 +7,10 @@
 // albedo, because the photograph, unlike the depth, knows where surfaces end:
 //   L(p) = A(p) sum_q w(p, q) L(q) / A(q) / sum_q w(p, q)
 //   w = tent(q - p) (1 - |ln A(p) - ln A(q)|^2 / ratio^2)_+^2 of one label, 0 of another
-// by the a-trous filter of detail/atrous.hpp, where w is that of each iteration's taps. Radiance over albedo is filtered,
-// so texture stays sharp. The weights know no light: the filter is linear, and may take one light at a time. Pixels that
-// take no part keep what they have and give nothing. Error against double precision: 1e-5 relative. Cost: 9 taps per
-// pixel, iteration and plane.
+// by the a-trous filter of detail/atrous.hpp, where w is that of the taps of each iteration. Radiance over albedo is
+// filtered, so texture stays sharp. The weights know no light: the filter is linear, and may take one light at a time.
+// Pixels that take no part keep what they have and give nothing. Error against double precision: 1e-5 relative. Cost: 9
+// taps per pixel, iteration and plane.
 #ifndef NPSIM_RENDER_UNSURE_LIGHT_HPP
 #define NPSIM_RENDER_UNSURE_LIGHT_HPP
 
@@ -55,7 +55,7 @@ struct UnsureLightParams {
 // How far light is taken from, px.
 [[nodiscard]] constexpr int unsure_light_reach_px(int iterations) noexcept { return (1 << iterations) - 1; }
 
-// What the weights go by: per pixel, in planes, the logarithms of the albedo's channels and the label; -1 takes no part.
+// What the weights go by, per pixel, in planes: logarithms of the albedo's channels, and the label; -1 takes no part.
 struct UnsureLightGuides {
   static constexpr float kDarkest = 1e-3F;  // albedo is taken for at least that
 
