@@ -13,9 +13,9 @@ using npsim_test::Image;
 
 namespace {
 
-void find(const Image<Rgb8>& image, const Image<float>& depth, bool stereo, Image<std::uint8_t>& surface) {
+void find(const Image<Rgb8>& image, const Image<float>& depth, DepthSource source, Image<std::uint8_t>& surface) {
   npsim_test::Scratch scratch(find_sky_workspace_bytes(depth.cview().shape()));
-  REQUIRE(find_sky(image.cview(), depth.cview(), stereo, surface.view(), scratch.workspace()).ok());
+  REQUIRE(find_sky(image.cview(), depth.cview(), source, surface.view(), scratch.workspace()).ok());
 }
 
 // Measured below row 40; a dark tower from there up to row 10, and beside it the sky down to row 30.
@@ -33,7 +33,7 @@ struct View {
       }
     }
   }
-  void run(bool stereo = false) { find(image, depth, stereo, surface); }
+  void run(DepthSource source = DepthSource::lidar) { find(image, depth, source, surface); }
 };
 
 }  // namespace
@@ -113,7 +113,7 @@ struct Canyon {
     }
   }
   int wrong() {
-    find(image, depth, false, surface);
+    find(image, depth, DepthSource::lidar, surface);
     int n = 0;
     for (int y = 0; y < 40; ++y) {
       for (int x = 0; x < shape.width; ++x) {
@@ -139,7 +139,7 @@ TEST_CASE("far trees that do not answer are no sky") {
   for (int y = 8; y < 40; ++y) {
     for (int x = 70; x < 130; ++x) v.image(x, y) = v.image(x - 60, y);
   }
-  find(v.image, v.depth, false, v.surface);
+  find(v.image, v.depth, DepthSource::lidar, v.surface);
   CHECK(v.surface(20, 8) == 1);  // the wall's top, above the field of view
   CHECK(v.surface(100, 2) == 0);
   CHECK(v.surface(20, 1) == 0);
@@ -154,7 +154,7 @@ TEST_CASE("smooth houses out of reach below rough clouds are not the sky") {
       if (!Canyon::wall(x, y) && y >= 8 && y < 40) v.image(x, y) = Rgb8{90, 60, 40};
     }
   }
-  find(v.image, v.depth, false, v.surface);
+  find(v.image, v.depth, DepthSource::lidar, v.surface);
   for (int x = 0; x < 200; ++x) CHECK(v.surface(x, 1) == 0);
 }
 
@@ -209,7 +209,7 @@ TEST_CASE("of a stereo pair clouds that were matched at 30 m are sky, a tower th
       if (y >= 30 && y < 40) v.depth(x, y) = 40.0F;
     }
   }
-  v.run(true);
+  v.run(DepthSource::stereo);
   for (int y = 0; y < 60; ++y) {
     for (int x = 0; x < 100; ++x) {
       const bool tower = x >= 30 && x < 60 && y >= 10;
@@ -218,7 +218,7 @@ TEST_CASE("of a stereo pair clouds that were matched at 30 m are sky, a tower th
       CHECK(v.surface(x, y) == (y < 30 && !tower ? 0 : 1));
     }
   }
-  v.run(false);  // what a laser measures is there
+  v.run();  // what a laser measures is there
   CHECK(v.surface(80, 20) == 1);
 }
 
@@ -229,7 +229,7 @@ TEST_CASE(
   for (int y = 0; y < 60; ++y) {
     for (int x = 0; x < 100; ++x) v.depth(x, y) = y >= 25 && (x + y) % 7 != 0 ? 20.0F : 0.0F;
   }
-  v.run(true);
+  v.run(DepthSource::stereo);
   for (int y = 0; y < 60; ++y) {
     CAPTURE(y);
     if (y != 25) CHECK(v.surface(50, y) == (y > 25 ? 1 : 0));
@@ -347,7 +347,7 @@ struct Wide {
   // Of rows [from, to) at columns where the predicate holds, the share that is sky.
   template <class Column>
   double sky(int from, int to, const Column& column) {
-    find(image, depth, false, surface);
+    find(image, depth, DepthSource::lidar, surface);
     double n = 0;
     double count = 0;
     for (int y = from; y < to; ++y) {
@@ -480,4 +480,61 @@ TEST_CASE("of a network's depth a deep blue sky beside white fronts in the sun i
   }
   CHECK(v.sky(0, 58, [](int x) { return x % 20 != 0 && x >= 30 && x < 120; }) > 0.99);  // poles stand before it
   CHECK(v.sky(0, 58, [](int x) { return x < 30 || x >= 120; }) == 0.0);
+}
+
+TEST_CASE("below wires the sky goes on in its own colour; a ledge as thin above another colour, or a beam, parts it") {
+  constexpr Shape kShape{480, 120};
+  const Rgb8 sky{190, 200, 220};
+  Image<Rgb8> image(kShape, sky);
+  Image<float> depth(kShape, 0.0F);
+  Image<std::uint8_t> surface(kShape, 9);
+  for (int y = 80; y < 120; ++y) {
+    for (int x = 0; x < 480; ++x) {
+      image(x, y) = Rgb8{70, 70, 60};
+      if ((x + y) % 3 == 0) depth(x, y) = 20.0F;
+    }
+  }
+  for (int x = 0; x < 480; ++x) {
+    image(x, 20) = image(x, 21) = Rgb8{30, 30, 30};  // two wires, from one side of the picture to the other
+    image(x, 40 + x % 2) = Rgb8{60, 60, 60};
+    if (x >= 300 && x < 400) {
+      for (int y = 50; y < 53; ++y) image(x, y) = Rgb8{50, 50, 50};
+      for (int y = 53; y < 80; ++y) image(x, y) = Rgb8{235, 225, 205};  // a front in the sun below its ledge
+      image(299, 50 + x % 30) = image(400, 50 + x % 30) = Rgb8{90, 80, 70};
+    }
+    if (x >= 100 && x < 200) {
+      for (int y = 60; y < 65; ++y) image(x, y) = Rgb8{50, 50, 50};  // wider than a wire
+      image(99, 60 + x % 20) = image(200, 60 + x % 20) = Rgb8{50, 50, 50};
+    }
+  }
+  find(image, depth, DepthSource::lidar, surface);
+  CHECK(surface(50, 10) == 0);
+  CHECK(surface(50, 30) == 0);
+  CHECK(surface(50, 70) == 0);
+  CHECK(surface(350, 30) == 0);
+  CHECK(surface(350, 65) == 1);
+  CHECK(surface(150, 55) == 0);
+  CHECK(surface(150, 72) == 1);
+}
+
+TEST_CASE("of an exact map without its sky, that below a lamp on a wire is sky; a laser's gap there is surface") {
+  View v;
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      const bool tower = x >= 30 && x < 60 && y >= 10;
+      v.depth(x, y) = y >= 30 || tower ? 20.0F : 0.0F;
+    }
+  }
+  for (int x = 70; x < 80; ++x) {
+    v.image(x, 5) = Rgb8{40, 40, 40};
+    v.depth(x, 5) = 15.0F;
+  }
+  for (const DepthSource source : {DepthSource::exact, DepthSource::network}) {
+    v.run(source);
+    CHECK(v.surface(75, 5) == 1);
+    for (int y = 6; y < 30; ++y) CHECK(v.surface(75, y) == 0);
+    CHECK(v.surface(45, 15) == 1);
+  }
+  v.run(DepthSource::lidar);
+  CHECK(v.surface(75, 15) == 1);
 }

@@ -88,7 +88,7 @@ template <class Executor>
   const Shape shape = surface.shape();
   const bool labelled = !scene.labels.empty();
   if (!labelled) {
-    NPSIM_RETURN_IF_ERROR(find_sky(scene.image, scene.depth, source == DepthSource::stereo, surface, workspace));
+    NPSIM_RETURN_IF_ERROR(find_sky(scene.image, scene.depth, source, surface, workspace));
   }
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {

@@ -9,7 +9,8 @@
 // of ending at the sensor's last row. The classes are told apart if the bright one is at least 1.5 times as bright as
 // the dark one, neither holds less than 2 % of the pixels, and the measured surfaces are not brighter than the bright
 // one. Walls that look so are told from it by given/sky_walls.hpp. Beside what was measured the sky comes up to it, as
-// far as it is even and nothing was measured above in the column or to one side.
+// far as it is even and nothing was measured above in the column or to one side. Below wires and what else is thinner
+// than 1/160 of the width it goes on in the same colour.
 // A deep blue sky, or a dark one of clouds, is not the brightest. What the sensor looked at without an answer, below
 // its topmost rows nearby, tells: where less than a tenth of that is in the bright class, or there is none, the classes
 // are of how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one, and
@@ -21,7 +22,8 @@
 // all is surface.
 // A stereo pair matches clouds with each other: on real frames .4 to .55 of the sky has a depth, from 27 m on. Where
 // the picture tells the sky from the rest of what is missing or beyond kMismatchedSky_m, it decides of all that as it
-// does of what is far in a dense map; where it does not, what was matched is surface, as for other sensors.
+// does of what is far in a dense map; where it does not, what was matched is surface, as for other sensors. Exact maps,
+// and those of networks, whose sky is left out have no gaps between samples: what is missing is what is far.
 // Cost: a few passes. Memory: 25 bytes per pixel, for a dense map none.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
@@ -34,6 +36,7 @@
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/scene_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
@@ -171,6 +174,7 @@ struct SkyLook {
 
 inline constexpr float kFarSky_m = 60.0F;         // networks end at 80 m or more
 inline constexpr float kMismatchedSky_m = 25.0F;  // of stereo
+inline constexpr int kWiresInWidth = 160;         // side by side
 inline constexpr double kDense = 0.95;            // share of valid depth, of the picture and of its upper edge
 
 [[nodiscard]] inline bool is_dense(ImageView<const float> depth) noexcept {
@@ -218,6 +222,24 @@ template <class Far>
   return true;
 }
 
+// Sky that thin things, such as wires, part from the sky above it, where it is of one colour with that. False: none.
+[[nodiscard]] inline bool cross_wires(ImageView<const Rgb8> image, ImageView<std::uint8_t> map) noexcept {
+  const int widest = std::max(1, map.width() / kWiresInWidth);
+  bool any = false;
+  for (int x = 0; x < map.width(); ++x) {
+    int sky = -1;  // the lowest above
+    for (int y = 0; y < map.height() && map(x, y) != kSurface; ++y) {
+      if (map(x, y) == kLike && sky >= 0 && y - sky <= widest + 1 &&
+          difference(image(x, y), image(x, sky)) <= kEvenSky) {
+        map(x, y) = kSky;
+        any = true;
+      }
+      if (map(x, y) == kSky) sky = y;
+    }
+  }
+  return any;
+}
+
 }  // namespace depth_detail
 
 [[nodiscard]] constexpr std::size_t find_sky_workspace_bytes(Shape shape) noexcept {
@@ -225,8 +247,8 @@ template <class Far>
          allocation_bytes<int>(static_cast<std::size_t>(shape.width)) + kWorkspaceAlignment;
 }
 
-// surface: 1 where there is one, 0 for the sky. All of one shape. stereo: depth is that of a pair of cameras.
-[[nodiscard]] inline Status find_sky(ImageView<const Rgb8> image, ImageView<const float> depth, bool stereo,
+// surface: 1 where there is one, 0 for the sky. All of one shape.
+[[nodiscard]] inline Status find_sky(ImageView<const Rgb8> image, ImageView<const float> depth, DepthSource source,
                                      ImageView<std::uint8_t> surface, Workspace& workspace) noexcept {
   using namespace depth_detail;
   if (is_dense(depth)) {
@@ -238,8 +260,9 @@ template <class Far>
     }
     return {};
   }
-  const auto mismatched = [](float z) { return !is_valid_depth(z) || z > kMismatchedSky_m; };
-  if (stereo && find_sky_among_far(image, depth, mismatched, surface)) return {};
+  const bool stereo = source == DepthSource::stereo;
+  const auto missing = [stereo](float z) { return !is_valid_depth(z) || (stereo && z > kMismatchedSky_m); };
+  if (source != DepthSource::lidar && find_sky_among_far(image, depth, missing, surface)) return {};
   constexpr int kReach = 8;
   constexpr double kDarkestSky = 0.5;
   const Shape shape = surface.shape();
@@ -276,7 +299,9 @@ template <class Far>
     }
     if (surface(x, 0) == kLike) surface(x, 0) = kSky;
   }
-  grow(surface, kSky, [](std::uint8_t c) { return c == kLike; });
+  do {
+    grow(surface, kSky, [](std::uint8_t c) { return c == kLike; });
+  } while (cross_wires(image, surface));
   grow_from(surface, kSky, [&](int x, int y, int from_x, int from_y) {
     return surface(x, y) == kBeside && difference(image(x, y), image(from_x, from_y)) <= kEvenSky;
   });
