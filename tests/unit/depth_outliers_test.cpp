@@ -131,6 +131,31 @@ TEST_CASE("stereo: mirror images on the bonnet, a hand below the road in front o
   CHECK(dropped(0.0F)(15, 46) == road.depth(15, 46));  // of no other source is that known
 }
 
+TEST_CASE(
+    "stereo without labels: a match deep below the near road is dropped; a wall, a valley and a laser's are not") {
+  Road road;
+  const Image<float> clean = road.depth;
+  road.depth(20, 46) = 1e6F;  // a disparity of next to nothing on the bonnet
+  road.depth(30, 45) = 10.0F;
+  road.depth(30, 24) = 90.0F;  // a valley beside the road, seen above the near rows
+  road.depth(40, 46) = 1.0F;   // something near
+  const auto dropped = [&](float focal_baseline) {
+    Image<float> out(road.shape);
+    SerialExecutor serial;
+    REQUIRE(drop_outliers({}, road.depth.view(), ObjectMap{}, {0, -1, 0}, 1.5F, road.camera, focal_baseline, out.view(),
+                          serial)
+                .ok());
+    return out;
+  };
+  const Image<float> out = dropped(10.0F);
+  CHECK(out(20, 46) == 0.0F);
+  CHECK(out(30, 45) == 0.0F);
+  CHECK(out(30, 24) == 90.0F);
+  CHECK(out(40, 46) == 1.0F);
+  CHECK(out(50, 46) == clean(50, 46));
+  CHECK(dropped(0.0F) == road.depth);
+}
+
 TEST_CASE("stereo: depth of the object behind, smeared over the border of a thin one, is dropped") {
   Road road;
   for (int y = 0; y < 14; ++y) {

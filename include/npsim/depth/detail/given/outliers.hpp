@@ -8,6 +8,8 @@
 // Off the carriageway, for stereo: matching finds mirror images on the bonnet, and mixes bonnet and road at its border.
 // What lies within eight times the nearest distance z0 of the ground seen, and further than near_tolerance of the
 // camera's height + near_slope (z - z0) from the height of the carriageway in its rows (detail/road_profile.hpp).
+// Below the ground, for stereo without labels: in rows that see the ground nearer than 2 z0, where bonnets are, what
+// lies near_depth times as far below the camera as the ground.
 // Speck: a sample with fewer than `speck_share` of the samples of its (2 r + 1)^2 window within `speck_tolerance` of
 // its inverse depth; what is missing there is no sample, so that a lamp's head before the sky stays. With `by_object`
 // only samples of the same object count: matching smears the depth of objects over their borders, and leaves slivers of
@@ -46,6 +48,7 @@ struct OutlierParams {
   LabelSet carriageway = LabelSet::of(label::road, label::parking);
   float near_tolerance = 0.025F;  // 3 cm, of ruts and patches; 0 switches the test off
   float near_slope = 0.03F;
+  float near_depth = 2.0F;  // at least 1; infinite switches the test off
   int speck_radius_px = 5;  // 0 switches the test off; at most 32
   float speck_share = 0.25F;
   float speck_tolerance = 0.1F;  // relative
@@ -58,10 +61,10 @@ struct OutlierParams {
 
 [[nodiscard]] inline Status validate(const OutlierParams& params) noexcept {
   if (!(params.ground_tolerance >= 0.0F) || !(params.ground_slope >= 0.0F) || !(params.near_tolerance >= 0.0F) ||
-      !(params.near_slope >= 0.0F) || params.speck_radius_px < 0 || params.speck_radius_px > 32 ||
-      !(params.speck_share >= 0.0F && params.speck_share <= 1.0F) || !(params.speck_tolerance > 0.0F) ||
-      !(params.strip_width >= 0.0F) || !(params.strip_margin_px >= 0.0F) || !(params.strip_step_px >= 0.0F) ||
-      !(params.strip_step >= 0.0F)) {
+      !(params.near_slope >= 0.0F) || !(params.near_depth >= 1.0F) || params.speck_radius_px < 0 ||
+      params.speck_radius_px > 32 || !(params.speck_share >= 0.0F && params.speck_share <= 1.0F) ||
+      !(params.speck_tolerance > 0.0F) || !(params.strip_width >= 0.0F) || !(params.strip_margin_px >= 0.0F) ||
+      !(params.strip_step_px >= 0.0F) || !(params.strip_step >= 0.0F)) {
     return {StatusCode::invalid_argument, "drop_outliers: tolerances positive, radius in 0..32, share in 0..1"};
   }
   return {};
@@ -165,10 +168,12 @@ template <class Executor>
   const bool labelled = !labels.empty();
   const bool specks = labelled && params.speck_radius_px > 0 && 2 * measured >= shape.pixels();
   const bool ground = params.ground_tolerance > 0.0F && height_m > 0.0F;
-  const auto height = [&](int x, int y, float z) { return dot(up, unproject_pixel(camera, x, y, z)) + height_m; };
+  const auto fall = [&](int x, int y, float z) { return -dot(up, unproject_pixel(camera, x, y, z)); };
+  const auto height = [&](int x, int y, float z) { return height_m - fall(x, y, z); };
   // Of the ground plane, in the middle of the lowest row.
-  const float down = -dot(up, unproject_pixel(camera, shape.width / 2, shape.height - 1, 1.0F));
+  const float down = fall(shape.width / 2, shape.height - 1, 1.0F);
   const bool near = labelled && ground && focal_baseline_px_m > 0.0F && params.near_tolerance > 0.0F && down > 0.0F;
+  const bool below = !labelled && ground && focal_baseline_px_m > 0.0F && down > 0.0F;
   const depth_detail::CarriagewayTest carriageway(params, near ? depth : ImageView<const float>(), labels,
                                                   near ? height_m / down : 0.0F, height_m, height);
   executor.for_chunks(static_cast<std::size_t>(shape.height), 16, [&](std::size_t begin, std::size_t end) {
@@ -185,6 +190,8 @@ template <class Executor>
               (params.carriageway.contains(labels(x, y)) && carriageway.off(y, z, above))) {
             output(x, y) = 0.0F;
           }
+        } else if (below && fall(x, y, 1.0F) > 0.5F * down && fall(x, y, z) > params.near_depth * height_m) {
+          output(x, y) = 0.0F;
         } else if (specks && depth_detail::is_speck(params, depth, objects, x, y)) {
           output(x, y) = 0.0F;
         }
