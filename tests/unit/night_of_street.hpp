@@ -18,8 +18,7 @@
 namespace npsim::testing {
 
 template <class Sink>
-Sink night_of(const street::Street& street, const NightParams& params) {
-  const SceneView view = view_of(street);
+Sink night_of(const SceneView& view, const NightParams& params) {
   const std::size_t bytes = night_workspace_bytes(params, view.shape(), view.lights.size());
   const std::unique_ptr<unsigned char[]> memory(new unsigned char[bytes]);
   Workspace workspace(memory.get(), bytes);
@@ -28,6 +27,11 @@ Sink night_of(const street::Street& street, const NightParams& params) {
   Sink sink;
   REQUIRE(engine::make_nights(params, view, workspace, pool, observer, sink).ok());
   return sink;
+}
+
+template <class Sink>
+Sink night_of(const street::Street& street, const NightParams& params) {
+  return night_of<Sink>(view_of(street), params);
 }
 
 }  // namespace npsim::testing

@@ -407,6 +407,7 @@ TEST_CASE("night: parameters that are not finite or out of range are refused bef
   CHECK(code([&](NightParams& p) { p.relight.bounces = 0; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.relight.sky.zenith_cd_m2.x = nan; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.relight.denoise.plane_sigma = 0; }) == StatusCode::invalid_argument);
+  CHECK(code([&](NightParams& p) { p.relight.unsure_light.reach = nan; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.depth.filter.sigma_s_px = nan; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.variants = 0; }) == StatusCode::invalid_argument);
 }

@@ -106,7 +106,7 @@ struct Night {
                           0,
                           pixels,
                           most_unseen_lamps(params.relight.rows, marks),
-                          true};
+                          params.relight.unsure_light.reach > 0.0F};
   const std::size_t mesh = mesh_workspace_bytes(params.mesh, shape, most);
   const std::size_t nights = allocation_bytes<Rgb8>(pixels) + allocation_bytes<std::uint16_t>(params.raw ? pixels : 0) +
                              light_images_bytes(params.relight, shape, marks) +

@@ -11,7 +11,8 @@
 // Effort or error: either `gather.rays` are traced from each receiver, or, with max_error, as many as the noise of the
 // expected night asks for; what was reached is in Relighting either way.
 // Memory (workspace): relight_workspace_bytes(), from the sizes of the mesh: 36 bytes a point that are kept, and while
-// lights are made 4 a gather ray and receiver, what rays are traced through, and what detail/light_transport.hpp takes;
+// lights are made 4 a gather ray and receiver, what rays are traced through, what detail/light_transport.hpp takes, and
+// 16 a pixel where depth is measured with noise;
 // then the images of the lights (LightImages::bytes()), for which the workspace is asked image by image.
 #ifndef NPSIM_PIPELINE_RELIGHT_HPP
 #define NPSIM_PIPELINE_RELIGHT_HPP
@@ -67,7 +68,7 @@ struct RelightParams {
   MirrorParams mirror;        // where the ground is wet (material.film)
   UnseenStreetParams unseen;  // what rays see that leave the picture's street
   DenoiseParams denoise;
-  UnsureLightParams unsure_light;  // of measured depth
+  UnsureLightParams unsure_light;  // of stereo and lasers
   SkyParams sky;
   MaterialParams material;
   VeilParams veils;
@@ -145,7 +146,7 @@ struct RelightSize {
   std::size_t groups = 0;  // of the marks, those that shine no light of their own
   std::size_t wet = 0;     // of the receivers, those that a film of water may cover
   std::size_t unseen = 0;  // street lamps that continue a row
-  bool unsure = false;     // whether depth is measured
+  bool unsure = false;     // whether light is spread where the shape is unsure
 };
 
 [[nodiscard]] inline RelightSize relight_size(const SceneView& scene, const SceneMesh& mesh, int variants) noexcept {

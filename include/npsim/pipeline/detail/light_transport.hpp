@@ -81,13 +81,13 @@ struct LitScene {
 class LightTransport {
  public:
   LightTransport(const LitScene& scene, int rays, int bounces, const DenoiseParams& denoise,
-                 const UnsureLightParams& spread) noexcept
+                 const UnsureLightParams& unsure_light) noexcept
       : scene_(scene),
         shape_(scene.visible_point.shape()),
         rays_(rays),
         bounces_(bounces),
         denoise_(denoise),
-        spread_(spread) {}
+        unsure_light_(unsure_light) {}
 
   // Before make(). What it takes stays until the images are made.
   Status allocate(Workspace& workspace) noexcept {
@@ -134,8 +134,7 @@ class LightTransport {
       indirect(expected, executor);
       NPSIM_RETURN_IF_ERROR(denoise_planes(denoise_, guides_, 3 * in_batch_, now_, spare_, executor));
       if (is_unsure()) {
-        NPSIM_RETURN_IF_ERROR(
-            spread_unsure_light(spread_, scene_.unsure, 0, shape_.height, 3 * in_batch_, now_, spare_, executor));
+        NPSIM_RETURN_IF_ERROR(spread_unsure_light(unsure_light_, scene_.unsure, 3 * in_batch_, now_, spare_, executor));
       }
       if (!mirrored_.empty()) {
         NPSIM_RETURN_IF_ERROR(
@@ -165,6 +164,8 @@ class LightTransport {
   Status error(ImageView<const Vec3f> night, double& out, Executor& executor) {
     constexpr float kFloor = 0.005F;  // cd/m2, that of luminance_errors()
     NPSIM_RETURN_IF_ERROR(denoise_planes(denoise_, guides_, 3, noise_, now_, executor));
+    if (is_unsure())
+      NPSIM_RETURN_IF_ERROR(spread_unsure_light(unsure_light_, scene_.unsure, 3, noise_, now_, executor));
     float* const squares = spare_.data();
     std::size_t n = 0;
     for_pixels(0, shape_.height, [&](int x, int y, std::size_t pixel, std::uint32_t p, std::size_t) {
@@ -295,6 +296,7 @@ class LightTransport {
   // Spreads what has been laid, with the other half of now_ as room, and stages it.
   template <class Executor>
   Status stage_spread(LightImageBuilder& images, Executor& executor) {
+    static_assert(kPlanes >= 6, "three planes, and room for as many");
     Span<float> light = now_.sub(0, 3 * shape_.pixels());
     Span<float> other = now_.sub(3 * shape_.pixels(), 3 * shape_.pixels());
     const auto is_dark = [&](int y) {
@@ -313,7 +315,8 @@ class LightTransport {
       const int reach = unsure_light_reach_px(scene_.unsure.iterations);
       first = std::max(first - reach, 0);
       last = std::min(last + reach, shape_.height);
-      NPSIM_RETURN_IF_ERROR(spread_unsure_light(spread_, scene_.unsure, first, last, 3, light, other, executor));
+      NPSIM_RETURN_IF_ERROR(
+          spread_unsure_light_in_rows(unsure_light_, scene_.unsure, first, last, 3, light, other, executor));
     }
     for_light_tiles(shape_, executor, [&](std::size_t tile, int, int top, int, int bottom) {
       images.stage(0, tile, bottom > first && top < last, [&](std::size_t slot) {
@@ -420,7 +423,7 @@ class LightTransport {
   int rays_;
   int bounces_;
   DenoiseParams denoise_;
-  UnsureLightParams spread_;
+  UnsureLightParams unsure_light_;
   std::size_t first_ = 0;     // group of the batch
   std::size_t in_batch_ = 0;  // of its groups
   DenoiseGuides guides_;
