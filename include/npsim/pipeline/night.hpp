@@ -11,7 +11,7 @@
 // one before.
 // A status other than ok from the sink stops the run and is returned. All parameters are checked before the first step.
 // Invariant: the bytes depend on the scene, the parameters and the seed, never on the executor.
-// Memory: peak 325 to 340 bytes a pixel on real streets, and 1 to 4 for each lamp's and group's image, for which the
+// Memory: peak 325 to 345 bytes a pixel on real streets, and 1 to 4 for each lamp's and group's image, for which the
 // workspace is asked step by step; night_workspace_bytes() bounds it for every scene.
 #ifndef NPSIM_PIPELINE_NIGHT_HPP
 #define NPSIM_PIPELINE_NIGHT_HPP

@@ -2,7 +2,7 @@
 // One iteration of an edge-avoiding a-trous filter (Dammertz et al., HPG 2010) over planes that share its weights.
 //
 // 3 x 3 taps `step` pixels apart, with (1 2 1) / 4 along rows and columns times what `Weights` says of two pixels:
-//   at<F>(pixel)           what it knows of the pixels from `pixel` on
+//   at<F>(pixel)             what it knows of the pixels from `pixel` on
 //   weight<F>(p, q, spline)  how much the taps q count for the pixels p, 0 or more, times spline
 // A pixel for which nothing counts keeps what it has. Same bits with any number of lanes and any executor.
 #ifndef NPSIM_RENDER_DETAIL_ATROUS_HPP
