@@ -132,13 +132,14 @@ TEST_CASE("stereo: mirror images on the bonnet, a hand below the road in front o
 }
 
 TEST_CASE(
-    "stereo without labels: a match deep below the near road is dropped; a wall, a valley and a laser's are not") {
+    "stereo without labels: a match deep below the near road is dropped; a quay, a far valley and a laser's are not") {
   Road road;
   const Image<float> clean = road.depth;
   road.depth(20, 46) = 1e6F;  // a disparity of next to nothing on the bonnet
-  road.depth(30, 45) = 10.0F;
-  road.depth(30, 24) = 90.0F;  // a valley beside the road, seen above the near rows
-  road.depth(40, 46) = 1.0F;   // something near
+  road.depth(30, 45) = 20.0F;
+  road.depth(45, 46) = 1.5F * 50 / 36.5F * 3.0F;  // water, 3 m below the road
+  road.depth(30, 24) = 90.0F;                     // a valley beside the road, seen above the near rows
+  road.depth(40, 46) = 1.0F;                      // something near
   const auto dropped = [&](float focal_baseline) {
     Image<float> out(road.shape);
     SerialExecutor serial;
@@ -150,6 +151,7 @@ TEST_CASE(
   const Image<float> out = dropped(10.0F);
   CHECK(out(20, 46) == 0.0F);
   CHECK(out(30, 45) == 0.0F);
+  CHECK(out(45, 46) == road.depth(45, 46));
   CHECK(out(30, 24) == 90.0F);
   CHECK(out(40, 46) == 1.0F);
   CHECK(out(50, 46) == clean(50, 46));

@@ -517,7 +517,9 @@ TEST_CASE("below wires the sky goes on in its own colour; a ledge as thin above 
   CHECK(surface(150, 72) == 1);
 }
 
-TEST_CASE("of an exact map without its sky, that below a lamp on a wire is sky; a laser's gap there is surface") {
+TEST_CASE(
+    "of an exact map without its sky, that below a lamp and below measured wires is sky, clouds and all; a laser's gap "
+    "there is surface, and so are far houses and a wall that it has not") {
   View v;
   for (int y = 0; y < 60; ++y) {
     for (int x = 0; x < 100; ++x) {
@@ -529,10 +531,23 @@ TEST_CASE("of an exact map without its sky, that below a lamp on a wire is sky; 
     v.image(x, 5) = Rgb8{40, 40, 40};
     v.depth(x, 5) = 15.0F;
   }
+  for (int x = 0; x < 30; ++x) {  // from the picture's edge to the tower
+    v.image(x, 14) = Rgb8{40, 40, 40};
+    v.depth(x, 14) = 12.0F;
+  }
+  for (int x = 8; x < 16; ++x) {
+    for (int y = 4; y < 8; ++y) v.image(x, y) = Rgb8{90, 95, 100};   // a dark cloud
+    for (int y = 22; y < 30; ++y) v.image(x, y) = Rgb8{80, 70, 60};  // a house out of reach
+    for (int y = 40; y < 45; ++y) v.depth(x, y) = 0.0F;              // a pane
+  }
   for (const DepthSource source : {DepthSource::exact, DepthSource::network}) {
     v.run(source);
     CHECK(v.surface(75, 5) == 1);
     for (int y = 6; y < 30; ++y) CHECK(v.surface(75, y) == 0);
+    for (int y = 15; y < 30; ++y) CHECK(v.surface(4, y) == 0);
+    CHECK(v.surface(12, 6) == 0);
+    CHECK(v.surface(12, 25) == 1);
+    CHECK(v.surface(12, 42) == 1);
     CHECK(v.surface(45, 15) == 1);
   }
   v.run(DepthSource::lidar);

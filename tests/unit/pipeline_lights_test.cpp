@@ -232,9 +232,8 @@ TEST_CASE(
     params.relight.gather.rays = 4;
     const Sink noisy = npsim::testing::night_of<Sink>(view, params);
     const double measured = noise_between(converged, noisy);
-    CHECK(noisy.error > 0.5 * measured);
-    CHECK(noisy.error < 2.0 * measured);
-    CHECK(noisy.worst < 1e-5);
+    CHECK(noisy.error > measured / 1.4);
+    CHECK(noisy.error < 1.4 * measured);
 
     params.relight.unsure_light.reach = 0;
     const Sink as_traced = npsim::testing::night_of<Sink>(view, params);
@@ -265,7 +264,7 @@ TEST_CASE(
     CAPTURE(traced_steps);
     CAPTURE(same);
     CAPTURE(road);
-    CHECK(10 * same > 9 * road);
+    CHECK(100 * same > 99 * road);
     CHECK(spread_sum == doctest::Approx(traced_sum).epsilon(0.02));
     CHECK(10 * spread_steps < 8 * traced_steps);
   }

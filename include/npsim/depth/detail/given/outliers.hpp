@@ -9,7 +9,7 @@
 // What lies within eight times the nearest distance z0 of the ground seen, and further than near_tolerance of the
 // camera's height + near_slope (z - z0) from the height of the carriageway in its rows (detail/road_profile.hpp).
 // Below the ground, for stereo without labels: in rows that see the ground nearer than 2 z0, where bonnets are, what
-// lies near_depth times as far below the camera as the ground.
+// lies near_depth times as far below the camera as the ground: a quay is not so high.
 // Speck: a sample with fewer than `speck_share` of the samples of its (2 r + 1)^2 window within `speck_tolerance` of
 // its inverse depth; what is missing there is no sample, so that a lamp's head before the sky stays. With `by_object`
 // only samples of the same object count: matching smears the depth of objects over their borders, and leaves slivers of
@@ -48,7 +48,7 @@ struct OutlierParams {
   LabelSet carriageway = LabelSet::of(label::road, label::parking);
   float near_tolerance = 0.025F;  // 3 cm, of ruts and patches; 0 switches the test off
   float near_slope = 0.03F;
-  float near_depth = 2.0F;  // at least 1; infinite switches the test off
+  float near_depth = 4.0F;  // at least 1; infinite switches the test off
   int speck_radius_px = 5;  // 0 switches the test off; at most 32
   float speck_share = 0.25F;
   float speck_tolerance = 0.1F;  // relative
@@ -65,7 +65,8 @@ struct OutlierParams {
       params.speck_radius_px > 32 || !(params.speck_share >= 0.0F && params.speck_share <= 1.0F) ||
       !(params.speck_tolerance > 0.0F) || !(params.strip_width >= 0.0F) || !(params.strip_margin_px >= 0.0F) ||
       !(params.strip_step_px >= 0.0F) || !(params.strip_step >= 0.0F)) {
-    return {StatusCode::invalid_argument, "drop_outliers: tolerances positive, radius in 0..32, share in 0..1"};
+    return {StatusCode::invalid_argument,
+            "drop_outliers: tolerances positive, near_depth at least 1, radius in 0..32, share in 0..1"};
   }
   return {};
 }

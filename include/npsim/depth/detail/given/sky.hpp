@@ -9,8 +9,8 @@
 // of ending at the sensor's last row. The classes are told apart if the bright one is at least 1.5 times as bright as
 // the dark one, neither holds less than 2 % of the pixels, and the measured surfaces are not brighter than the bright
 // one. Walls that look so are told from it by given/sky_walls.hpp. Beside what was measured the sky comes up to it, as
-// far as it is even and nothing was measured above in the column or to one side. Below wires and what else is thinner
-// than 1/160 of the width it goes on in the same colour.
+// far as it is even and nothing was measured above in the column or to one side. Below wires that
+// were not measured, and what else is thinner than 1/160 of the width, it goes on in the same colour.
 // A deep blue sky, or a dark one of clouds, is not the brightest. What the sensor looked at without an answer, below
 // its topmost rows nearby, tells: where less than a tenth of that is in the bright class, or there is none, the classes
 // are of how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one, and
@@ -22,8 +22,9 @@
 // all is surface.
 // A stereo pair matches clouds with each other: on real frames .4 to .55 of the sky has a depth, from 27 m on. Where
 // the picture tells the sky from the rest of what is missing or beyond kMismatchedSky_m, it decides of all that as it
-// does of what is far in a dense map; where it does not, what was matched is surface, as for other sensors. Exact maps,
-// and those of networks, whose sky is left out have no gaps between samples: what is missing is what is far.
+// does of what is far in a dense map; where it does not, what was matched is surface, as for other sensors.
+// Exact maps, and those of networks, whose sky is left out have no gaps between samples: of them all that is missing is
+// asked like what is above a sensor's last row, below lamps and measured wires too.
 // Cost: a few passes. Memory: 25 bytes per pixel, for a dense map none.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
@@ -222,15 +223,18 @@ template <class Far>
   return true;
 }
 
-// Sky that thin things, such as wires, part from the sky above it, where it is of one colour with that. False: none.
-[[nodiscard]] inline bool cross_wires(ImageView<const Rgb8> image, ImageView<std::uint8_t> map) noexcept {
+// Sky that thin things, such as wires, part from the sky above it, where it is of one colour with that; across what was
+// measured only if `measured`. False: none.
+[[nodiscard]] inline bool cross_wires(ImageView<const Rgb8> image, bool measured,
+                                      ImageView<std::uint8_t> map) noexcept {
+  constexpr int kOneColour = kEvenSky / 2;  // a front in the sun is seldom nearer to an overcast sky
   const int widest = std::max(1, map.width() / kWiresInWidth);
   bool any = false;
   for (int x = 0; x < map.width(); ++x) {
     int sky = -1;  // the lowest above
-    for (int y = 0; y < map.height() && map(x, y) != kSurface; ++y) {
+    for (int y = 0; y < map.height() && (measured || map(x, y) != kSurface); ++y) {
       if (map(x, y) == kLike && sky >= 0 && y - sky <= widest + 1 &&
-          difference(image(x, y), image(x, sky)) <= kEvenSky) {
+          difference(image(x, y), image(x, sky)) <= kOneColour) {
         map(x, y) = kSky;
         any = true;
       }
@@ -260,9 +264,9 @@ template <class Far>
     }
     return {};
   }
-  const bool stereo = source == DepthSource::stereo;
-  const auto missing = [stereo](float z) { return !is_valid_depth(z) || (stereo && z > kMismatchedSky_m); };
-  if (source != DepthSource::lidar && find_sky_among_far(image, depth, missing, surface)) return {};
+  const auto mismatched = [](float z) { return !is_valid_depth(z) || z > kMismatchedSky_m; };
+  if (source == DepthSource::stereo && find_sky_among_far(image, depth, mismatched, surface)) return {};
+  const bool whole_areas = source == DepthSource::exact || source == DepthSource::network;
   constexpr int kReach = 8;
   constexpr double kDarkestSky = 0.5;
   const Shape shape = surface.shape();
@@ -282,7 +286,9 @@ template <class Far>
   };
   for (int x = 0; x < shape.width; ++x) {
     const int top = topmost_in(x - kReach, x + kReach);
-    for (int y = 0; y < shape.height; ++y) surface(x, y) = y >= top ? kSurface : kSky;
+    for (int y = 0; y < shape.height; ++y) {
+      surface(x, y) = (whole_areas ? is_valid_depth(depth(x, y)) : y >= top) ? kSurface : kSky;
+    }
   }
   const SkyLook look = sky_look(image, surface, kDarkestSky);
   if (!look.known) return {};
@@ -301,7 +307,7 @@ template <class Far>
   }
   do {
     grow(surface, kSky, [](std::uint8_t c) { return c == kLike; });
-  } while (cross_wires(image, surface));
+  } while (cross_wires(image, whole_areas, surface));
   grow_from(surface, kSky, [&](int x, int y, int from_x, int from_y) {
     return surface(x, y) == kBeside && difference(image(x, y), image(from_x, from_y)) <= kEvenSky;
   });
