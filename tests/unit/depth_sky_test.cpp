@@ -552,4 +552,8 @@ TEST_CASE(
   }
   v.run(DepthSource::lidar);
   CHECK(v.surface(75, 15) == 1);
+  for (Rgb8& c : v.image.view().pixels()) c = Rgb8{120, 120, 120};  // nothing is told apart: a pane is none of the sky
+  v.run(DepthSource::exact);
+  CHECK(v.surface(12, 42) == 1);
+  CHECK(v.surface(90, 2) == 0);
 }

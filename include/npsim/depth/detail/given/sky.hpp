@@ -9,8 +9,8 @@
 // of ending at the sensor's last row. The classes are told apart if the bright one is at least 1.5 times as bright as
 // the dark one, neither holds less than 2 % of the pixels, and the measured surfaces are not brighter than the bright
 // one. Walls that look so are told from it by given/sky_walls.hpp. Beside what was measured the sky comes up to it, as
-// far as it is even and nothing was measured above in the column or to one side. Below wires that
-// were not measured, and what else is thinner than 1/160 of the width, it goes on in the same colour.
+// far as it is even and nothing was measured above in the column or to one side. Below what was not measured and is
+// thinner than 1/160 of the width, such as wires, it goes on in the same colour.
 // A deep blue sky, or a dark one of clouds, is not the brightest. What the sensor looked at without an answer, below
 // its topmost rows nearby, tells: where less than a tenth of that is in the bright class, or there is none, the classes
 // are of how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one, and
@@ -284,14 +284,20 @@ template <class Far>
     }
     return top;
   };
-  for (int x = 0; x < shape.width; ++x) {
-    const int top = topmost_in(x - kReach, x + kReach);
-    for (int y = 0; y < shape.height; ++y) {
-      surface(x, y) = (whole_areas ? is_valid_depth(depth(x, y)) : y >= top) ? kSurface : kSky;
+  const auto mark_surface = [&](bool with_gaps) {
+    for (int x = 0; x < shape.width; ++x) {
+      const int top = topmost_in(x - kReach, x + kReach);
+      for (int y = 0; y < shape.height; ++y) {
+        surface(x, y) = (with_gaps ? y >= top : is_valid_depth(depth(x, y))) ? kSurface : kSky;
+      }
     }
-  }
+  };
+  mark_surface(!whole_areas);
   const SkyLook look = sky_look(image, surface, kDarkestSky);
-  if (!look.known) return {};
+  if (!look.known) {
+    mark_surface(true);
+    return {};
+  }
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       if (surface(x, y) != kSurface) surface(x, y) = look.of(image(x, y)) ? kLike : kUnlike;
