@@ -14,7 +14,6 @@
 #define NPSIM_RENDER_DENOISE_HPP
 
 #include <cstddef>
-#include <utility>
 
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
@@ -104,11 +103,7 @@ Status denoise_planes(const DenoiseParams& params, const DenoiseGuides& guides, 
   }
   NPSIM_RETURN_IF_ERROR(validate(params));
   const denoise_detail::Weights weights{params, guides};
-  for (int i = 0; i < params.iterations; ++i) {
-    atrous_detail::filter_rows<F>(weights, shape, 0, shape.height, 1 << i, count, planes.data(), other.data(),
-                                  executor);
-    std::swap(planes, other);
-  }
+  atrous_detail::filter<F>(weights, shape, 0, shape.height, params.iterations, count, planes, other, executor);
   return {};
 }
 

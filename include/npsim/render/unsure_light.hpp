@@ -17,8 +17,8 @@
 
 #include <cmath>
 #include <cstddef>
-#include <utility>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
@@ -58,23 +58,24 @@ struct UnsureLightParams {
 
 // What the weights go by, per pixel, in planes: logarithms of the albedo's channels, and the label; -1 takes no part.
 struct UnsureLightGuides {
-  static constexpr float kDarkest = 1e-3F;  // albedo is taken for at least that
-
   Shape shape;
   Span<float> planes;  // floats(shape); empty: nothing is unsure
   int iterations = 0;
 
   [[nodiscard]] static constexpr std::size_t floats(Shape shape) noexcept { return 4 * shape.pixels(); }
+  // What light is divided by: black has no logarithm.
+  [[nodiscard]] static constexpr Vec3f divisor(const Vec3f& albedo) noexcept {
+    constexpr float kDarkest = 1e-3F;
+    return {max_of(albedo.x, kDarkest), max_of(albedo.y, kDarkest), max_of(albedo.z, kDarkest)};
+  }
   void set(std::size_t pixel, const Vec3f& albedo, Label label) const noexcept {
-    const float values[4] = {log_of(albedo.x), log_of(albedo.y), log_of(albedo.z), static_cast<float>(label)};
+    const Vec3f a = divisor(albedo);
+    const float values[4] = {std::log(a.x), std::log(a.y), std::log(a.z), static_cast<float>(label)};
     for (std::size_t i = 0; i < 4; ++i) planes[i * shape.pixels() + pixel] = values[i];
   }
   void leave_out(std::size_t pixel) const noexcept {
     for (std::size_t i = 0; i < 4; ++i) planes[i * shape.pixels() + pixel] = i < 3 ? 0.0F : -1.0F;
   }
-
- private:
-  [[nodiscard]] static float log_of(float a) noexcept { return std::log(a > kDarkest ? a : kDarkest); }
 };
 
 namespace unsure_light_detail {
@@ -119,10 +120,7 @@ Status spread_unsure_light_in_rows(const UnsureLightParams& params, const Unsure
   }
   NPSIM_RETURN_IF_ERROR(validate(params));
   const unsure_light_detail::Weights weights{1.0F / (params.ratio * params.ratio), guides};
-  for (int i = 0; i < guides.iterations; ++i) {
-    atrous_detail::filter_rows<F>(weights, shape, first, last, 1 << i, count, planes.data(), other.data(), executor);
-    std::swap(planes, other);
-  }
+  atrous_detail::filter<F>(weights, shape, first, last, guides.iterations, count, planes, other, executor);
   return {};
 }
 

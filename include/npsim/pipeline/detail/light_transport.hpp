@@ -267,10 +267,8 @@ class LightTransport {
   }
 
   [[nodiscard]] bool is_unsure() const noexcept { return !scene_.unsure.planes.empty(); }
-  [[nodiscard]] Vec3f spread_albedo(std::uint32_t p) const noexcept {
-    const Vec3f& a = scene_.points.albedo[p];
-    constexpr float kDarkest = UnsureLightGuides::kDarkest;
-    return {std::max(a.x, kDarkest), std::max(a.y, kDarkest), std::max(a.z, kDarkest)};
+  [[nodiscard]] Vec3f divisor(std::uint32_t p) const noexcept {
+    return UnsureLightGuides::divisor(scene_.points.albedo[p]);
   }
   [[nodiscard]] std::size_t pixel_of(std::size_t tile, std::size_t slot) const noexcept {
     const auto across = static_cast<std::size_t>(light_tiles(shape_).width);
@@ -285,7 +283,7 @@ class LightTransport {
       const std::uint32_t p = scene_.blocks.of_block(tile)[slot];
       if (p == kNoPoint) continue;
       const Vec3f light = luminance_of(slot);
-      const Vec3f albedo = spread_albedo(p);
+      const Vec3f albedo = divisor(p);
       float* const to = now_.data() + pixel_of(tile, slot);
       to[0] = light.x / albedo.x;
       to[shape_.pixels()] = light.y / albedo.y;
@@ -321,7 +319,7 @@ class LightTransport {
     for_light_tiles(shape_, executor, [&](std::size_t tile, int, int top, int, int bottom) {
       images.stage(0, tile, bottom > first && top < last, [&](std::size_t slot) {
         const std::uint32_t p = scene_.blocks.of_block(tile)[slot];
-        return p == kNoPoint ? Vec3f{} : spread_albedo(p) * channels(light, 0, pixel_of(tile, slot));
+        return p == kNoPoint ? Vec3f{} : divisor(p) * channels(light, 0, pixel_of(tile, slot));
       });
     });
     return {};

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// One iteration of an edge-avoiding a-trous filter (Dammertz et al., HPG 2010) over planes that share its weights.
+// Edge-avoiding a-trous filter (Dammertz et al., HPG 2010) over planes that share its weights.
 //
-// 3 x 3 taps `step` pixels apart, with (1 2 1) / 4 along rows and columns times what `Weights` says of two pixels:
+// In iteration i, 3 x 3 taps 2^i pixels apart, with (1 2 1) / 4 along rows and columns times what `Weights` says of two
+// pixels:
 //   at<F>(pixel)             what it knows of the pixels from `pixel` on
 //   weight<F>(p, q, spline)  how much the taps q count for the pixels p, 0 or more, times spline
 // A pixel for which nothing counts keeps what it has. Same bits with any number of lanes and any executor.
@@ -10,9 +11,11 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <utility>
 
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
 #include "npsim/simd/batch.hpp"
 
 namespace npsim {
@@ -53,7 +56,7 @@ void filter_pixels(const Weights& weights, Shape shape, const float* in, float* 
   }
 }
 
-// Rows [first, last) of all planes.
+// Rows [first, last) of all planes, once.
 template <class F, class Weights, class Executor>
 void filter_rows(const Weights& weights, Shape shape, int first, int last, int step, std::size_t planes,
                  const float* in, float* out, Executor& executor) {
@@ -68,6 +71,17 @@ void filter_rows(const Weights& weights, Shape shape, int first, int last, int s
       for (; x < shape.width; ++x) filter_pixels<One>(weights, shape, in, out, planes, x, y, step);
     }
   });
+}
+
+// Rows [first, last) of `count` planes that lie one behind the other. `other` has room for as many, and either may hold
+// the result: `planes` is where it is.
+template <class F, class Weights, class Executor>
+void filter(const Weights& weights, Shape shape, int first, int last, int iterations, std::size_t count,
+            Span<float>& planes, Span<float>& other, Executor& executor) {
+  for (int i = 0; i < iterations; ++i) {
+    filter_rows<F>(weights, shape, first, last, 1 << i, count, planes.data(), other.data(), executor);
+    std::swap(planes, other);
+  }
 }
 
 }  // namespace atrous_detail

@@ -295,7 +295,7 @@ template <class Far>
   mark_surface(!whole_areas);
   const SkyLook look = sky_look(image, surface, kDarkestSky);
   if (!look.known) {
-    mark_surface(true);
+    if (whole_areas) mark_surface(true);
     return {};
   }
   for (int y = 0; y < shape.height; ++y) {
