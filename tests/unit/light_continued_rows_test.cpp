@@ -152,7 +152,7 @@ TEST_CASE("no lamp marked: nothing, unless a road of some width is assumed; the 
   CHECK(most_unseen_lamps(s.params, 0) == 0);
   s.params.assumed_width_m = 8;
   const std::vector<Emitter> row = s.unseen();
-  REQUIRE(row.size() == 3);  // 0, -28, -56
+  REQUIRE(row.size() == 3);
   for (const Emitter& e : row) {
     CHECK(e.mounting_height_m == 8.0F);
     CHECK(e.centre_m.x == doctest::Approx(2));
@@ -163,6 +163,25 @@ TEST_CASE("no lamp marked: nothing, unless a road of some width is assumed; the 
   CHECK(s.unseen().size() == kMaxUnseenLamps);
   s.params.max_gap_m = 1;
   CHECK(!validate(s.params).ok());
+}
+
+TEST_CASE(
+    "an assumed row begins as far ahead as the picture does not show it, and before a house that its border cuts") {
+  Street s;
+  s.params.assumed_width_m = 8;
+  const auto first = [&] { return s.unseen()[0].centre_m.z; };
+  CHECK(first() == doctest::Approx(21).epsilon(1e-4));  // seen from 23.4 m on; 28 m apart
+  CHECK(s.unseen()[1].centre_m.z == doctest::Approx(-7).epsilon(1e-4));
+  s.show(label::building, 40, 100, 0, 200, 50);
+  CHECK(first() == doctest::Approx(21).epsilon(1e-4));
+  s.show(label::building, 12, 100, 0, 200, 50);
+  CHECK(first() == doctest::Approx(10.5).epsilon(1e-4));
+  s.show(label::building, 1, 100, 0, 200, 50);
+  CHECK(first() == 0.0F);
+  s.params.assumed_width_m = 5;  // 5 m high: out of the picture below 12.6 m, gaps of 17.5 m
+  for (Label& l : s.labels.view().pixels()) l = label::sky;
+  s.show(label::sky, 0, 0, 0, 200, 100);
+  CHECK(first() == doctest::Approx(10.9375).epsilon(1e-4));
 }
 
 TEST_CASE("unseen lamps are of the technology of their class, each with its own age, whatever else is there") {

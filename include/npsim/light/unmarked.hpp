@@ -86,7 +86,8 @@ struct EgoHeadlampParams {
 // lamp that nobody sees would light just what hides it. So is one beyond the picture's border within kBesideTree_m of
 // what the picture shows of a tree: trunk and crown go on there.
 // Where no street lamp is marked, assumed_width_m > 0 supposes a road of that width with a row of masts on its right
-// kerb: one-sided rows are about as high as the road is wide (5 to 10 m).
+// kerb: one-sided rows are about as high as the road is wide (5 to 10 m). Its first lamp hangs as far ahead as one can
+// that the picture does not show, at most one gap, and nearer where what is seen below it stands in its way.
 // The moon is one more lamp of that kind, where its direction is given.
 // Such an emitter has mark 0 and the number `unseen`; strength and colour are those of its class in the same night.
 // Error: the row itself is a guess; gaps come from placed lamps, so from depth. Cost: one pass over the lamps per row,
@@ -224,6 +225,23 @@ inline void continue_row(const ContinuedRowParams& p, const PlacementScene& scen
   return e;
 }
 
+// How far ahead of `beside` the first lamp of an assumed row hangs: above the picture, where its border shows nothing
+// that is nearer.
+[[nodiscard]] inline float first_ahead_m(const PlacementScene& s, const Vec3f& beside, float gap_m) noexcept {
+  constexpr int kSteps = 8;
+  const Shape shape = s.depth.shape();
+  for (int step = kSteps; step > 0; --step) {
+    const float ahead_m = gap_m * static_cast<float>(step) / static_cast<float>(kSteps);
+    const Vec3f point = beside + forward_on_ground(s.ground) * ahead_m;
+    if (look_at_station(s, point) != Station::outside || !(point.z > 0.0F)) continue;
+    const Vec2f at = project(s.camera, point);
+    const int x = static_cast<int>(clamp_to(at.x, 0.0F, static_cast<float>(shape.width - 1)));
+    const int y = static_cast<int>(clamp_to(at.y, 0.0F, static_cast<float>(shape.height - 1)));
+    if (!is_valid_depth(s.depth(x, y)) || s.depth(x, y) > point.z) return ahead_m;
+  }
+  return 0.0F;
+}
+
 [[nodiscard]] inline Emitter moon_over(const Vec3f& direction, const GroundPlane& ground) noexcept {
   const Vec3f forward = forward_on_ground(ground);
   const Vec3f right = cross(forward, ground.up);
@@ -271,14 +289,11 @@ inline void continue_row(const ContinuedRowParams& p, const PlacementScene& scen
     light_detail::continue_row(p, scene, lamps[nearest], nearest_m, gap, lamps, count, unseen);
   }
   if (!any && p.assumed_width_m > 0.0F) {
-    const Emitter lamp = light_detail::assumed_lamp(p.assumed_width_m, scene.ground);
-    const float gap = clamp_to(light_detail::kGapPerHeight * lamp.mounting_height_m, p.min_gap_m, p.max_gap_m);
-    light_detail::continue_row(p, scene, lamp, 0.0F, gap, lamps, count, unseen);
-    const bool outside = light_detail::look_at_station(scene, lamp.centre_m) == light_detail::Station::outside;
-    if (outside && count < lamps.size() && unseen < kMaxUnseenLamps) {
-      lamps[count] = lamp;
-      lamps[count++].unseen = ++unseen;
-    }
+    Emitter lamp = light_detail::assumed_lamp(p.assumed_width_m, scene.ground);
+    const float gap = light_detail::row_gap(p, {}, lamp.mounting_height_m);
+    const float first = light_detail::first_ahead_m(scene, lamp.centre_m, gap) + gap;
+    lamp.centre_m += forward * first;
+    light_detail::continue_row(p, scene, lamp, first, gap, lamps, count, unseen);
   }
   return {};
 }
