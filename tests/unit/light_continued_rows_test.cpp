@@ -175,9 +175,15 @@ TEST_CASE(
   s.show(label::building, 40, 100, 0, 200, 50);
   CHECK(first() == doctest::Approx(21).epsilon(1e-4));
   s.show(label::building, 12, 100, 0, 200, 50);
-  CHECK(first() == doctest::Approx(10.5).epsilon(1e-4));
+  CHECK(first() == doctest::Approx(7).epsilon(1e-4));  // 10.5 m would be 2.6 m before the house
   s.show(label::building, 1, 100, 0, 200, 50);
   CHECK(first() == 0.0F);
+  s.show(label::sky, 0, 0, 0, 200, 100);
+  s.show(label::traffic_sign, 21, 110, 20, 120, 30);  // 2.9 to 3.5 m below the lamp at 21 m
+  CHECK(first() == doctest::Approx(17.5).epsilon(1e-4));
+  s.show(label::traffic_sign, 21, 110, 30, 120, 40);
+  s.show(label::sky, 0, 110, 20, 120, 30);
+  CHECK(first() == doctest::Approx(21).epsilon(1e-4));
   s.params.assumed_width_m = 5;  // 5 m high: out of the picture below 12.6 m, gaps of 17.5 m
   for (Label& l : s.labels.view().pixels()) l = label::sky;
   s.show(label::sky, 0, 0, 0, 200, 100);

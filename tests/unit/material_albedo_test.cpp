@@ -228,6 +228,51 @@ TEST_CASE("shade under a crown, much lighter than that of a house and flecked, l
   for (const int x : {40, 240, 350}) CHECK(mean(p, x, x + 40, 222, 225) > 2.2 * road);
 }
 
+// Shade on the left of a road; `light` and `albedo` change what lies in it at a pixel, from shade and grey.
+template <class Light, class Albedo>
+Picture shaded_road(Vec3f shade, const Light& light, const Albedo& albedo) {
+  Picture p(480, 270);
+  for (int y = 0; y < 270; ++y) {
+    for (int x = 0; x < 480; ++x) {
+      RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * 480 + x), 0);
+      const Vec3f lit = x < 260 ? light(x, y, shade) : Vec3f{1, 1, 1};
+      const Vec3f value = albedo(x, y) * (0.9F + 0.2F * r.uniform()) * lit;
+      p.labels[p.i(x, y)] = y >= 135 ? label::road : label::sky;
+      p.day[p.i(x, y)] = {encode(value.x), encode(value.y), encode(value.z)};
+    }
+  }
+  return p;
+}
+
+TEST_CASE("the little sun that leaves or blinds let through leaves the shade") {
+  const auto bar = [](int x, int y) { return x < 80 && y > 180 && y / 5 % 2 == 0; };
+  Picture p = shaded_road(
+      {0.10F, 0.13F, 0.17F},
+      [&](int x, int y, Vec3f shade) {
+        return bar(x, y) ? shade + (Vec3f{1, 1, 1} - shade) * 0.07F : shade;
+      },
+      [](int, int) {
+        return Vec3f{0.24F, 0.24F, 0.24F};
+      });
+  REQUIRE(p.run().ok());
+  REQUIRE(p.report.shadow);
+  double bars = 0, between = 0;
+  for (int y = 190; y < 270; ++y) (bar(5, y) ? bars : between) += mean(p, 5, 75, y, y + 1);
+  CHECK(bars / between == doctest::Approx(1.0).epsilon(0.1));  // of 1.47 by day
+}
+
+TEST_CASE("soil in the shade is yellower than asphalt, but no brighter: no sun lies on it") {
+  const auto soil = [](int x, int y) { return x >= 20 && x < 90 && y >= 145 && y < 165; };
+  Picture p = shaded_road(
+      {0.055F, 0.075F, 0.12F}, [](int, int, Vec3f shade) { return shade; },
+      [&](int x, int y) {
+        return Vec3f{0.24F, 0.24F, 0.24F} * (soil(x, y) ? Vec3f{0.9F, 0.8F, 0.55F} : Vec3f{1, 1, 1});
+      });
+  REQUIRE(p.run().ok());
+  REQUIRE(p.report.shadow);
+  CHECK(mean(p, 30, 80, 150, 160) > 0.65 * mean(p, 225, 245, 150, 260));
+}
+
 TEST_CASE("a wide field of other asphalt or concrete stays as it is, in one light and beside a shadow") {
   for (const Dark dark : {Dark::nothing, Dark::shadow}) {
     for (const float step : {0.35F, 3.0F}) {
@@ -843,13 +888,18 @@ TEST_CASE("roughness follows the label; the priors are usable") {
   std::vector<float> alpha(4);
   SerialExecutor serial;
   const Shape shape{2, 2};
-  REQUIRE(
-      estimate_roughness(ImageView<const Label>(labels.data(), shape), ImageView<float>(alpha.data(), shape), serial)
-          .ok());
+  REQUIRE(estimate_roughness(ImageView<const Label>(labels.data(), shape), {}, ImageView<float>(alpha.data(), shape),
+                             serial)
+              .ok());
   CHECK(alpha[0] == surface_prior(label::road).alpha);
   CHECK(alpha[2] < alpha[1]);
   CHECK(alpha[3] == surface_prior(label::unlabeled).alpha);
   CHECK(alpha[1] == surface_prior(label::building).alpha);
+  REQUIRE(estimate_roughness(ImageView<const Label>(labels.data(), shape), kVehicleLabels,
+                             ImageView<float>(alpha.data(), shape), serial)
+              .ok());
+  CHECK(alpha[0] == surface_prior(label::road).alpha);
+  CHECK(alpha[2] == kMatt);
   for (const SurfacePrior& s : kSurfacePriors) {
     CHECK_UNARY(s.albedo > 0.02F && s.albedo < 0.9F && s.alpha > 0.0F && (s.alpha <= 1.0F || s.alpha == kMatt));
   }

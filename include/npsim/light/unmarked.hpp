@@ -129,8 +129,9 @@ inline constexpr int kRows = 12;
 
 inline constexpr LabelSet kHouses = LabelSet::of(label::building, label::wall, label::bridge, label::tunnel);
 inline constexpr float kGapPerHeight = 3.5F;
-inline constexpr float kBesideTree_m = 1.5F;  // nearer a lamp would hang in the tree [default]
-inline constexpr std::size_t kMaxOfRow = 16;  // lamps whose gaps are looked at
+inline constexpr float kBesideTree_m = 1.5F;     // nearer a lamp would hang in the tree [default]
+inline constexpr float kBesideAssumed_m = 4.0F;  // nearer an assumed lamp would glare on what it hangs beside
+inline constexpr std::size_t kMaxOfRow = 16;     // lamps whose gaps are looked at
 
 // The distances of a row's nearest lamps along the road, sorted.
 struct RowDistances {
@@ -162,12 +163,14 @@ struct RowDistances {
   return clamp_to(kGapPerHeight * height_m, p.min_gap_m, p.max_gap_m);
 }
 
-// Whether the point lies in a tree that the picture shows in part, or right beside it; every other pixel is asked.
-[[nodiscard]] inline bool beside_tree(const PlacementScene& s, const Vec3f& point) noexcept {
-  for (int y = 0; y < s.labels.height(); y += 2) {
-    for (int x = 0; x < s.labels.width(); x += 2) {
-      if (s.labels(x, y) != label::vegetation || !is_valid_depth(s.depth(x, y))) continue;
-      if (length(unproject_pixel(s.camera, x, y, s.depth(x, y)) - point) < kBesideTree_m) return true;
+// Whether the picture shows something that counts nearer to the point; every other pixel is asked.
+template <class Counts>
+[[nodiscard]] bool beside(const PlacementScene& s, const Counts& counts, float distance_m,
+                          const Vec3f& point) noexcept {
+  for (int y = 0; y < s.depth.height(); y += 2) {
+    for (int x = 0; x < s.depth.width(); x += 2) {
+      if (!is_valid_depth(s.depth(x, y)) || !counts(x, y)) continue;
+      if (length(unproject_pixel(s.camera, x, y, s.depth(x, y)) - point) < distance_m) return true;
     }
   }
   return false;
@@ -182,7 +185,10 @@ enum class Station : std::uint8_t { outside, hidden, missing };
   const Shape shape = s.depth.shape();
   const bool inside =
       at.x >= 0.0F && at.y >= 0.0F && at.x < static_cast<float>(shape.width) && at.y < static_cast<float>(shape.height);
-  if (!inside) return beside_tree(s, point) ? Station::hidden : Station::outside;
+  if (!inside) {
+    const auto tree = [&](int x, int y) { return !s.labels.empty() && s.labels(x, y) == label::vegetation; };
+    return beside(s, tree, kBesideTree_m, point) ? Station::hidden : Station::outside;
+  }
   const auto x = static_cast<int>(at.x);
   const auto y = static_cast<int>(at.y);
   if (!s.labels.empty() && (kHouses.contains(s.labels(x, y)) || s.labels(x, y) == label::sky)) return Station::missing;
@@ -225,19 +231,22 @@ inline void continue_row(const ContinuedRowParams& p, const PlacementScene& scen
   return e;
 }
 
-// How far ahead of `beside` the first lamp of an assumed row hangs: above the picture, where its border shows nothing
-// that is nearer.
-[[nodiscard]] inline float first_ahead_m(const PlacementScene& s, const Vec3f& beside, float gap_m) noexcept {
+// How far ahead of `lamp` the first one of an assumed row hangs: above the picture, where its border shows nothing that
+// is nearer, and beside nothing.
+[[nodiscard]] inline float first_ahead_m(const PlacementScene& s, const Vec3f& lamp, float gap_m) noexcept {
   constexpr int kSteps = 8;
   const Shape shape = s.depth.shape();
   for (int step = kSteps; step > 0; --step) {
     const float ahead_m = gap_m * static_cast<float>(step) / static_cast<float>(kSteps);
-    const Vec3f point = beside + forward_on_ground(s.ground) * ahead_m;
+    const Vec3f point = lamp + forward_on_ground(s.ground) * ahead_m;
     if (look_at_station(s, point) != Station::outside || !(point.z > 0.0F)) continue;
     const Vec2f at = project(s.camera, point);
     const int x = static_cast<int>(clamp_to(at.x, 0.0F, static_cast<float>(shape.width - 1)));
     const int y = static_cast<int>(clamp_to(at.y, 0.0F, static_cast<float>(shape.height - 1)));
-    if (!is_valid_depth(s.depth(x, y)) || s.depth(x, y) > point.z) return ahead_m;
+    if (is_valid_depth(s.depth(x, y)) && s.depth(x, y) < point.z) continue;
+    if (!beside(
+            s, [](int, int) { return true; }, kBesideAssumed_m, point))
+      return ahead_m;
   }
   return 0.0F;
 }

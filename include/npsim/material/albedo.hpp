@@ -353,7 +353,8 @@ struct Light {
   // foliage would not have at night. As many as are left give crowns the contrast that they have in real nights.
   constexpr float kPlantSlope = 0.55F;
   constexpr float kPlantSlopeBelow = 0.85F;
-  constexpr float kSignalMost = 1.0F;  // log2: signal heads are dark, and what is bright in them by day is its own light
+  constexpr float kSignalMost =
+      1.0F;  // log2: signal heads are dark, and what is bright in them by day is its own light
   const int most = max_of(static_cast<int>(seen.r), static_cast<int>(seen.g), static_cast<int>(seen.b));
   float lum = luminance(a);
   if (!(lum > 0.0F)) return {p.min_albedo, p.min_albedo, p.min_albedo};
@@ -394,7 +395,10 @@ struct Light {
   return {floored(a.x), floored(a.y), floored(a.z)};
 }
 
-// The photograph's pixel, or the darker one further in where it lies beside the sky, and of poles before what is
+// Of these a loose label covers much besides.
+inline constexpr LabelSet kThinLabels = kPoleLabels | LabelSet::of(label::person);
+
+// The photograph's pixel, or the darker one further in where it lies beside the sky, and of thin things before what is
 // brighter: labels are loose by some pixels, and what leaks in would be the brightest paint of the street. at_border
 // becomes true there.
 [[nodiscard]] inline Rgb8 without_border(const Context& c, int x, int y, bool& at_border) noexcept {
@@ -404,7 +408,7 @@ struct Light {
   const Rgb8 own = c.scene.image(x, y);
   if (labels.empty()) return own;
   const auto light_at = [&](int u, int v) { return luminance(c.picture.light_of(c.scene.image(u, v))); };
-  const bool is_pole = kPoleLabels.contains(labels(x, y));
+  const bool is_thin = kThinLabels.contains(labels(x, y));
   const int reach = c.picture.radius(kLoose_px) * c.picture.factor;
   Rgb8 best = own;
   float least = light_at(x, y);
@@ -413,7 +417,7 @@ struct Light {
     const int dy = step[1] * reach;
     if (!labels.contains(x + dx, y + dy)) continue;
     const Label behind = labels(x + dx, y + dy);
-    if (behind != label::sky && !(is_pole && region_of(behind) < kOther)) continue;
+    if (behind != label::sky && !(is_thin && region_of(behind) < kOther)) continue;
     const float leaks = light_at(x + dx, y + dy);
     at_border = at_border || behind == label::sky || leaks > least;
     // Thin things have it on both sides: then the nearer half of the way.

@@ -24,9 +24,9 @@ inline namespace NPSIM_ABI {
 // Roughness as renderers, glTF and networks give it, 0..1, looks even; GGX alpha is its square (Burley, SIGGRAPH 2012).
 [[nodiscard]] constexpr float alpha_of_roughness(float roughness) noexcept { return roughness * roughness; }
 
-// GGX alpha by class, kMatt for what has none. `labels` may be empty: one class.
+// GGX alpha by class, kMatt for what has none and for `matt`. `labels` may be empty: one class.
 template <class Executor>
-Status estimate_roughness(ImageView<const Label> labels, ImageView<float> alpha, Executor& executor) {
+Status estimate_roughness(ImageView<const Label> labels, LabelSet matt, ImageView<float> alpha, Executor& executor) {
   if (alpha.empty()) return Status(StatusCode::invalid_argument, "roughness: the output is empty");
   if (!labels.empty() && labels.shape() != alpha.shape()) {
     return Status(StatusCode::shape_mismatch, "roughness: labels must have the shape of the output");
@@ -35,7 +35,8 @@ Status estimate_roughness(ImageView<const Label> labels, ImageView<float> alpha,
     for (std::size_t row = begin; row < end; ++row) {
       const int y = static_cast<int>(row);
       for (int x = 0; x < alpha.width(); ++x) {
-        alpha(x, y) = surface_prior(labels.empty() ? label::unlabeled : labels(x, y)).alpha;
+        const Label l = labels.empty() ? label::unlabeled : labels(x, y);
+        alpha(x, y) = matt.contains(l) ? kMatt : surface_prior(l).alpha;
       }
     }
   });

@@ -44,6 +44,9 @@ struct MaterialParams {
   AlbedoParams albedo;
   WetFilmParams film;
   RetroreflectionParams retroreflection;
+  // Without gloss where normals come from measured depth. Clear coat mirrors a lamp within some degrees, which such
+  // normals do not resolve, and the noise's mean over a car's back would glare like chrome in the own headlamps.
+  LabelSet matt_if_measured = kVehicleLabels;
 };
 
 struct SurfaceAttributes {
@@ -119,7 +122,9 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
     }
   }
   if (scene.roughness.empty()) {
-    NPSIM_RETURN_IF_ERROR(estimate_roughness(refined.labels, alpha, executor));
+    const bool measured = refined.source == DepthSource::stereo || refined.source == DepthSource::lidar;
+    const LabelSet matt = measured && scene.normals.empty() ? params.matt_if_measured : LabelSet{};
+    NPSIM_RETURN_IF_ERROR(estimate_roughness(refined.labels, matt, alpha, executor));
   } else {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) alpha(x, y) = alpha_of_roughness(share(scene.roughness(x, y)));

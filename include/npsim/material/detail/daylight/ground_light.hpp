@@ -10,7 +10,9 @@
 //    blue as the shadow, in that of the ground beside it: white paint in the shadow is as bright as asphalt in the sun.
 // 3. The ratio of lights, per channel, is measured where it shows best: means on either side of shadows' edges, the
 //    median over all edges of the road.
-// 4. Penumbra: within a few pixels of an edge the share of the sun is the mean of its posterior over nine levels.
+// 4. Penumbra: within a few pixels of an edge the share of the sun is the mean of its posterior over nine levels. So it
+//    is in the shade of road and pavement: what leaves, blinds or glass let through is less than the sun but yellower
+//    than the shade, as much as the mixture of both lights says; what is as blue as the shade is another asphalt.
 // 5. What light is left (a sky half hidden, indirect light) changes slowly: layers of lit and shadowed ground are each
 //    brought to one level over 32 px. Where what is brighter than the mean of wider surroundings is much brighter than
 //    the rest of them, it is paint and has no say: the stripes of a crossing are as wide as the window. Shade may be
@@ -361,14 +363,14 @@ inline void forget_shadow(const Picture& picture, Plane smooth_y, Span<std::uint
 
 // Step 4. Each level of sun is tried with and without paint, against the albedo that pixels of a certain light have in
 // the neighbourhood, and against the colour of its light: paint in the shadow is as bright as asphalt in half of the
-// sun, but bluer.
+// sun, but bluer. Off the edges, another asphalt in no sun stands against all levels.
 template <class Executor>
 Status soften_edges(const GroundLightParams& p, const Picture& picture, Plane smooth_c, Workspace& workspace,
                     GroundLight& out, Executor& executor) {
   const WorkspaceScope scope(workspace);
   const Shape shape = picture.shape();
-  Plane blurred, base;
-  for (Plane* plane : {&blurred, &base}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *plane));
+  Plane blurred, mean, base;
+  for (Plane* plane : {&blurred, &mean, &base}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *plane));
   const auto is_ground = [&](int x, int y) { return picture.is_ground(x, y) ? 1.0F : 0.0F; };
   NPSIM_RETURN_IF_ERROR(
       window_mean(is_ground, out.sun, picture.radius(0.5F * p.penumbra_px), 0.0F, 0.5F, workspace, blurred, executor));
@@ -381,36 +383,59 @@ Status soften_edges(const GroundLightParams& p, const Picture& picture, Plane sm
     return picture.log_y(x, y) - log_light(out.sun(x, y), out.ratio_y) - m.sun_y;
   };
   const auto bounded = [&](int x, int y) { return clamp_to(own_level(x, y), -1.0F, 1.0F); };
-  NPSIM_RETURN_IF_ERROR(
-      window_mean(certain, bounded, picture.radius(p.edge_far_px), 1.0F, 0.0F, workspace, base, executor));
-  constexpr int kLevels = 9;
   constexpr float kSigma = 0.25F;
+  NPSIM_RETURN_IF_ERROR(
+      window_mean(certain, bounded, picture.radius(p.edge_far_px), 1.0F, 0.0F, workspace, mean, executor));
+  // What some sun reaches says nothing of the shade.
+  const auto sunless = [&](int x, int y) { return own_level(x, y) < mean(x, y) + kSigma ? certain(x, y) : 0.0F; };
+  NPSIM_RETURN_IF_ERROR(
+      window_mean(sunless, bounded, picture.radius(p.edge_far_px), 1.0F, 0.0F, workspace, base, executor));
+  constexpr int kLevels = 9;
   constexpr float kPaintSigma = 0.6F;
   constexpr float kColourSigma = 0.15F;
+  constexpr float kColourSigmaInShade = 0.12F;
+  constexpr float kOtherSigma = 0.5F;  // log2 of one asphalt over another
+  constexpr float kOtherColourSigma = 0.35F;
+  constexpr float kOther = 0.15F;  // how likely another is, over the density of the same at its middle
+  float level_share[kLevels];      // in equal steps of the light
   float level_light[kLevels];
   float level_colour[kLevels];
+  const float shade = exp2_of(-out.ratio_y);
   for (int i = 0; i < kLevels; ++i) {
-    const float share = static_cast<float>(i) / static_cast<float>(kLevels - 1);
-    level_light[i] = log_light(share, out.ratio_y);
-    level_colour[i] = log_light(share, out.ratio.z) - log_light(share, out.ratio.x);
+    const float log_level = out.ratio_y * (static_cast<float>(i) / static_cast<float>(kLevels - 1) - 1.0F);
+    level_share[i] = (exp2_of(log_level) - shade) / (1.0F - shade);
+    level_light[i] = log_level;
+    level_colour[i] = log_light(level_share[i], out.ratio.z) - log_light(level_share[i], out.ratio.x);
   }
   for_pixels(shape, executor, [&](int x, int y) {
     const float near = blurred(x, y);
-    if (!picture.is_ground(x, y) || out.coloured(x, y) != 0 || near < 0.02F || near > 0.98F) return;
-    const LightMixture& m = out.mixture[picture.region(x, y)];
+    if (!picture.is_ground(x, y) || out.coloured(x, y) != 0 || near > 0.98F) return;
+    const std::uint8_t kind = picture.region(x, y);
+    const bool in_shade = near < 0.02F;
+    if (in_shade && kind != kRoad && kind != kPavement) return;
+    const LightMixture& m = out.mixture[kind];
     const float seen = picture.log_y(x, y) - m.sun_y - base(x, y);
     const float colour = smooth_c(x, y) - m.sun_c;
     const float prior = out.sun(x, y) * 0.5F + near * 0.5F;
+    const float inverse_sigma_c = 1.0F / (in_shade ? kColourSigmaInShade : kColourSigma);
+    const float other = (seen - level_light[0]) / kOtherSigma;
+    const float other_colour = colour - level_colour[0];
+    float unlike = 0.0F;  // of the first level, no sun
+    if (in_shade) {
+      const float off_c = other_colour / kOtherColourSigma;
+      unlike = kOther * exp2_of(-0.72F * (other * other + off_c * off_c));
+    }
     float weight = 0.0F;
     float sum = 0.0F;
     for (int i = 0; i < kLevels; ++i) {
-      const float share = static_cast<float>(i) / static_cast<float>(kLevels - 1);
+      const float share = level_share[i];
       const float a = (seen - level_light[i]) / kSigma;
       const float b = (seen - level_light[i] - p.mixture.paint_step) / kPaintSigma;
       const float likely = exp2_of(-0.72F * a * a) + m.paint * kSigma / kPaintSigma * exp2_of(-0.72F * b * b) + 1e-4F;
       const float off = share - prior;
-      const float c = (colour - level_colour[i]) / kColourSigma;
-      const float w = likely * exp2_of(-4.0F * off * off - 0.72F * c * c) + 1e-9F;
+      const float c = (colour - level_colour[i]) * inverse_sigma_c;
+      const float w =
+          (likely * exp2_of(-0.72F * c * c) + (i == 0 ? unlike : 0.0F)) * exp2_of(-4.0F * off * off) + 1e-9F;
       weight += w;
       sum += w * share;
     }
