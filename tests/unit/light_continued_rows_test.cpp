@@ -20,6 +20,8 @@ using npsim_test::Image;
 // A camera 1.5 m above a level ground under the sky, with placed lamps.
 struct Street {
   Shape shape{200, 100};
+  Intrinsics camera{180, 180, 100, 50};
+  Vec3f up{0, -1, 0};
   Image<float> depth{shape};
   Image<Label> labels{shape, label::sky};
   std::vector<Emitter> lamps = std::vector<Emitter>(40);
@@ -48,8 +50,8 @@ struct Street {
   }
   [[nodiscard]] std::vector<Emitter> unseen() {
     PlacementScene scene;
-    scene.camera = {180, 180, 100, 50};
-    scene.ground.up = {0, -1, 0};
+    scene.camera = camera;
+    scene.ground.up = up;
     scene.ground.camera_height_m = 1.5F;
     scene.depth = depth.view();
     scene.labels = labels.view();
@@ -175,15 +177,21 @@ TEST_CASE(
   s.show(label::building, 40, 100, 0, 200, 50);
   CHECK(first() == doctest::Approx(21).epsilon(1e-4));
   s.show(label::building, 12, 100, 0, 200, 50);
-  CHECK(first() == doctest::Approx(7).epsilon(1e-4));  // 10.5 m would be 2.6 m before the house
+  CHECK(first() == doctest::Approx(3.5).epsilon(1e-4));  // 7 m would be 5.9 m from the house
   s.show(label::building, 1, 100, 0, 200, 50);
   CHECK(first() == 0.0F);
   s.show(label::sky, 0, 0, 0, 200, 100);
-  s.show(label::traffic_sign, 21, 110, 20, 120, 30);  // 2.9 to 3.5 m below the lamp at 21 m
-  CHECK(first() == doctest::Approx(17.5).epsilon(1e-4));
-  s.show(label::traffic_sign, 21, 110, 30, 120, 40);
+  s.show(label::traffic_sign, 21, 110, 20, 120, 30);  // 3 m below the lamp at 21 m
+  CHECK(first() == doctest::Approx(14).epsilon(1e-4));
   s.show(label::sky, 0, 110, 20, 120, 30);
+  s.show(label::traffic_sign, 21, 110, 60, 120, 70);
   CHECK(first() == doctest::Approx(21).epsilon(1e-4));
+  s.show(label::sky, 0, 0, 0, 200, 100);
+  s.camera = {40, 40, 100, 50};  // wide, and so far up that it would see the lamp beside it
+  s.up = normalized(Vec3f{0, -1, 1});
+  CHECK(s.unseen().size() == 2);
+  s.camera = Street().camera;
+  s.up = Street().up;
   s.params.assumed_width_m = 5;  // 5 m high: out of the picture below 12.6 m, gaps of 17.5 m
   for (Label& l : s.labels.view().pixels()) l = label::sky;
   s.show(label::sky, 0, 0, 0, 200, 100);

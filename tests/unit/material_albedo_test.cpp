@@ -261,6 +261,34 @@ TEST_CASE("the little sun that leaves or blinds let through leaves the shade") {
   CHECK(bars / between == doctest::Approx(1.0).epsilon(0.1));  // of 1.47 by day
 }
 
+TEST_CASE("the grain of asphalt and a paving of two greys stay in the shade as they are in the sun") {
+  for (const float step : {0.0F, 0.75F}) {
+    const auto block = [](int x, int y) { return (x / 10 + y / 10) % 2 == 0; };
+    Picture p = shaded_road(
+        {0.10F, 0.13F, 0.17F}, [](int, int, Vec3f shade) { return shade; },
+        [&](int x, int y) {
+          return Vec3f{0.24F, 0.24F, 0.24F} * std::exp2(block(x, y) ? 0.5F * step : -0.5F * step);
+        });
+    REQUIRE(p.run().ok());
+    REQUIRE(p.report.shadow);
+    double light = 0, dark = 0;
+    double deviation[2] = {};
+    for (int y = 180; y < 260; ++y) {
+      for (int x = 20; x < 240; ++x)
+        (block(x, y) ? light : dark) += static_cast<double>(luminance(p.albedo[p.i(x, y)]));
+      for (int x = 20; x < 220; ++x) {
+        for (const int k : {0, 1}) {
+          const Vec3f a = p.albedo[p.i(x + 250 * k, y)];
+          const Vec3f b = p.albedo[p.i(x + 250 * k + 1, y)];
+          deviation[k] += static_cast<double>(std::fabs(std::log2(luminance(a) / luminance(b))));
+        }
+      }
+    }
+    CHECK(light / dark > (step > 0.0F ? 1.4 : 0.97));
+    CHECK(deviation[0] > 0.85 * deviation[1]);
+  }
+}
+
 TEST_CASE("soil in the shade is yellower than asphalt, but no brighter: no sun lies on it") {
   const auto soil = [](int x, int y) { return x >= 20 && x < 90 && y >= 145 && y < 165; };
   Picture p = shaded_road(

@@ -87,11 +87,12 @@ struct EgoHeadlampParams {
 // what the picture shows of a tree: trunk and crown go on there.
 // Where no street lamp is marked, assumed_width_m > 0 supposes a road of that width with a row of masts on its right
 // kerb: one-sided rows are about as high as the road is wide (5 to 10 m). Its first lamp hangs as far ahead as one can
-// that the picture does not show, at most one gap, and nearer where what is seen below it stands in its way.
+// whose place the picture does not show, at most one gap, and nearer where something stands in its way or beside it.
 // The moon is one more lamp of that kind, where its direction is given.
 // Such an emitter has mark 0 and the number `unseen`; strength and colour are those of its class in the same night.
 // Error: the row itself is a guess; gaps come from placed lamps, so from depth. Cost: one pass over the lamps per row,
-// one over a quarter of the picture for each station ahead of the camera and outside the picture.
+// one over a quarter of the picture for each station ahead of the camera and outside the picture, up to 16 for an assumed
+// row.
 
 struct ContinuedRowParams {
   float behind_m = 60.0F;        // rows go on so far behind the camera; 0: no row is continued
@@ -130,7 +131,7 @@ inline constexpr int kRows = 12;
 inline constexpr LabelSet kHouses = LabelSet::of(label::building, label::wall, label::bridge, label::tunnel);
 inline constexpr float kGapPerHeight = 3.5F;
 inline constexpr float kBesideTree_m = 1.5F;     // nearer a lamp would hang in the tree [default]
-inline constexpr float kBesideAssumed_m = 4.0F;  // nearer an assumed lamp would glare on what it hangs beside
+inline constexpr float kBesideAssumed_m = 6.0F;  // nearer an assumed lamp glares on what it hangs beside [default]
 inline constexpr std::size_t kMaxOfRow = 16;     // lamps whose gaps are looked at
 
 // The distances of a row's nearest lamps along the road, sorted.
@@ -231,24 +232,25 @@ inline void continue_row(const ContinuedRowParams& p, const PlacementScene& scen
   return e;
 }
 
-// How far ahead of `lamp` the first one of an assumed row hangs: above the picture, where its border shows nothing that
-// is nearer, and beside nothing.
+// How far ahead of `lamp` the first one of an assumed row hangs: outside the picture, where its nearest pixel shows
+// nothing that is nearer, and beside nothing. Found nowhere, beside the camera, or behind it where the picture shows
+// that place.
 [[nodiscard]] inline float first_ahead_m(const PlacementScene& s, const Vec3f& lamp, float gap_m) noexcept {
   constexpr int kSteps = 8;
   const Shape shape = s.depth.shape();
-  for (int step = kSteps; step > 0; --step) {
+  const auto anything = [](int, int) { return true; };
+  for (int step = shape.pixels() > 0 ? kSteps : 0; step > 0; --step) {
     const float ahead_m = gap_m * static_cast<float>(step) / static_cast<float>(kSteps);
     const Vec3f point = lamp + forward_on_ground(s.ground) * ahead_m;
-    if (look_at_station(s, point) != Station::outside || !(point.z > 0.0F)) continue;
+    if (!(point.z > 0.0F)) continue;
     const Vec2f at = project(s.camera, point);
     const int x = static_cast<int>(clamp_to(at.x, 0.0F, static_cast<float>(shape.width - 1)));
     const int y = static_cast<int>(clamp_to(at.y, 0.0F, static_cast<float>(shape.height - 1)));
     if (is_valid_depth(s.depth(x, y)) && s.depth(x, y) < point.z) continue;
-    if (!beside(
-            s, [](int, int) { return true; }, kBesideAssumed_m, point))
-      return ahead_m;
+    if (look_at_station(s, point) != Station::outside || beside(s, anything, kBesideAssumed_m, point)) continue;
+    return ahead_m;
   }
-  return 0.0F;
+  return look_at_station(s, lamp) == Station::outside ? 0.0F : -gap_m;
 }
 
 [[nodiscard]] inline Emitter moon_over(const Vec3f& direction, const GroundPlane& ground) noexcept {

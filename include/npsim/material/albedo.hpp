@@ -353,8 +353,6 @@ struct Light {
   // foliage would not have at night. As many as are left give crowns the contrast that they have in real nights.
   constexpr float kPlantSlope = 0.55F;
   constexpr float kPlantSlopeBelow = 0.85F;
-  constexpr float kSignalMost =
-      1.0F;  // log2: signal heads are dark, and what is bright in them by day is its own light
   const int most = max_of(static_cast<int>(seen.r), static_cast<int>(seen.g), static_cast<int>(seen.b));
   float lum = luminance(a);
   if (!(lum > 0.0F)) return {p.min_albedo, p.min_albedo, p.min_albedo};
@@ -384,7 +382,6 @@ struct Light {
   if (label == label::vegetation) off *= off > 0.0F ? kPlantSlope : kPlantSlopeBelow;
   if (region_of(label) == kFacade && off < 0.0F) off *= kPaneSlope;
   if (off > bound) off = bound + kSlope * (off - bound);
-  if (label == label::traffic_light) off = std::min(off, kSignalMost);
   a *= exp2_of(off + level) / lum;
   const float brightest = max_of(a.x, a.y, a.z);
   if (brightest > p.max_albedo) a *= p.max_albedo / brightest;  // all channels, so that the hue stays
@@ -395,7 +392,7 @@ struct Light {
   return {floored(a.x), floored(a.y), floored(a.z)};
 }
 
-// Of these a loose label covers much besides.
+// Things whose loose label covers as much ground as thing.
 inline constexpr LabelSet kThinLabels = kPoleLabels | LabelSet::of(label::person);
 
 // The photograph's pixel, or the darker one further in where it lies beside the sky, and of thin things before what is

@@ -17,7 +17,7 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 // Roughness (GGX alpha) of every pixel by its class, dry, where no inverse-rendering network supplies it, and the alpha
-// of such a network's roughness.
+// of such a network's roughness. Classes whose normals are too unsure to mirror a lamp can be made matt.
 //
 // Cost: one look-up per pixel.
 

@@ -363,10 +363,11 @@ inline void forget_shadow(const Picture& picture, Plane smooth_y, Span<std::uint
 
 // Step 4. Each level of sun is tried with and without paint, against the albedo that pixels of a certain light have in
 // the neighbourhood, and against the colour of its light: paint in the shadow is as bright as asphalt in half of the
-// sun, but bluer. Off the edges, another asphalt in no sun stands against all levels.
+// sun, but bluer. In the shade off the edges the picture without its grain is asked, another asphalt in no sun stands
+// against all levels, and what is hardly brighter than the shade is texture.
 template <class Executor>
-Status soften_edges(const GroundLightParams& p, const Picture& picture, Plane smooth_c, Workspace& workspace,
-                    GroundLight& out, Executor& executor) {
+Status soften_edges(const GroundLightParams& p, const Picture& picture, Plane smooth_y, Plane smooth_c,
+                    Workspace& workspace, GroundLight& out, Executor& executor) {
   const WorkspaceScope scope(workspace);
   const Shape shape = picture.shape();
   Plane blurred, mean, base;
@@ -386,7 +387,7 @@ Status soften_edges(const GroundLightParams& p, const Picture& picture, Plane sm
   constexpr float kSigma = 0.25F;
   NPSIM_RETURN_IF_ERROR(
       window_mean(certain, bounded, picture.radius(p.edge_far_px), 1.0F, 0.0F, workspace, mean, executor));
-  // What some sun reaches says nothing of the shade.
+  // The same without what some sun reaches, which says nothing of the shade.
   const auto sunless = [&](int x, int y) { return own_level(x, y) < mean(x, y) + kSigma ? certain(x, y) : 0.0F; };
   NPSIM_RETURN_IF_ERROR(
       window_mean(sunless, bounded, picture.radius(p.edge_far_px), 1.0F, 0.0F, workspace, base, executor));
@@ -396,8 +397,10 @@ Status soften_edges(const GroundLightParams& p, const Picture& picture, Plane sm
   constexpr float kColourSigmaInShade = 0.12F;
   constexpr float kOtherSigma = 0.5F;  // log2 of one asphalt over another
   constexpr float kOtherColourSigma = 0.35F;
-  constexpr float kOther = 0.15F;  // how likely another is, over the density of the same at its middle
-  float level_share[kLevels];      // in equal steps of the light
+  constexpr float kOther = 0.5F;  // how likely another is, over the density of the same at its middle
+  constexpr float kTexture = 0.15F, kFleck = 0.35F;  // log2 over the shade: none, all of it is sun
+  constexpr float kTold = 0.5F;  // log2(blue / red) of shade over sun, at least, to tell some sun from another asphalt
+  float level_share[kLevels];    // in equal steps of the light
   float level_light[kLevels];
   float level_colour[kLevels];
   const float shade = exp2_of(-out.ratio_y);
@@ -412,18 +415,17 @@ Status soften_edges(const GroundLightParams& p, const Picture& picture, Plane sm
     if (!picture.is_ground(x, y) || out.coloured(x, y) != 0 || near > 0.98F) return;
     const std::uint8_t kind = picture.region(x, y);
     const bool in_shade = near < 0.02F;
-    if (in_shade && kind != kRoad && kind != kPavement) return;
+    if (in_shade && ((kind != kRoad && kind != kPavement) || out.ratio.x - out.ratio.z < kTold)) return;
     const LightMixture& m = out.mixture[kind];
-    const float seen = picture.log_y(x, y) - m.sun_y - base(x, y);
+    const float seen = (in_shade ? smooth_y(x, y) : picture.log_y(x, y)) - m.sun_y - base(x, y);
     const float colour = smooth_c(x, y) - m.sun_c;
     const float prior = out.sun(x, y) * 0.5F + near * 0.5F;
     const float inverse_sigma_c = 1.0F / (in_shade ? kColourSigmaInShade : kColourSigma);
-    const float other = (seen - level_light[0]) / kOtherSigma;
-    const float other_colour = colour - level_colour[0];
-    float unlike = 0.0F;  // of the first level, no sun
+    float another = 0.0F;  // likelihood of another asphalt in no sun
     if (in_shade) {
-      const float off_c = other_colour / kOtherColourSigma;
-      unlike = kOther * exp2_of(-0.72F * (other * other + off_c * off_c));
+      const float a = (seen - level_light[0]) / kOtherSigma;
+      const float c = (colour - level_colour[0]) / kOtherColourSigma;
+      another = kOther * exp2_of(-0.72F * (a * a + c * c));
     }
     float weight = 0.0F;
     float sum = 0.0F;
@@ -435,12 +437,17 @@ Status soften_edges(const GroundLightParams& p, const Picture& picture, Plane sm
       const float off = share - prior;
       const float c = (colour - level_colour[i]) * inverse_sigma_c;
       const float w =
-          (likely * exp2_of(-0.72F * c * c) + (i == 0 ? unlike : 0.0F)) * exp2_of(-4.0F * off * off) + 1e-9F;
+          (likely * exp2_of(-0.72F * c * c) + (i == 0 ? another : 0.0F)) * exp2_of(-4.0F * off * off) + 1e-9F;
       weight += w;
       sum += w * share;
     }
-    base(x, y) = sum / weight;  // each pixel is read before it is written, and by nobody else
-    blurred(x, y) = -1.0F;      // marks what changed
+    float share = sum / weight;
+    if (in_shade) {
+      const float gain = log_light(share, out.ratio_y) - level_light[0];
+      share *= clamp_to((gain - kTexture) / (kFleck - kTexture), 0.0F, 1.0F);
+    }
+    base(x, y) = share;     // each pixel is read before it is written, and by nobody else
+    blurred(x, y) = -1.0F;  // marks what changed
   });
   for_pixels(shape, executor, [&](int x, int y) {
     if (blurred(x, y) < 0.0F) out.sun(x, y) = base(x, y);
@@ -585,7 +592,7 @@ Status find_ground_light(const GroundLightParams& p, const AlbedoScene& scene, c
                  out.ratio.x - out.ratio.z >= p.min_edge_bluer;
   }
   if (out.shadow) {
-    NPSIM_RETURN_IF_ERROR(soften_edges(p, picture, smooth_c, workspace, out, executor));
+    NPSIM_RETURN_IF_ERROR(soften_edges(p, picture, smooth_y, smooth_c, workspace, out, executor));
   } else {
     forget_shadow(picture, smooth_y, histogram, out);
   }
