@@ -269,3 +269,35 @@ TEST_CASE(
     CHECK(10 * spread_steps < 8 * traced_steps);
   }
 }
+
+TEST_CASE(
+    "vehicles of stereo and laser are matt where their normals and roughness are guessed, those of exact depth not") {
+  struct Case {
+    DepthSource source;
+    bool normals, roughness, changes;
+  };
+  const Case cases[] = {{DepthSource::stereo, false, false, true},
+                        {DepthSource::lidar, false, false, true},
+                        {DepthSource::stereo, true, false, false},
+                        {DepthSource::stereo, false, true, false},
+                        {DepthSource::exact, false, false, false}};
+  for (const Case& c : cases) {
+    CAPTURE(kDepthSourceNames[static_cast<std::size_t>(c.source)]);
+    CAPTURE(c.normals);
+    CAPTURE(c.roughness);
+    const street::Street& street = small_street();
+    SceneView view = view_of(street);
+    view.depth_source = c.source;
+    if (!c.normals) view.normals = {};
+    if (c.roughness) view.roughness = street.roughness.view();
+    NightParams params = default_night_params();
+    const Sink matt = npsim::testing::night_of<Sink>(view, params);
+    params.relight.material.matt_if_measured = {};
+    const Sink glossy = npsim::testing::night_of<Sink>(view, params);
+    int changed = 0;
+    for (int y = 0; y < 90; ++y) {
+      for (int x = 0; x < 160; ++x) changed += matt.night_image(x, y) == glossy.night_image(x, y) ? 0 : 1;
+    }
+    CHECK((changed > 0) == c.changes);
+  }
+}

@@ -91,8 +91,8 @@ struct EgoHeadlampParams {
 // The moon is one more lamp of that kind, where its direction is given.
 // Such an emitter has mark 0 and the number `unseen`; strength and colour are those of its class in the same night.
 // Error: the row itself is a guess; gaps come from placed lamps, so from depth. Cost: one pass over the lamps per row,
-// one over a quarter of the picture for each station ahead of the camera and outside the picture, up to 16 for an assumed
-// row.
+// one over a quarter of the picture for each station ahead of the camera and outside the picture, up to 16 for an
+// assumed row.
 
 struct ContinuedRowParams {
   float behind_m = 60.0F;        // rows go on so far behind the camera; 0: no row is continued
