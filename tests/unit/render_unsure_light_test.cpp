@@ -148,8 +148,7 @@ TEST_CASE("unsure light: nothing crosses into another label, twice the albedo, o
 
 TEST_CASE(
     "unsure light: the double-precision definition within 1e-5 of the greatest light, with holes, black albedo, at "
-    "every "
-    "border, and where light comes by way of nearly nothing") {
+    "every border, and where light comes by way of nearly nothing") {
   for (const bool dark : {false, true}) {
     Facade f = torn_facade();
     for (int y = 0; y < (dark ? kShape.height : 0); ++y) {

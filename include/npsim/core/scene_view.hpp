@@ -77,6 +77,11 @@ enum class DepthSource : std::uint8_t {
 };
 inline constexpr std::array<const char*, 5> kDepthSourceNames = {"unknown", "network", "stereo", "lidar", "exact"};
 
+// What a sensor with noise measured: the shapes and normals of things are unsure.
+[[nodiscard]] constexpr bool is_noisy(DepthSource source) noexcept {
+  return source == DepthSource::stereo || source == DepthSource::lidar;
+}
+
 // The source of that name; unknown where it names none.
 [[nodiscard]] constexpr DepthSource depth_source_named(std::string_view name) noexcept {
   for (std::size_t i = 0; i < kDepthSourceNames.size(); ++i) {

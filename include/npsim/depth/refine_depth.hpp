@@ -112,8 +112,8 @@ template <class Executor>
 [[nodiscard]] Status drop_spill(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
                                 DepthSource source, const GroundPlane& ground, ImageView<float> measured,
                                 Executor& executor) {
+  if (!is_noisy(source)) return {};
   const bool stereo = source == DepthSource::stereo;
-  if (!stereo && source != DepthSource::lidar) return {};
   const BorderSpillParams spill =
       scaled_spill(stereo ? params.spill : params.laser_spill, reference_scale(params, scene.shape()));
   const SpillView view{scene.camera, ground, stereo ? stereo_focal_baseline_px_m(params.source, scene) : 0.0F};

@@ -91,7 +91,7 @@ struct EgoHeadlampParams {
 // The moon is one more lamp of that kind, where its direction is given.
 // Such an emitter has mark 0 and the number `unseen`; strength and colour are those of its class in the same night.
 // Error: the row itself is a guess; gaps come from placed lamps, so from depth. Cost: one pass over the lamps per row,
-// one over a quarter of the picture for each station ahead of the camera and outside the picture, up to 16 for an
+// one over a quarter of the picture for each station ahead of the camera and outside the picture, up to 9 for an
 // assumed row.
 
 struct ContinuedRowParams {
@@ -130,6 +130,7 @@ inline constexpr int kRows = 12;
 
 inline constexpr LabelSet kHouses = LabelSet::of(label::building, label::wall, label::bridge, label::tunnel);
 inline constexpr float kGapPerHeight = 3.5F;
+inline constexpr float kBeforeCamera_m = 0.3F;   // nearer, or behind, nothing is in the picture
 inline constexpr float kBesideTree_m = 1.5F;     // nearer a lamp would hang in the tree [default]
 inline constexpr float kBesideAssumed_m = 6.0F;  // nearer an assumed lamp glares on what it hangs beside [default]
 inline constexpr std::size_t kMaxOfRow = 16;     // lamps whose gaps are looked at
@@ -180,16 +181,21 @@ template <class Counts>
 // What the picture says of a lamp at a station.
 enum class Station : std::uint8_t { outside, hidden, missing };
 
-[[nodiscard]] inline Station look_at_station(const PlacementScene& s, const Vec3f& point) noexcept {
-  if (!(point.z > 0.3F)) return Station::outside;
+[[nodiscard]] inline bool is_in_picture(const PlacementScene& s, const Vec3f& point) noexcept {
+  if (!(point.z > kBeforeCamera_m)) return false;
   const Vec2f at = project(s.camera, point);
   const Shape shape = s.depth.shape();
-  const bool inside =
-      at.x >= 0.0F && at.y >= 0.0F && at.x < static_cast<float>(shape.width) && at.y < static_cast<float>(shape.height);
-  if (!inside) {
+  return at.x >= 0.0F && at.y >= 0.0F && at.x < static_cast<float>(shape.width) &&
+         at.y < static_cast<float>(shape.height);
+}
+
+[[nodiscard]] inline Station look_at_station(const PlacementScene& s, const Vec3f& point) noexcept {
+  if (!(point.z > kBeforeCamera_m)) return Station::outside;
+  if (!is_in_picture(s, point)) {
     const auto tree = [&](int x, int y) { return !s.labels.empty() && s.labels(x, y) == label::vegetation; };
     return beside(s, tree, kBesideTree_m, point) ? Station::hidden : Station::outside;
   }
+  const Vec2f at = project(s.camera, point);
   const auto x = static_cast<int>(at.x);
   const auto y = static_cast<int>(at.y);
   if (!s.labels.empty() && (kHouses.contains(s.labels(x, y)) || s.labels(x, y) == label::sky)) return Station::missing;
@@ -242,13 +248,12 @@ inline void continue_row(const ContinuedRowParams& p, const PlacementScene& scen
   for (int step = shape.pixels() > 0 ? kSteps : 0; step > 0; --step) {
     const float ahead_m = gap_m * static_cast<float>(step) / static_cast<float>(kSteps);
     const Vec3f point = lamp + forward_on_ground(s.ground) * ahead_m;
-    if (!(point.z > 0.0F)) continue;
+    if (!(point.z > 0.0F) || is_in_picture(s, point)) continue;
     const Vec2f at = project(s.camera, point);
     const int x = static_cast<int>(clamp_to(at.x, 0.0F, static_cast<float>(shape.width - 1)));
     const int y = static_cast<int>(clamp_to(at.y, 0.0F, static_cast<float>(shape.height - 1)));
     if (is_valid_depth(s.depth(x, y)) && s.depth(x, y) < point.z) continue;
-    if (look_at_station(s, point) != Station::outside || beside(s, anything, kBesideAssumed_m, point)) continue;
-    return ahead_m;
+    if (!beside(s, anything, kBesideAssumed_m, point)) return ahead_m;
   }
   return look_at_station(s, lamp) == Station::outside ? 0.0F : -gap_m;
 }

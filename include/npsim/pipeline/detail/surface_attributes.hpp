@@ -122,8 +122,7 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
     }
   }
   if (scene.roughness.empty()) {
-    const bool measured = refined.source == DepthSource::stereo || refined.source == DepthSource::lidar;
-    const LabelSet matt = measured && scene.normals.empty() ? params.matt_if_measured : LabelSet{};
+    const LabelSet matt = is_noisy(refined.source) && scene.normals.empty() ? params.matt_if_measured : LabelSet{};
     NPSIM_RETURN_IF_ERROR(estimate_roughness(refined.labels, matt, alpha, executor));
   } else {
     for (int y = 0; y < shape.height; ++y) {

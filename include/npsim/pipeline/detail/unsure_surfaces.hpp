@@ -26,7 +26,7 @@ namespace relight_detail {
 
 // Exact depth has no noise, and that of networks with their normals is smooth.
 [[nodiscard]] constexpr bool has_unsure_surfaces(const UnsureLightParams& params, DepthSource source) noexcept {
-  return params.reach > 0.0F && (source == DepthSource::lidar || source == DepthSource::stereo);
+  return params.reach > 0.0F && is_noisy(source);
 }
 
 [[nodiscard]] inline Status find_unsure_surfaces(const UnsureLightParams& params, const RefinedDepth& refined,

@@ -361,6 +361,22 @@ inline void forget_shadow(const Picture& picture, Plane smooth_y, Span<std::uint
   }
 }
 
+// Shares of the sun in equal steps of the light from none to all, with log2 of the light and of its blue over red,
+// relative to those of the sun.
+struct SunLevels {
+  static constexpr int kCount = 9;
+  float share[kCount], light[kCount], colour[kCount];
+
+  explicit SunLevels(const GroundLight& ground) noexcept {
+    const float shade = exp2_of(-ground.ratio_y);
+    for (int i = 0; i < kCount; ++i) {
+      light[i] = ground.ratio_y * (static_cast<float>(i) / static_cast<float>(kCount - 1) - 1.0F);
+      share[i] = (exp2_of(light[i]) - shade) / (1.0F - shade);
+      colour[i] = log_light(share[i], ground.ratio.z) - log_light(share[i], ground.ratio.x);
+    }
+  }
+};
+
 // Step 4. Each level of sun is tried with and without paint, against the albedo that pixels of a certain light have in
 // the neighbourhood, and against the colour of its light: paint in the shadow is as bright as asphalt in half of the
 // sun, but bluer. In the shade off the edges the picture without its grain is asked, another asphalt in no sun stands
@@ -391,7 +407,6 @@ Status soften_edges(const GroundLightParams& p, const Picture& picture, Plane sm
   const auto sunless = [&](int x, int y) { return own_level(x, y) < mean(x, y) + kSigma ? certain(x, y) : 0.0F; };
   NPSIM_RETURN_IF_ERROR(
       window_mean(sunless, bounded, picture.radius(p.edge_far_px), 1.0F, 0.0F, workspace, base, executor));
-  constexpr int kLevels = 9;
   constexpr float kPaintSigma = 0.6F;
   constexpr float kColourSigma = 0.15F;
   constexpr float kColourSigmaInShade = 0.12F;
@@ -400,16 +415,7 @@ Status soften_edges(const GroundLightParams& p, const Picture& picture, Plane sm
   constexpr float kOther = 0.5F;  // how likely another is, over the density of the same at its middle
   constexpr float kTexture = 0.15F, kFleck = 0.35F;  // log2 over the shade: none, all of it is sun
   constexpr float kTold = 0.5F;  // log2(blue / red) of shade over sun, at least, to tell some sun from another asphalt
-  float level_share[kLevels];    // in equal steps of the light
-  float level_light[kLevels];
-  float level_colour[kLevels];
-  const float shade = exp2_of(-out.ratio_y);
-  for (int i = 0; i < kLevels; ++i) {
-    const float log_level = out.ratio_y * (static_cast<float>(i) / static_cast<float>(kLevels - 1) - 1.0F);
-    level_share[i] = (exp2_of(log_level) - shade) / (1.0F - shade);
-    level_light[i] = log_level;
-    level_colour[i] = log_light(level_share[i], out.ratio.z) - log_light(level_share[i], out.ratio.x);
-  }
+  const SunLevels levels(out);
   for_pixels(shape, executor, [&](int x, int y) {
     const float near = blurred(x, y);
     if (!picture.is_ground(x, y) || out.coloured(x, y) != 0 || near > 0.98F) return;
@@ -423,19 +429,19 @@ Status soften_edges(const GroundLightParams& p, const Picture& picture, Plane sm
     const float inverse_sigma_c = 1.0F / (in_shade ? kColourSigmaInShade : kColourSigma);
     float another = 0.0F;  // likelihood of another asphalt in no sun
     if (in_shade) {
-      const float a = (seen - level_light[0]) / kOtherSigma;
-      const float c = (colour - level_colour[0]) / kOtherColourSigma;
+      const float a = (seen - levels.light[0]) / kOtherSigma;
+      const float c = (colour - levels.colour[0]) / kOtherColourSigma;
       another = kOther * exp2_of(-0.72F * (a * a + c * c));
     }
     float weight = 0.0F;
     float sum = 0.0F;
-    for (int i = 0; i < kLevels; ++i) {
-      const float share = level_share[i];
-      const float a = (seen - level_light[i]) / kSigma;
-      const float b = (seen - level_light[i] - p.mixture.paint_step) / kPaintSigma;
+    for (int i = 0; i < SunLevels::kCount; ++i) {
+      const float share = levels.share[i];
+      const float a = (seen - levels.light[i]) / kSigma;
+      const float b = (seen - levels.light[i] - p.mixture.paint_step) / kPaintSigma;
       const float likely = exp2_of(-0.72F * a * a) + m.paint * kSigma / kPaintSigma * exp2_of(-0.72F * b * b) + 1e-4F;
       const float off = share - prior;
-      const float c = (colour - level_colour[i]) * inverse_sigma_c;
+      const float c = (colour - levels.colour[i]) * inverse_sigma_c;
       const float w =
           (likely * exp2_of(-0.72F * c * c) + (i == 0 ? another : 0.0F)) * exp2_of(-4.0F * off * off) + 1e-9F;
       weight += w;
@@ -443,7 +449,7 @@ Status soften_edges(const GroundLightParams& p, const Picture& picture, Plane sm
     }
     float share = sum / weight;
     if (in_shade) {
-      const float gain = log_light(share, out.ratio_y) - level_light[0];
+      const float gain = log_light(share, out.ratio_y) - levels.light[0];
       share *= clamp_to((gain - kTexture) / (kFleck - kTexture), 0.0F, 1.0F);
     }
     base(x, y) = share;     // each pixel is read before it is written, and by nobody else
