@@ -201,15 +201,15 @@ void add_unseen_lamps(const TrueLamps& lamps, std::vector<DrawnLamp>& drawn) {
   return io::Done{};
 }
 
-// What the pixels retroreflect, by their labels and their true albedo.
+// What the pixels retroreflect, by their labels, what is marked and their true albedo.
 [[nodiscard]] io::Image<Retroreflector> retroreflectors(const io::Scene& scene) {
   io::Image<Retroreflector> out(scene.shape());
-  if (scene.labels.empty() || scene.albedo.empty()) return out;
+  if (scene.albedo.empty()) return out;
   std::vector<unsigned char> memory(find_retroreflectors_workspace_bytes(scene.shape()));
   Workspace workspace(memory.data(), memory.size());
   SerialExecutor serial;
-  const Status found =
-      find_retroreflectors({}, 0.0F, scene.labels.view(), scene.albedo.view(), out.view(), workspace, serial);
+  const Status found = find_retroreflectors({}, 0.0F, scene.labels.view(), scene.reflectors.view(), scene.albedo.view(),
+                                            out.view(), workspace, serial);
   return found.ok() ? out : io::Image<Retroreflector>(scene.shape());
 }
 

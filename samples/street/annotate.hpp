@@ -81,7 +81,7 @@ inline void collect_emitters(const Stage& stage, Street& street) {
   }
 }
 
-// Writes marks, light_index and Emitter::mark from the face seen in each pixel.
+// Writes marks, light_index, reflectors and Emitter::mark from the face seen in each pixel.
 inline void annotate(const Stage& stage, const std::vector<std::uint32_t>& seen, Street& street) {
   const Scene& scene = *stage.scene;
   std::vector<int> pixels(scene.lights.size(), 0);
@@ -123,6 +123,8 @@ inline void annotate(const Stage& stage, const std::vector<std::uint32_t>& seen,
         if (mark == 0 && scene.panel[face] != 0) mark = group_mark[scene.panel[face] - 1U];
       }
       street.light_index(x, y) = mark;
+      const bool plate = face != kNoFace && scene.materials[scene.info[face].material].kind == Kind::plate;
+      street.reflectors(x, y) = plate ? ReflectorClass::number_plate : ReflectorClass::none;
     }
   }
 }

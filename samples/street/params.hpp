@@ -39,11 +39,11 @@ struct Degradation {
 struct StreetParams {
   std::uint64_t seed = 1;
   Shape shape{960, 540};
-  float horizontal_fov_rad = 1.17F;  // 67 degrees, a dashboard camera
-  int samples = 4;                   // jittered samples a pixel, 1..64
-  int sky_rays = 2;                  // hemisphere rays a sample, 0..16
-  int light_min_px = 3;              // smaller lights are left out of the annotation (not out of the emitters)
-  float sensor_noise = 1.0F;         // 1: noise of a small daytime sensor; 0: none
+  float horizontal_fov_rad = 1.17F;          // 67 degrees, a dashboard camera
+  int samples = 4;                           // jittered samples a pixel, 1..64
+  int sky_rays = 2;                          // hemisphere rays a sample, 0..16
+  int light_min_px = 3;                      // smaller lights are left out of the annotation (not out of the emitters)
+  float sensor_noise = 1.0F;                 // 1: noise of a small daytime sensor; 0: none
   DepthSource depth = DepthSource::network;  // network: `degradation`; stereo, lidar: sensors.hpp, and no normals
   bool materials = true;                     // whether the scene gives albedo and roughness
   Degradation degradation{};
@@ -90,6 +90,7 @@ struct Street {
   io::Image<Vec3f> albedo;             // linear
   io::Image<float> roughness;
   io::Image<std::uint16_t> light_index;  // position + 1 in marks; 0: no light
+  io::Image<ReflectorClass> reflectors;  // number plates
   std::vector<LightMark> marks;          // sources and groups; ids are positions + 1
   std::vector<Emitter> emitters;
   io::Image<float> est_depth;    // as StreetParams::depth has it

@@ -20,6 +20,7 @@ namespace street {
   view.instances = s.instances.view();
   view.normals = s.est_normals.view();
   view.light_index = s.light_index.view();
+  view.reflectors = s.reflectors.view();
   view.lights = Span<const LightMark>(s.marks.data(), s.marks.size());
   return view;
 }

@@ -67,6 +67,7 @@ Status make_street(const StreetParams& params, AnyExecutor executor, Street& str
   street.albedo = io::Image<Vec3f>(params.shape);
   street.roughness = io::Image<float>(params.shape);
   street.light_index = io::Image<std::uint16_t>(params.shape);
+  street.reflectors = io::Image<ReflectorClass>(params.shape);
   std::vector<std::uint32_t> seen;
   render_street(stage, street, seen, executor);
   NPSIM_RETURN_IF_ERROR(render_background(stage, street, executor));

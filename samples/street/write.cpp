@@ -56,6 +56,7 @@ std::string scene_json(const Street& s) {
               ? "  \"albedo\": {\"file\": \"albedo.pfm\"},\n  \"roughness\": {\"file\": \"roughness.pfm\"},\n"
               : "") +
          "  \"lights\": {\"format\": \"segments_ai\", \"json\": \"lights.json\", \"bitmap\": \"lights.png\"},\n" +
+         "  \"reflectors\": {\"format\": \"ids\", \"file\": \"reflectors.png\"},\n" +
          "  \"truth\": {\"depth\": \"truth/depth.pfm\", \"background_depth\": \"truth/background_depth.pfm\", " +
          "\"normals\": \"truth/normals.pfm\", \"albedo\": \"albedo.pfm\", \"mesh\": \"truth/street.obj\", " +
          "\"emitters\": \"truth/emitters.json\", \"ground\": {\"camera_height_m\": " + number(s.camera_height_m) +
@@ -163,6 +164,14 @@ io::Image<io::Rgba8> light_bitmap(const Street& s) {
   return out;
 }
 
+io::Image<std::uint8_t> reflector_ids(const Street& s) {
+  io::Image<std::uint8_t> out(s.params.shape);
+  for (std::size_t i = 0; i < out.shape().pixels(); ++i) {
+    out.data()[i] = static_cast<std::uint8_t>(s.reflectors.data()[i]);
+  }
+  return out;
+}
+
 }  // namespace
 
 io::Outcome write_street(const Street& s, const std::string& dir) {
@@ -170,6 +179,7 @@ io::Outcome write_street(const Street& s, const std::string& dir) {
   std::filesystem::create_directories(dir + "/truth", code);
   if (code) return io::Error{dir, "", "the folder cannot be made: " + code.message()};
   const auto at = [&](const char* name) { return dir + "/" + name; };
+  const io::Image<std::uint8_t> reflectors = reflector_ids(s);
   const auto write_all = [&]() -> io::Outcome {
     io::Outcome done = io::write_png(at("image.png"), s.image.view());
     if (done) done = io::write_pfm(at("depth.pfm"), s.est_depth.view());
@@ -181,6 +191,7 @@ io::Outcome write_street(const Street& s, const std::string& dir) {
     if (done) done = io::write_file(at("lights.json"), lights_json(s));
     if (done)
       done = io::write_png_rgba(at("lights.png"), static_cast<const io::Image<io::Rgba8>&>(light_bitmap(s)).view());
+    if (done) done = io::write_png(at("reflectors.png"), reflectors.view());
     if (done) done = io::write_pfm(at("truth/depth.pfm"), s.depth.view());
     if (done) done = io::write_pfm(at("truth/background_depth.pfm"), s.background_depth.view());
     if (done) done = io::write_pfm(at("truth/normals.pfm"), s.normals.view());

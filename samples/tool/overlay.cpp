@@ -102,6 +102,14 @@ void draw_lamps(const SceneView& scene, io::Image<Rgb8>& out) {
   }
 }
 
+void draw_reflectors(const SceneView& scene, io::Image<Rgb8>& out) {
+  for (int y = 0; y < scene.reflectors.height(); ++y) {
+    for (int x = 0; x < scene.reflectors.width(); ++x) {
+      if (scene.reflectors(x, y) != ReflectorClass::none) out(x, y) = mixed(out(x, y), {60, 230, 255}, 0.6F);
+    }
+  }
+}
+
 }  // namespace
 
 io::Image<Rgb8> overlay_picture(const SceneView& scene, const GroundPlane& ground) {
@@ -120,6 +128,7 @@ io::Image<Rgb8> overlay_picture(const SceneView& scene, const GroundPlane& groun
     }
   }
   if (ground.inlier_share > 0.0F) draw_ground(scene, ground, out);
+  draw_reflectors(scene, out);
   draw_lamps(scene, out);
   return out;
 }

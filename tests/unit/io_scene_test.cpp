@@ -54,6 +54,7 @@ const char* const kWhole = R"({"npsim_scene": 1, "name": "corner", "image": "ima
   "normals": {"file": "normals.pfm", "convention": "auto"},
   "albedo": {"file": "albedo.pfm"}, "roughness": {"file": "roughness.pfm"},
   "lights": {"format": "segments_ai", "json": "lights.json", "bitmap": "lights.png"},
+  "reflectors": {"format": "ids", "file": "plates.png"},
   "truth": {"depth": "depth.pfm", "normals": "true_normals.pfm", "mesh": "absent.obj"}})";
 
 void put_files(const TemporaryFolder& folder) {
@@ -66,6 +67,9 @@ void put_files(const TemporaryFolder& folder) {
   io::Image<std::uint16_t> objects(kShape, 7);
   io::Image<std::uint16_t> bonnet(kShape);
   io::Image<io::Rgba8> lights(kShape);
+  io::Image<std::uint8_t> plates(kShape);
+  plates(9, 17) = 1;
+  plates(2, 12) = 2;
   for (int y = 0; y < kShape.height; ++y) {
     for (int x = 0; x < kShape.width; ++x) {
       image(x, y) = {static_cast<std::uint8_t>(x * 8), static_cast<std::uint8_t>(y * 10), 77};
@@ -89,6 +93,7 @@ void put_files(const TemporaryFolder& folder) {
   require_ok(io::write_png16(folder / "objects.png", objects.view()));
   require_ok(io::write_png16(folder / "bonnet.png", bonnet.view()));
   require_ok(io::write_png_rgba(folder / "lights.png", lights.view()));
+  require_ok(io::write_png(folder / "plates.png", plates.view()));
   put(folder / "lights.json", kLights);
 }
 
@@ -152,6 +157,9 @@ TEST_CASE("scene: everything there is, and the convention of the normals found f
   CHECK(scene.lights[1].group == 1);
   CHECK(scene.light_index(22, 2) == 2);
   CHECK(scene.light_index(24, 4) == 1);
+  CHECK(scene.reflectors(9, 17) == ReflectorClass::number_plate);
+  CHECK(scene.reflectors(2, 12) == ReflectorClass::vest);
+  CHECK(scene.reflectors(3, 12) == ReflectorClass::none);
   const auto truth = io::read_truth_depth(scene);
   require_ok(truth);
   CHECK(truth.value()(2, 2) == scene.depth(2, 2));
@@ -182,6 +190,7 @@ TEST_CASE("scene: its view has all planes, its files are all that scene.json nam
                                              "roughness.file " + (folder / "roughness.pfm"),
                                              "lights.json " + (folder / "lights.json"),
                                              "lights.bitmap " + (folder / "lights.png"),
+                                             "reflectors.file " + (folder / "plates.png"),
                                              "truth.depth " + (folder / "depth.pfm"),
                                              "truth.normals " + (folder / "true_normals.pfm"),
                                              "truth.mesh " + (folder / "absent.obj")};
@@ -193,6 +202,7 @@ TEST_CASE("scene: its view has all planes, its files are all that scene.json nam
   CHECK(view.depth.data() == scene.depth.data());
   CHECK(view.labels.data() == scene.labels.data());
   CHECK(view.instances.data() == scene.instances.data());
+  CHECK(view.reflectors.data() == scene.reflectors.data());
   CHECK(view.normals.data() == scene.normals.data());
   CHECK(view.albedo.data() == scene.albedo.data());
   CHECK(view.roughness.data() == scene.roughness.data());
@@ -305,6 +315,8 @@ TEST_CASE("scene: missing keys, unknown keys and wrong kinds are named with thei
   refused(replaced(kWhole, "\"npsim_scene\": 1", "\"npsim_scene\": 2"), "npsim_scene");
   refused(replaced(kWhole, "\"segments_ai\"", "\"segments\""), "lights.format");
   refused(replaced(kWhole, "\"bitmap\": \"lights.png\"", "\"bitmaps\": \"lights.png\""), "lights.bitmaps");
+  refused(replaced(kWhole, "\"ids\", \"file\"", "\"masks\", \"file\""), "reflectors.format: is 'masks'");
+  refused(replaced(kWhole, "\"plates.png\"", "\"plates.png\", \"scale\": 1"), "reflectors.scale");
   refused(replaced(kWhole, "\"cityscapes_instance_ids\"", "\"ade20k\""), "labels.encoding");
   refused(replaced(kWhole, "\"mesh\"", "\"meshes\""), "truth.meshes");
   refused(replaced(kWhole, "\"roughness\"", "\"roughnes\""), "roughnes");
@@ -315,6 +327,42 @@ TEST_CASE("scene: missing keys, unknown keys and wrong kinds are named with thei
   check_error(io::read_scene(folder / "absent"), "absent", "does not exist");
   const TemporaryFolder empty;
   check_error(io::read_scene(empty.path()), "scene.json", "does not exist");
+}
+
+TEST_CASE("scene: reflectors as shapes and as the number plates of Cityscapes polygons; ids that mean nothing") {
+  const TemporaryFolder folder;
+  put_files(folder);
+  const auto with = [&](const char* format, const std::string& json) {
+    put(folder / "reflectors.json", json);
+    return read_scene_text(folder, replaced(kWhole, "\"ids\", \"file\": \"plates.png\"",
+                                            "\"" + std::string(format) + "\", \"file\": \"reflectors.json\""));
+  };
+  const auto shapes = with("shapes", R"({"reflectors": [{"class": "number_plate", "rectangle": [2, 3, 7, 5]},
+      {"class": "sheeting", "polygon": [[4, 4], [9, 4], [9, 6], [4, 6]]}]})");
+  require_ok(shapes);
+  CHECK(shapes.value().reflectors(2, 3) == ReflectorClass::number_plate);
+  CHECK(shapes.value().reflectors(6, 3) == ReflectorClass::number_plate);
+  CHECK(shapes.value().reflectors(7, 3) == ReflectorClass::none);
+  CHECK(shapes.value().reflectors(4, 4) == ReflectorClass::sheeting);  // the later one counts
+  CHECK(any_note(shapes.value(), "reflectors: 17 pixels"));            // 5 x 2 and 5 x 2, three of them in both
+  const std::string objects = R"("objects": [{"label": "car", "polygon": [[0, 0], [20, 0], [20, 20]]},
+      {"label": "license plate", "polygon": [[10, 10], [14, 10], [14, 12], [10, 12]]}]})";
+  const auto plates = with("cityscapes_polygons", R"({"imgHeight": 24, "imgWidth": 32, )" + objects);
+  require_ok(plates);
+  CHECK(plates.value().reflectors(12, 11) == ReflectorClass::number_plate);
+  CHECK(plates.value().reflectors(12, 5) == ReflectorClass::none);  // the car's polygon holds it
+  check_error(with("cityscapes_polygons", R"({"imgHeight": 1024, "imgWidth": 32, )" + objects), "reflectors.json",
+              "imgHeight: is 1024");
+  check_error(with("shapes", R"({"reflectors": [{"class": "plate", "rectangle": [2, 3, 7, 5]}]})"), "reflectors.json",
+              "reflectors[0].class: is 'plate'");
+  check_error(with("shapes", R"({"reflectors": [{"class": "none", "rectangle": [2, 3, 7, 5]}]})"), "reflectors.json",
+              "reflectors[0].class");
+  check_error(with("shapes", R"({"reflectors": [{"class": "vest", "polygon": [[2, 3], [7, 5]]}]})"), "reflectors.json",
+              "three corners");
+  io::Image<std::uint8_t> unknown(kShape);
+  unknown(5, 5) = 4;
+  require_ok(io::write_png(folder / "plates.png", unknown.view()));
+  check_error(read_scene_text(folder, kWhole), "plates.png", "one of them is 4");
 }
 
 TEST_CASE("scene: every plane has to be of the image's size") {
@@ -333,13 +381,14 @@ TEST_CASE("scene: every plane has to be of the image's size") {
           [&](const std::string& p) { return io::write_png16(p, io::Image<std::uint16_t>(wrong).view()); });
   refused("bonnet.png",
           [&](const std::string& p) { return io::write_png16(p, io::Image<std::uint16_t>(wrong).view()); });
+  refused("plates.png", [&](const std::string& p) { return io::write_png(p, io::Image<std::uint8_t>(wrong).view()); });
   refused("lights.png",
           [&](const std::string& p) { return io::write_png_rgba(p, io::Image<io::Rgba8>(wrong).view()); });
 }
 
 TEST_CASE("scene: a missing, empty or unfit file behind any key is an error that names it") {
   for (const char* name : {"image.png", "depth.pfm", "objects.png", "bonnet.png", "normals.pfm", "albedo.pfm",
-                           "roughness.pfm", "lights.png", "lights.json"}) {
+                           "roughness.pfm", "lights.png", "lights.json", "plates.png"}) {
     const TemporaryFolder folder;
     put_files(folder);
     put(folder / name, "");
@@ -380,8 +429,9 @@ TEST_CASE("resize: constants stay, light is conserved, edges of depth stay sharp
     io::Scene& scene = read.value();
     require_ok(io::resize_scene(scene, to));
     REQUIRE(scene.shape() == to);
-    for (const Shape s : {scene.depth.shape(), scene.labels.shape(), scene.instances.shape(), scene.normals.shape(),
-                          scene.albedo.shape(), scene.roughness.shape(), scene.light_index.shape()}) {
+    for (const Shape s :
+         {scene.depth.shape(), scene.labels.shape(), scene.instances.shape(), scene.normals.shape(),
+          scene.albedo.shape(), scene.roughness.shape(), scene.light_index.shape(), scene.reflectors.shape()}) {
       REQUIRE(s == to);
     }
     CHECK(scene.intrinsics.fx == doctest::Approx(30.0 * to.width / kShape.width));

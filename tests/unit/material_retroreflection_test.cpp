@@ -17,6 +17,7 @@ namespace {
 
 using namespace npsim;
 
+constexpr ImageView<const ReflectorClass> kNoneMarked;
 constexpr double kPi = 3.14159265358979323846;
 
 Vec3f at_angles(double polar, double azimuth) {
@@ -99,7 +100,8 @@ TEST_CASE("retroreflection: no surface returns more light than arrives, at any e
     RetroKind kind;
     float strength, albedo, alpha;
   };
-  const std::array<Surface, 3> surfaces = {{{RetroKind::sheeting, p.sign_cd_lx_m2 / 0.4F, 0.4F, 0.35F},
+  const std::array<Surface, 4> surfaces = {{{RetroKind::sheeting, p.sign_cd_lx_m2 / 0.4F, 0.4F, 0.35F},
+                                            {RetroKind::sheeting, p.vest_cd_lx_m2 / 0.4F, 0.4F, 0.85F},
                                             {RetroKind::beads, p.marking_cd_lx_m2 / 0.5F, 0.5F, 0.85F},
                                             {RetroKind::grain, p.road_cd_lx_m2 / 0.1F, 0.1F, 0.85F}}};
   const Vec3f n{0, 0, 1};
@@ -163,7 +165,8 @@ TEST_CASE(
   Workspace& workspace = scratch.workspace();
   SerialExecutor serial;
   const RetroreflectionParams p;
-  REQUIRE(find_retroreflectors(p, 0.0F, labels.cview(), albedo.cview(), out.view(), workspace, serial).ok());
+  REQUIRE(
+      find_retroreflectors(p, 0.0F, labels.cview(), kNoneMarked, albedo.cview(), out.view(), workspace, serial).ok());
   const auto at = [&](int x, int y) { return out.view()(x, y); };
   // White of the first sign: .7, so that its white has R_A 250 and its red a seventh of that or so.
   CHECK(at(8, 10).kind == RetroKind::sheeting);
@@ -181,6 +184,56 @@ TEST_CASE(
 
   RetroreflectionParams off = p;
   off.on = false;
-  REQUIRE(find_retroreflectors(off, 0.0F, labels.cview(), albedo.cview(), out.view(), workspace, serial).ok());
+  REQUIRE(
+      find_retroreflectors(off, 0.0F, labels.cview(), kNoneMarked, albedo.cview(), out.view(), workspace, serial).ok());
+  for (const Retroreflector& r : out.view().pixels()) CHECK(r.kind == RetroKind::none);
+}
+
+TEST_CASE(
+    "retroreflection: a marked plate has its own R_A in the sun, in the shade, 3 px wide, with and without labels") {
+  const Shape shape{60, 30};
+  npsim_test::Image<Label> labels(shape, label::car);
+  npsim_test::Image<Vec3f> albedo(shape, Vec3f{0.03F, 0.03F, 0.03F});
+  npsim_test::Image<ReflectorClass> marked(shape, ReflectorClass::none);
+  const auto mark = [&](int x0, int width, int height, ReflectorClass cls, float white) {
+    for (int y = 10; y < 10 + height; ++y) {
+      for (int x = x0; x < x0 + width; ++x) {
+        marked.view()(x, y) = cls;
+        const float a = (x + y) % 3 == 0 ? 0.1F * white : white;  // print
+        albedo.view()(x, y) = {a, a, a};
+      }
+    }
+  };
+  mark(2, 16, 6, ReflectorClass::number_plate, 0.7F);
+  mark(22, 16, 6, ReflectorClass::number_plate, 0.1F);  // guessed dark, as it lies in the shade: no back of a sign
+  mark(42, 3, 1, ReflectorClass::number_plate, 0.6F);
+  mark(48, 8, 12, ReflectorClass::sheeting, 0.5F);
+  npsim_test::Image<Retroreflector> out(shape, Retroreflector{1, RetroKind::beads});
+  npsim_test::Scratch scratch(find_retroreflectors_workspace_bytes(shape));
+  SerialExecutor serial;
+  const RetroreflectionParams p;
+  for (const bool labelled : {true, false}) {
+    REQUIRE(find_retroreflectors(p, 0.0F, labelled ? labels.cview() : ImageView<const Label>(), marked.cview(),
+                                 albedo.cview(), out.view(), scratch.workspace(), serial)
+                .ok());
+    const auto r_a = [&](int x, int y) { return out.view()(x, y).strength * albedo.view()(x, y).x; };
+    CHECK(out.view()(3, 12).kind == RetroKind::sheeting);
+    CHECK(r_a(4, 12) == doctest::Approx(45).epsilon(0.01));
+    CHECK(r_a(3, 12) == doctest::Approx(4.5).epsilon(0.01));  // of the print
+    CHECK(r_a(25, 12) == doctest::Approx(45).epsilon(0.01));
+    CHECK(r_a(42, 10) == doctest::Approx(45).epsilon(0.01));
+    CHECK(r_a(50, 15) == doctest::Approx(250).epsilon(0.01));
+    CHECK(out.view()(20, 12).kind == RetroKind::none);
+  }
+  mark(48, 8, 4, ReflectorClass::vest, 0.4F);
+  REQUIRE(find_retroreflectors(p, 0.0F, labels.cview(), marked.cview(), albedo.cview(), out.view(), scratch.workspace(),
+                               serial)
+              .ok());
+  CHECK(out.view()(49, 12).strength * albedo.view()(49, 12).x == doctest::Approx(330).epsilon(0.01));
+  RetroreflectionParams off = p;
+  off.on = false;
+  REQUIRE(find_retroreflectors(off, 0.0F, labels.cview(), marked.cview(), albedo.cview(), out.view(),
+                               scratch.workspace(), serial)
+              .ok());
   for (const Retroreflector& r : out.view().pixels()) CHECK(r.kind == RetroKind::none);
 }

@@ -11,11 +11,11 @@
 #include <memory>
 #include <vector>
 
+#include "npsim/core/executor.hpp"
 #include "street/layout.hpp"
 #include "street/plan.hpp"
 #include "street/scene.hpp"
 #include "street/street.hpp"
-#include "npsim/core/executor.hpp"
 
 namespace {
 
@@ -70,7 +70,8 @@ bool same_planes(const street::Street& a, const street::Street& b) {
          same_bytes(a.background_depth, b.background_depth) && same_bytes(a.normals, b.normals) &&
          same_bytes(a.labels, b.labels) && same_bytes(a.instances, b.instances) && same_bytes(a.albedo, b.albedo) &&
          same_bytes(a.roughness, b.roughness) && same_bytes(a.light_index, b.light_index) &&
-         same_bytes(a.est_depth, b.est_depth) && same_bytes(a.est_normals, b.est_normals);
+         same_bytes(a.reflectors, b.reflectors) && same_bytes(a.est_depth, b.est_depth) &&
+         same_bytes(a.est_normals, b.est_normals);
 }
 
 }  // namespace
@@ -235,6 +236,22 @@ TEST_CASE("street: albedo and roughness stay physical") {
     }
   }
   CHECK(wrong == 0);
+}
+
+TEST_CASE("street: number plates are marked, on vehicles alone, pale with dark print") {
+  const auto s = made(small_params(1, 960, 540));
+  int plates = 0, elsewhere = 0, pale = 0;
+  for (int y = 0; y < s->reflectors.height(); ++y) {
+    for (int x = 0; x < s->reflectors.width(); ++x) {
+      if (s->reflectors(x, y) == npsim::ReflectorClass::none) continue;
+      ++plates;
+      elsewhere += npsim::kVehicleLabels.contains(s->labels(x, y)) ? 0 : 1;
+      pale += npsim::luminance(s->albedo(x, y)) > 0.25F ? 1 : 0;
+    }
+  }
+  CHECK(plates > 100);
+  CHECK(elsewhere == 0);
+  CHECK(2 * pale > plates);
 }
 
 TEST_CASE("street: annotation and index plane agree") {

@@ -61,6 +61,16 @@ struct LightMark {
   std::uint16_t group = 0;  // position + 1 of the group's mark; 0 where the source stands alone
 };
 
+// What is marked as sending a headlamp's light back to where it came from. Traffic signs and what is painted on roads
+// need no mark: labels tell them.
+enum class ReflectorClass : std::uint8_t {
+  none,
+  number_plate,
+  vest,     // the strips of high-visibility clothing
+  sheeting  // of posts, beacons, barriers, the contours of trucks, unlabelled signs
+};
+inline constexpr std::array<const char*, 4> kReflectorNames = {"none", "number_plate", "vest", "sheeting"};
+
 // What the method starts from: one daytime photograph and everything known about it, as views over caller's memory.
 //
 // Only image, depth and camera are required. Empty labels: ground and all else; empty instances: connected components of a
@@ -104,6 +114,7 @@ struct SceneView {
   ImageView<const float> roughness;            // perceptual; GGX alpha is its square (Burley 2012)
   ImageView<const std::uint16_t> light_index;  // position + 1 in lights, 0 = none
   Span<const LightMark> lights;
+  ImageView<const ReflectorClass> reflectors;
 
   [[nodiscard]] constexpr Shape shape() const noexcept { return image.shape(); }
 };
@@ -137,7 +148,8 @@ struct SceneView {
       s.depth.shape() == shape && (s.labels.empty() || s.labels.shape() == shape) &&
       (s.instances.empty() || s.instances.shape() == shape) && (s.normals.empty() || s.normals.shape() == shape) &&
       (s.albedo.empty() || s.albedo.shape() == shape) && (s.roughness.empty() || s.roughness.shape() == shape) &&
-      (s.light_index.empty() || s.light_index.shape() == shape);
+      (s.light_index.empty() || s.light_index.shape() == shape) &&
+      (s.reflectors.empty() || s.reflectors.shape() == shape);
   if (!agree) return Status(StatusCode::shape_mismatch, "every plane of a scene must have the size of its image");
   for (int y = 0; y < (s.light_index.empty() ? 0 : shape.height); ++y) {
     for (int x = 0; x < shape.width; ++x) {

@@ -66,6 +66,7 @@ struct Scene {
   Image<float> roughness;            // 0..1
   Image<std::uint16_t> light_index;  // position + 1 in lights
   std::vector<LightMark> lights;
+  Image<ReflectorClass> reflectors;
   TruthFiles truth;
   std::vector<std::string> notes;  // what was found, assumed and converted, one line each
 
@@ -87,6 +88,7 @@ struct Scene {
     view.roughness = roughness.view();
     view.light_index = light_index.view();
     view.lights = Span<const LightMark>(lights.data(), lights.size());
+    view.reflectors = reflectors.view();
     return view;
   }
 };

@@ -170,6 +170,7 @@ inline std::size_t resize_light_index(Image<std::uint16_t>& index, const std::ve
     if (!scene.instances.empty()) out.instances = resized_nearest(scene.instances, to);
     if (!scene.normals.empty()) out.normals = resized_nearest(scene.normals, to);
     if (!scene.albedo.empty()) out.albedo = resized_area(scene.albedo, to);
+    if (!scene.reflectors.empty()) out.reflectors = resized_nearest(scene.reflectors, to);
     if (!scene.roughness.empty()) out.roughness = resized_area(scene.roughness, to);
     out.notes.push_back("resized from " + size_text(from) + " to " + size_text(to));
     if (!scene.light_index.empty()) {

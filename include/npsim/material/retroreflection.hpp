@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What sends a lamp's light back to where it came from: faces of traffic signs, painted markings, the grain of a road.
+// What sends a lamp's light back to where it came from: faces of traffic signs, painted markings and the grain of a road,
+// which labels and albedo tell; number plates, reflective clothing and other sheeting, which are marked.
 //
 // Two measures are in use. EN 12899-1 gives for sheeting the coefficient R_A = I / (E A) in cd/(lx m2), with E measured
 // across the beam, I the intensity that a sheet of area A sends to the eye. Seen at an angle v to its normal the sheet
@@ -51,6 +52,8 @@ struct Retroreflector {
 struct RetroreflectionParams {
   bool on = true;
   float sign_cd_lx_m2 = 250.0F;    // R_A of white sheeting: EN 12899-1 class RA2 [default]; RA1 70
+  float plate_cd_lx_m2 = 45.0F;    // of a white number plate: ISO 7591
+  float vest_cd_lx_m2 = 330.0F;    // of the strips of high-visibility clothing: EN ISO 20471
   float marking_cd_lx_m2 = 0.15F;  // R_L of white paint, dry: EN 1436 class R3 [default]; R2 .1, R4 .2, R5 .3
   float road_cd_lx_m2 = 0.0125F;   // R_L of bare asphalt, dry: .010 to .020, less what bsdf.hpp gives there
   float wet_share = 0.2F;          // what a film of water leaves: RW2 .035 of R3 .15
@@ -59,8 +62,9 @@ struct RetroreflectionParams {
 
 [[nodiscard]] inline Status validate(const RetroreflectionParams& p) noexcept {
   const auto good = [](float v) { return v >= 0.0F && v <= 1e4F; };
-  const bool valid = good(p.sign_cd_lx_m2) && good(p.marking_cd_lx_m2) && good(p.road_cd_lx_m2) &&
-                     p.wet_share >= 0.0F && p.wet_share <= 1.0F && p.marking_contrast >= 1.0F;
+  const bool valid = good(p.sign_cd_lx_m2) && good(p.plate_cd_lx_m2) && good(p.vest_cd_lx_m2) &&
+                     good(p.marking_cd_lx_m2) && good(p.road_cd_lx_m2) && p.wet_share >= 0.0F && p.wet_share <= 1.0F &&
+                     p.marking_contrast >= 1.0F;
   return valid ? Status()
                : Status(StatusCode::invalid_argument,
                         "retroreflection: strengths in 0..10000, the share when wet in 0..1, contrast at least 1");
@@ -69,9 +73,10 @@ struct RetroreflectionParams {
 namespace retro_detail {
 
 inline constexpr float kDegree = 0.017453293F;
-inline constexpr float kWhitePaint = 0.5F;   // albedo of the paint that R_L is given for [default]
-inline constexpr float kAsphalt = 0.1F;      // and of the asphalt; class_priors.hpp
-inline constexpr float kLeastWhite = 0.27F;  // luminance factor that EN 12899-1 asks of white sheeting, class RA2
+inline constexpr float kWhitePaint = 0.5F;    // albedo of the paint that R_L is given for [default]
+inline constexpr float kAsphalt = 0.1F;       // and of the asphalt; class_priors.hpp
+inline constexpr float kLeastWhite = 0.27F;   // luminance factor that EN 12899-1 asks of white sheeting, class RA2
+inline constexpr float kLeastMarked = 0.05F;  // what is marked is known to be sheeting, though it hangs in the shade
 inline constexpr float kGrazing = 0.003F;
 inline constexpr float kBeadsWidth = 3.0F * kDegree;
 inline constexpr float kGrainWidth = 15.0F * kDegree;
@@ -126,17 +131,23 @@ namespace retro_detail {
   return xy < c.z ? xy : c.z;
 }
 
-// The albedo of a sign's white, or 0 where it shows its back. A face has ink of a saturated colour on a part of it, or
-// is white; a back is grey, however the light falls on it: aluminium sheet reflects .3 to .5 [default].
+// What a piece of sheeting shows: the albedo of its white, 0 where it has none, and whether it is the face of a sign. A
+// face has ink of a saturated colour on a part of it, or is white; a back is grey, however the light falls on it:
+// aluminium sheet reflects .3 to .5 [default].
+struct PieceOfSheeting {
+  float white = 0;
+  bool is_face = false;
+};
+
 template <class IsInner>
-[[nodiscard]] float white_of_sign(ImageView<const Vec3f> albedo, Span<const std::uint32_t> pixels,
-                                  const IsInner& is_inner, Span<float> strongest) noexcept {
+[[nodiscard]] PieceOfSheeting look_at_piece(ImageView<const Vec3f> albedo, Span<const std::uint32_t> pixels,
+                                            const IsInner& is_inner, Span<float> strongest) noexcept {
   constexpr float kInk = 0.4F;        // (most - least) / most of a channel; grey surfaces beside lawns have up to .3
   constexpr float kInkShare = 0.15F;  // of the sign
   constexpr float kWhite = 0.6F;
   const auto width = static_cast<std::uint32_t>(albedo.width());
   const auto at = [&](std::uint32_t p) { return albedo(static_cast<int>(p % width), static_cast<int>(p / width)); };
-  // Outlines hold what is behind the sign, unless nothing else is left.
+  // Outlines hold what is behind the piece, unless nothing else is left.
   for (const bool inner : {true, false}) {
     std::size_t count = 0;
     std::size_t inked = 0;
@@ -149,16 +160,16 @@ template <class IsInner>
       strongest[count++] = most;
     }
     if (count < 9 && inner) continue;
-    if (count == 0) return 0.0F;
+    if (count == 0) return {};
     float* const first = strongest.data();
     float* const tenth = first + count - 1 - count / 10;
     select_nth(first, tenth, first + count);
     const float white = *tenth;
     select_nth(first, first + count / 2, first + count);
     const bool face = static_cast<float>(inked) >= kInkShare * static_cast<float>(count) || first[count / 2] >= kWhite;
-    return face ? clamp_to(white, kLeastWhite, 1.0F) : 0.0F;
+    return {white, face};
   }
-  return 0.0F;
+  return {};
 }
 
 // Median luminance of the road's albedo, within 3 % at .1, from a histogram of its root; 0 without a road.
@@ -208,9 +219,12 @@ void find_ground(const RetroreflectionParams& p, float wetness, ImageView<const 
   });
 }
 
-[[nodiscard]] inline Status find_signs(const RetroreflectionParams& p, ImageView<const Label> labels,
-                                       ImageView<const Vec3f> albedo, ImageView<Retroreflector> out,
-                                       Workspace& workspace) noexcept {
+// Makes sheeting of every piece of the pixels for which is_member(x, y), white of which has the R_A `white_cd_lx_m2`.
+// `marked`: no piece is a back, and white may lie in the dark.
+template <class IsMember>
+[[nodiscard]] Status find_sheeting(float white_cd_lx_m2, bool marked, const IsMember& is_member,
+                                   ImageView<const Vec3f> albedo, ImageView<Retroreflector> out,
+                                   Workspace& workspace) noexcept {
   const Shape shape = out.shape();
   const WorkspaceScope scope(workspace);
   Span<std::uint32_t> list;
@@ -219,46 +233,62 @@ void find_ground(const RetroreflectionParams& p, float wetness, ImageView<const 
   NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), list));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), strongest));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, open));
-  const auto is_sign = [&](int x, int y) { return labels.contains(x, y) && labels(x, y) == label::traffic_sign; };
+  const auto holds = [&](int x, int y) { return open.contains(x, y) && is_member(x, y); };
   const auto is_inner = [&](std::uint32_t pixel) {
     const auto [x, y] = place_of(pixel, shape.width);
-    return is_sign(x - 1, y) && is_sign(x + 1, y) && is_sign(x, y - 1) && is_sign(x, y + 1);
+    return holds(x - 1, y) && holds(x + 1, y) && holds(x, y - 1) && holds(x, y + 1);
   };
   for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) open(x, y) = is_sign(x, y) ? 1 : 0;
+    for (int x = 0; x < shape.width; ++x) open(x, y) = is_member(x, y) ? 1 : 0;
   }
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       if (open(x, y) == 0) continue;
       const std::size_t count = take_piece(open, x, y, list);
       const Span<const std::uint32_t> pixels(list.data(), count);
-      const float white = white_of_sign(albedo, pixels, is_inner, strongest);
-      if (!(white > 0.0F)) continue;
-      const Retroreflector sheet{p.sign_cd_lx_m2 / white, RetroKind::sheeting};
+      const PieceOfSheeting piece = look_at_piece(albedo, pixels, is_inner, strongest);
+      if (!(piece.white > 0.0F) || !(marked || piece.is_face)) continue;
+      const float white = clamp_to(piece.white, marked ? kLeastMarked : kLeastWhite, 1.0F);
+      const Retroreflector sheet{white_cd_lx_m2 / white, RetroKind::sheeting};
       for (const std::uint32_t pixel : pixels) out(place_of(pixel, shape.width)) = sheet;
     }
   }
   return {};
 }
 
+[[nodiscard]] constexpr float white_cd_lx_m2(const RetroreflectionParams& p, ReflectorClass c) noexcept {
+  if (c == ReflectorClass::number_plate) return p.plate_cd_lx_m2;
+  return c == ReflectorClass::vest ? p.vest_cd_lx_m2 : p.sign_cd_lx_m2;
+}
+
 }  // namespace retro_detail
 
-// What each pixel shows. `wetness` as in roughness.hpp. `labels` may be empty or of one class: nothing is told apart.
-// Signs: by pieces of their label, because front and back are one object each.
+// What each pixel shows. `wetness` as in roughness.hpp. `labels` may be empty or of one class: nothing is told apart;
+// `marked` may be empty. By pieces of a label or mark, because front and back of a sign are one object each.
 template <class Executor>
 Status find_retroreflectors(const RetroreflectionParams& p, float wetness, ImageView<const Label> labels,
-                            ImageView<const Vec3f> albedo, ImageView<Retroreflector> out, Workspace& workspace,
-                            Executor& executor) {
+                            ImageView<const ReflectorClass> marked, ImageView<const Vec3f> albedo,
+                            ImageView<Retroreflector> out, Workspace& workspace, Executor& executor) {
   using namespace retro_detail;
   NPSIM_RETURN_IF_ERROR(validate(p));
   const Shape shape = out.shape();
-  if (albedo.shape() != shape || (!labels.empty() && labels.shape() != shape)) {
-    return Status(StatusCode::shape_mismatch, "retroreflection: labels, albedo and output must have one size");
+  if (albedo.shape() != shape || (!labels.empty() && labels.shape() != shape) ||
+      (!marked.empty() && marked.shape() != shape)) {
+    return Status(StatusCode::shape_mismatch, "retroreflection: labels, marks, albedo and output must have one size");
   }
   for (Retroreflector& r : out.pixels()) r = Retroreflector{};
-  if (!p.on || labels.empty()) return {};
-  find_ground(p, wetness, labels, albedo, out, executor);
-  return find_signs(p, labels, albedo, out, workspace);
+  if (!p.on) return {};
+  if (!labels.empty()) {
+    find_ground(p, wetness, labels, albedo, out, executor);
+    const auto is_sign = [&](int x, int y) { return labels(x, y) == label::traffic_sign; };
+    NPSIM_RETURN_IF_ERROR(find_sheeting(p.sign_cd_lx_m2, false, is_sign, albedo, out, workspace));
+  }
+  if (marked.empty()) return {};
+  for (const ReflectorClass c : {ReflectorClass::number_plate, ReflectorClass::vest, ReflectorClass::sheeting}) {
+    const auto is_marked = [&](int x, int y) { return marked(x, y) == c; };
+    NPSIM_RETURN_IF_ERROR(find_sheeting(white_cd_lx_m2(p, c), true, is_marked, albedo, out, workspace));
+  }
+  return {};
 }
 
 }  // namespace NPSIM_ABI

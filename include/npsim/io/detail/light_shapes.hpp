@@ -108,7 +108,8 @@ inline Expected<std::vector<LightShape>> light_shapes(const std::string& path, c
 }
 
 // Sets the pixels of the shape, clipped to the image.
-inline void draw_shape(const std::vector<ShapePoint>& corners, std::uint16_t value, ImageView<std::uint16_t> out) {
+template <class T>
+void draw_shape(const std::vector<ShapePoint>& corners, T value, ImageView<T> out) {
   double low = corners[0].y, high = corners[0].y, middle_x = 0, middle_y = 0;
   for (const ShapePoint& p : corners) {
     low = std::min(low, p.y);

@@ -26,6 +26,7 @@
 #include "npsim/io/detail/light_annotation.hpp"
 #include "npsim/io/detail/limits.hpp"
 #include "npsim/io/detail/normals.hpp"
+#include "npsim/io/detail/reflectors.hpp"
 #include "npsim/io/error.hpp"
 #include "npsim/io/png_jpeg.hpp"
 
@@ -334,6 +335,31 @@ inline Outcome read_scene_lights(const JsonObject& entry, const ReadLimits& limi
   return Done{};
 }
 
+inline Outcome read_scene_reflectors(const JsonObject& entry, const ReadLimits& limits, Scene& scene) {
+  const Outcome known = entry.allow_only({"format", "file"});
+  if (!known) return known;
+  const Expected<std::string> format = entry.text("format");
+  if (!format) return format.error();
+  const Expected<std::string> file = named_file(entry, "file", scene);
+  if (!file) return file.error();
+  auto* const read = format.value() == "shapes"                ? read_reflector_shapes
+                     : format.value() == "cityscapes_polygons" ? read_cityscapes_plates
+                     : format.value() == "ids"                 ? read_reflector_ids
+                                                               : nullptr;
+  if (read == nullptr) {
+    return Error{entry.file(), entry.field("format"),
+                 "is '" + format.value() + "', expected shapes, cityscapes_polygons or ids"};
+  }
+  Expected<Image<ReflectorClass>> marked = read(file.value(), scene.shape(), limits);
+  if (!marked) return marked.error();
+  scene.reflectors = std::move(marked.value());
+  const auto pixels = scene.reflectors.view().pixels();
+  const auto none = std::count(pixels.begin(), pixels.end(), ReflectorClass::none);
+  scene.notes.push_back("reflectors: " + std::to_string(static_cast<std::ptrdiff_t>(pixels.size()) - none) +
+                        " pixels are marked");
+  return Done{};
+}
+
 // Runs read(entry) where the scene has the key.
 template <class Read>
 Outcome with_entry(const JsonObject& root, const char* key, Read&& read) {
@@ -413,8 +439,9 @@ inline Outcome read_truth_names(const JsonObject& entry, Scene& scene) {
 }
 
 inline Expected<Scene> scene_from_json(const JsonObject& root, const ReadLimits& limits) {
-  Outcome known = root.allow_only({"npsim_scene", "name", "generator", "image", "depth", "camera", "labels",
-                                   "instances", "own_car", "normals", "albedo", "roughness", "lights", "truth"});
+  Outcome known =
+      root.allow_only({"npsim_scene", "name", "generator", "image", "depth", "camera", "labels", "instances", "own_car",
+                       "normals", "albedo", "roughness", "lights", "reflectors", "truth"});
   if (!known) return known.error();
   Scene scene;
   scene.file = root.file();
@@ -491,6 +518,8 @@ inline Expected<Scene> scene_from_json(const JsonObject& root, const ReadLimits&
   read = with_entry(root, "roughness", [&](const JsonObject& e) { return read_scene_roughness(e, limits, scene); });
   if (!read) return read.error();
   read = with_entry(root, "lights", [&](const JsonObject& e) { return read_scene_lights(e, limits, scene); });
+  if (!read) return read.error();
+  read = with_entry(root, "reflectors", [&](const JsonObject& e) { return read_scene_reflectors(e, limits, scene); });
   if (!read) return read.error();
   read = with_entry(root, "truth", [&](const JsonObject& e) { return read_truth_names(e, scene); });
   if (!read) return read.error();

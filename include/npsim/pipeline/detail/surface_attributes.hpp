@@ -129,8 +129,8 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
       for (int x = 0; x < shape.width; ++x) alpha(x, y) = alpha_of_roughness(share(scene.roughness(x, y)));
     }
   }
-  NPSIM_RETURN_IF_ERROR(find_retroreflectors(params.retroreflection, params.film.wetness, scene.labels, albedo, retro,
-                                             workspace, executor));
+  NPSIM_RETURN_IF_ERROR(find_retroreflectors(params.retroreflection, params.film.wetness, scene.labels,
+                                             scene.reflectors, albedo, retro, workspace, executor));
   NPSIM_RETURN_IF_ERROR(apply_wet_film(params.film, scene.labels, albedo, alpha, film, executor));
   copy_pixels(refined.normals, normal);
 
