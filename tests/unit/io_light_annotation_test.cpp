@@ -314,6 +314,32 @@ TEST_CASE(
   CHECK(all.find("2 annotations without pixels: 2, 5") != std::string::npos);
 }
 
+TEST_CASE("light shapes: groups listed last lie below, ids that collide with positions, one lamp in two pieces") {
+  const TemporaryFolder folder;
+  const std::string path = folder / "lights.json";
+  put(path, R"({"lights": [
+    {"class": "parked_rear", "rectangle": [1, 1, 3, 3]},
+    {"class": "parked_rear", "rectangle": [5, 1, 7, 3], "state": null},
+    {"class": "advertisement", "id": 5, "rectangle": [10, 0, 12, 9]},
+    {"class": "car_group", "id": 1, "rectangle": [0, 0, 8, 8]},
+    {"class": "Advertisement", "id": 5, "rectangle": [14, 0, 16, 9]}]})");
+  const auto read = io::read_light_shapes(path, {20, 10});
+  require_ok(read);
+  const io::LightAnnotation& a = read.value();
+  REQUIRE(a.marks.size() == 4);
+  CHECK(a.marks[3].id == 1);
+  CHECK(a.marks[0].id == 6);  // 1 is the car's
+  CHECK(a.marks[1].id == 2);
+  CHECK(a.marks[0].group == 4);
+  CHECK(a.marks[1].group == 4);
+  CHECK(a.index(1, 1) == 1);
+  CHECK(a.index(6, 2) == 2);
+  CHECK(a.index(4, 4) == 4);
+  CHECK(a.index(11, 5) == 3);
+  CHECK(a.index(13, 5) == 0);
+  CHECK(a.index(15, 5) == 3);
+}
+
 TEST_CASE("light shapes: bad input ends in one line that names it") {
   const TemporaryFolder folder;
   const std::string path = folder / "lights.json";
@@ -330,8 +356,11 @@ TEST_CASE("light shapes: bad input ends in one line that names it") {
   refused(R"({"class": "clock", "polygon": [[1, 2], [3, 4], [1e300, 5]]})", "numbers");
   refused(R"({"class": "lighthouse", "rectangle": [1, 2, 3, 4]})", "lighthouse");
   refused(R"({"class": "clock", "rectangle": [1, 2, 3, 4], "colour": 1})", "colour");
-  refused(R"({"class": "clock", "id": 2, "rectangle": [1, 2, 3, 4]}, {"class": "clock", "rectangle": [1, 2, 3, 4]})",
-          "twice");
+  refused(R"({"class": "lighthouse", "rectangle": [1, 2, 3, 4]})", "window_building, window_parked");
+  refused(R"({"class": "inferred object", "state": "off", "rectangle": [1, 2, 3, 4]})", "lights[0].state: is 'off'");
+  refused(R"({"class": "clock", "id": 2, "rectangle": [1, 2, 3, 4]},
+             {"class": "car_group", "id": 2, "rectangle": [1, 2, 3, 4]})",
+          "lights[1].id: is that of a clock");
   put(path, "{}");
   check_error(io::read_light_shapes(path, {20, 10}), "lights.json", "lights");
 }

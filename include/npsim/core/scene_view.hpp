@@ -73,9 +73,9 @@ inline constexpr std::array<const char*, 4> kReflectorNames = {"none", "number_p
 
 // What the method starts from: one daytime photograph and everything known about it, as views over caller's memory.
 //
-// Only image, depth and camera are required. Empty labels: ground and all else; empty instances: connected components of a
-// label stand for objects; empty normals, albedo, roughness: computed; empty lights: nothing is marked. An unknown depth
-// source is found from the depth.
+// Only image, depth and camera are required. Empty labels: ground and all else; empty instances: connected components
+// of a label stand for objects; empty normals, albedo, roughness: computed; empty lights: nothing is marked, as with
+// empty reflectors. An unknown depth source is found from the depth.
 
 // How the depth came about, which tells what may be changed about it.
 enum class DepthSource : std::uint8_t {

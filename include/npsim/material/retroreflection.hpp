@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What sends a lamp's light back to where it came from: faces of traffic signs, painted markings and the grain of a road,
-// which labels and albedo tell; number plates, reflective clothing and other sheeting, which are marked.
+// What sends a lamp's light back to where it came from: faces of traffic signs, painted markings and the grain of a
+// road, which labels and albedo tell; number plates, reflective clothing and other sheeting, which are marked.
 //
 // Two measures are in use. EN 12899-1 gives for sheeting the coefficient R_A = I / (E A) in cd/(lx m2), with E measured
 // across the beam, I the intensity that a sheet of area A sends to the eye. Seen at an angle v to its normal the sheet
@@ -12,8 +12,8 @@
 // EN 12899-1 asks of yellow .68 of white's R_A and .69 of its luminance factor, of red .18 and .14. So a sign keeps its
 // colours and its black print, and nothing needs to be told apart by colour.
 //
-//   sheeting  R_A = strength albedo c^3 / sqrt(1 + (o / .283 deg)^4), c = cosine of entrance, o = observation. Class RA2
-//             at .2, .33, 2 degrees: 1, .72, .02 of the first, here 1, .65, .022; entrance 5, 30, 40 degrees: 1, .60,
+//   sheeting  R_A = strength albedo c^3 / sqrt(1 + (o / .283 deg)^4), c = cosine of entrance, o = observation. Class
+//             RA2 at .2, .33, 2 degrees: 1, .72, .02 of the first, here 1, .65, .022; entrance 5, 30, 40 degrees: 1, .60,
 //             .44, here 1, .66, .45.
 //   beads     R_L = strength albedo g(ci) g(co) / (1 + (o / 3 deg)^2), glass beads in paint; the width is [default]
 //   grain     the same with 15 degrees: stones show lamp and eye the side that faces both [default]. Oren and Nayar

@@ -259,17 +259,18 @@ inline Expected<LightAnnotation> read_light_shapes(const std::string& json_path,
   return guarded(json_path, [&]() -> Expected<LightAnnotation> {
     const Expected<Json> json = read_json(json_path, limits);
     if (!json) return json.error();
-    const Expected<std::vector<detail::LightShape>> shapes = detail::light_shapes(json_path, json.value());
+    const Expected<detail::LightShapes> shapes = detail::light_shapes(json_path, json.value());
     if (!shapes) return shapes.error();
-    std::vector<detail::LightEntry> entries;
-    for (const detail::LightShape& s : shapes.value()) entries.push_back(s.entry);
     LightAnnotation out;
     out.index = Image<std::uint16_t>(image_shape);
     std::unordered_map<std::uint32_t, std::uint16_t> positions;
-    const Outcome made = detail::make_marks(json_path, entries, positions, out);
+    const Outcome made = detail::make_marks(json_path, shapes.value().entries, positions, out);
     if (!made) return made.error();
-    for (std::size_t i = 0; i < shapes.value().size(); ++i) {
-      detail::draw_shape(shapes.value()[i].corners, static_cast<std::uint16_t>(i + 1), out.index.view());
+    for (const bool groups : {true, false}) {
+      for (const detail::LightPiece& piece : shapes.value().pieces) {
+        if (is_group(out.marks[piece.entry].cls) != groups) continue;
+        detail::draw_shape(piece.corners, static_cast<std::uint16_t>(piece.entry + 1), out.index.view());
+      }
     }
     detail::finish_annotation(out);
     return out;

@@ -3,9 +3,11 @@
 //
 //   {"lights": [{"class": "street_light_HT", "rectangle": [x0, y0, x1, y1]},
 //               {"class": "window_building", "polygon": [[x, y], [x, y], [x, y]], "id": 7, "group": 3}]}
-// Coordinates count from the image's upper left corner, so pixel (0, 0) reaches from 0 to 1. A pixel belongs to the
-// last shape that holds its centre (even-odd rule); a shape between centres gets the pixel of its middle. `id` is the
-// position in the list, from 1, where it is left out; `group` and `state` are those of the other formats.
+// Coordinates count from the image's upper left corner, so pixel (0, 0) reaches from 0 to 1, and need not be whole. A
+// pixel belongs to the last shape that holds its centre (even-odd rule), to a group only where no source holds it; a
+// shape between centres gets the pixel of its middle. Where `id` is left out it is the position in the list, from 1, or
+// a number that no entry has, if that is taken. Shapes of one id and class are pieces of one object. `group` and `state`
+// are those of the other formats.
 #ifndef NPSIM_IO_DETAIL_LIGHT_SHAPES_HPP
 #define NPSIM_IO_DETAIL_LIGHT_SHAPES_HPP
 
@@ -14,6 +16,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -22,6 +25,7 @@
 #include "npsim/io/detail/light_entries.hpp"
 #include "npsim/io/error.hpp"
 #include "npsim/io/image.hpp"
+#include "npsim/labels/light_classes.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -32,9 +36,15 @@ struct ShapePoint {
   double x, y;
 };
 
-struct LightShape {
-  LightEntry entry;
+// One rectangle or polygon of an entry.
+struct LightPiece {
+  std::size_t entry = 0;
   std::vector<ShapePoint> corners;
+};
+
+struct LightShapes {
+  std::vector<LightEntry> entries;
+  std::vector<LightPiece> pieces;
 };
 
 inline Expected<ShapePoint> shape_point(const JsonObject& object, const std::string& field, const Json& x,
@@ -75,36 +85,73 @@ inline Expected<std::vector<ShapePoint>> shape_corners(const JsonObject& object)
   return corners;
 }
 
-inline Expected<std::vector<LightShape>> light_shapes(const std::string& path, const Json& json) {
+inline Expected<LightEntry> shape_entry(const JsonObject& o) {
+  if (const Outcome known = o.allow_only({"class", "id", "group", "state", "rectangle", "polygon"}); !known) {
+    return known.error();
+  }
+  LightEntry entry;
+  const Expected<std::string> category = o.text("class");
+  if (!category) return category.error();
+  entry.category = category.value();
+  if (light_class_from_name(entry.category) == LightClass::none) {
+    std::string names;
+    for (std::size_t i = 1; i < kLightClasses.size(); ++i)
+      names += (i > 1 ? ", " : "") + std::string(kLightClasses[i].name);
+    return Error{o.file(), o.field("class"), "is '" + entry.category + "', expected one of: " + names};
+  }
+  if (o.has("id")) {
+    const Expected<std::int64_t> id = o.whole("id");
+    if (!id) return id.error();
+    entry.id = id.value();
+  }
+  if (const Outcome read = read_attributes(o, entry); !read) return read.error();
+  if (!o.has("state") || entry.state != SignalState::unknown) return entry;
+  const Json& state = o.value()["state"];
+  if (state.is_null() || plain_name(state.get<std::string>()) == "unknown") return entry;
+  return Error{o.file(), o.field("state"),
+               "is '" + state.get<std::string>() + "', expected red, amber, green or unknown"};
+}
+
+inline Expected<LightShapes> light_shapes(const std::string& path, const Json& json) {
   const Expected<JsonObject> root = JsonObject::of(path, "", json);
   if (!root) return root.error();
   const Expected<const Json*> list = root.value().list("lights");
   if (!list) return list.error();
-  std::vector<LightShape> shapes;
+  LightShapes out;
+  std::unordered_map<std::int64_t, std::size_t> given;  // position in entries by the id that the file gives
+  std::vector<std::size_t> unnamed;                     // positions of those without
+  std::vector<std::int64_t> places;                     // in the list, from 1
   for (std::size_t i = 0; i < list.value()->size(); ++i) {
     const auto object = JsonObject::of(path, "lights[" + std::to_string(i) + "]", (*list.value())[i]);
     if (!object) return object.error();
     const JsonObject& o = object.value();
-    if (const Outcome known = o.allow_only({"class", "id", "group", "state", "rectangle", "polygon"}); !known) {
-      return known.error();
-    }
-    LightShape shape;
-    const Expected<std::string> category = o.text("class");
-    if (!category) return category.error();
-    shape.entry.category = category.value();
-    shape.entry.id = static_cast<std::int64_t>(i) + 1;
-    if (o.has("id")) {
-      const Expected<std::int64_t> id = o.whole("id");
-      if (!id) return id.error();
-      shape.entry.id = id.value();
-    }
-    if (const Outcome read = read_attributes(o, shape.entry); !read) return read.error();
+    const Expected<LightEntry> entry = shape_entry(o);
+    if (!entry) return entry.error();
     Expected<std::vector<ShapePoint>> corners = shape_corners(o);
     if (!corners) return corners.error();
-    shape.corners = std::move(corners.value());
-    shapes.push_back(std::move(shape));
+    std::size_t position = out.entries.size();
+    if (o.has("id")) {
+      const auto [found, is_new] = given.emplace(entry.value().id, position);
+      position = found->second;
+      if (!is_new && plain_name(out.entries[position].category) != plain_name(entry.value().category)) {
+        return Error{path, o.field("id"),
+                     "is that of a " + out.entries[position].category +
+                         ", expected another, or the same class for a piece of it"};
+      }
+    } else {
+      unnamed.push_back(position);
+      places.push_back(static_cast<std::int64_t>(i) + 1);
+    }
+    if (position == out.entries.size()) out.entries.push_back(entry.value());
+    out.pieces.push_back({position, std::move(corners.value())});
   }
-  return shapes;
+  auto free = static_cast<std::int64_t>(list.value()->size());
+  for (std::size_t i = 0; i < unnamed.size(); ++i) {
+    std::int64_t id = places[i];
+    while (!given.emplace(id, unnamed[i]).second) id = ++free;
+    out.entries[unnamed[i]].id = id;
+  }
+  return out;
 }
 
 // Sets the pixels of the shape, clipped to the image.
