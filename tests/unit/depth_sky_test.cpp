@@ -469,6 +469,54 @@ TEST_CASE("a front of tiles as bright as a sky, whose upper half is not measured
   CHECK(v.sky(0, 60, [](int) { return true; }) == 0.0);
 }
 
+TEST_CASE("a deep blue sky beside a white front is one, though what does not answer are panes that mirror white") {
+  View v;
+  const auto is_front = [](int x, int y) { return x >= 90 && y < 40; };
+  const auto is_pane = [](int x, int y) { return x >= 20 && x < 45 && y >= 40 && y < 55; };
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      const auto grain = static_cast<std::uint8_t>((x * 7 + y * 13) % 3 * 12);
+      v.image(x, y) = is_front(x, y)  ? Rgb8{static_cast<std::uint8_t>(210 + grain), 215, 212}
+                      : is_pane(x, y) ? (x % 4 == 0 ? Rgb8{214, 214, 214} : Rgb8{58, 75, 70})
+                      : y < 40        ? Rgb8{40, 70, 125}
+                                      : Rgb8{static_cast<std::uint8_t>(100 + grain), 112, 110};
+      v.depth(x, y) = !is_pane(x, y) && y >= 40 && (x + y) % 3 == 0 ? 20.0F : 0.0F;
+    }
+  }
+  v.run();
+  for (int y = 0; y < 38; ++y) {
+    for (int x = 0; x < 100; ++x) CHECK(v.surface(x, y) == (is_front(x, y) ? 1 : 0));
+  }
+  // Blue tiles up to the upper edge, below a white sky over half of it.
+  View tiles;
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      if (y < 40) tiles.image(x, y) = x < 50 ? Rgb8{40, 70, 125} : Rgb8{235, 240, 245};
+    }
+  }
+  tiles.run();
+  CHECK(tiles.surface(80, 10) == 0);
+  CHECK(tiles.surface(20, 10) == 1);
+}
+
+TEST_CASE("a white sky between dark trees that take up most of the upper edge and do not answer is the sky, not they") {
+  View v;
+  const auto is_sky = [](int x, int y) { return x >= 60 && x < 80 && y < 30; };
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      const bool tree = y < 50 && !(x >= 55 && x < 85);  // up to the road that is measured
+      v.image(x, y) = is_sky(x, y)           ? Rgb8{static_cast<std::uint8_t>(220 + (x * 5 + y * 3) % 4 * 8), 235, 240}
+                      : tree || y < 40       ? Rgb8{52, 62, 54}
+                      : (x * 7 + y) % 2 == 0 ? Rgb8{90, 90, 88}
+                                             : Rgb8{70, 72, 70};
+      v.depth(x, y) = y >= (tree ? 50 : 40) && (x + y) % 3 == 0 ? 20.0F : 0.0F;
+    }
+  }
+  v.run();
+  for (int y = 0; y < 30; ++y) {
+    for (int x = 0; x < 100; ++x) CHECK(v.surface(x, y) == (is_sky(x, y) ? 0 : 1));
+  }
+}
 TEST_CASE("of a network's depth a deep blue sky beside white fronts in the sun is far and one") {
   Wide v([](int x, int y) {
     return y >= 60              ? Rgb8{235, 235, 240}

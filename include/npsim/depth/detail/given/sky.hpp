@@ -14,8 +14,10 @@
 // A deep blue sky, or a dark one of clouds, is not the brightest. What the sensor looked at without an answer, below
 // its topmost rows nearby, tells: where less than a tenth of that is in the bright class, or there is none, the classes
 // are of how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one, and
-// blue or at least half as bright as the mean of the measured surfaces (not asked of dense maps and of stereo). Where
-// neither way tells them apart, all above is sky.
+// blue, or at least half as bright as the mean of the measured surfaces (not asked of dense maps and of stereo) and .4
+// times as bright as the bright class: far trees do not answer either. Panes leave a sensor without an answer too; so
+// where the median of all that is blue tells itself apart in the same way, and holds more than four times as much of
+// the upper edge as the bright class, that is the sky. Where no way tells them apart, all above is sky.
 // A dense depth map, such as a network's, has nothing above: its sky is far. Of what lies beyond kFarSky_m the picture
 // decides in the same way, with all of it where even its darker class is much brighter than what is near. Sky is what
 // looks so and is connected to the upper edge, and what looks so elsewhere and is as far. Where nothing is told apart
@@ -110,18 +112,71 @@ struct SkyLook {
   return count > 0 ? sum / count : 255.0;
 }
 
+// Bytes of each channel, and how many there are.
+struct ColourHistogram {
+  ByteHistogram red{}, green{}, blue{};
+  double count = 0;
+
+  void add(const Rgb8& c) noexcept {
+    red[c.r] += 1;
+    green[c.g] += 1;
+    blue[c.b] += 1;
+    count += 1;
+  }
+  [[nodiscard]] Rgb8 median() const noexcept {
+    return {static_cast<std::uint8_t>(quantile_of(red, 0.5)), static_cast<std::uint8_t>(quantile_of(green, 0.5)),
+            static_cast<std::uint8_t>(quantile_of(blue, 0.5))};
+  }
+};
+
+[[nodiscard]] inline bool is_blue(const Rgb8& c) noexcept {
+  constexpr int kBlue = 24;  // codes of blue above red
+  return c.b >= c.r + kBlue;
+}
+
+// The pixels of the picture's upper edge, above all measurements, that look so.
+[[nodiscard]] inline int count_at_edge(const SkyLook& look, ImageView<const Rgb8> image,
+                                       ImageView<const std::uint8_t> surface) noexcept {
+  int count = 0;
+  for (int x = 0; x < image.width(); ++x) count += surface(x, 0) != kSurface && look.of(image(x, 0)) ? 1 : 0;
+  return count;
+}
+
+// What is alike to a colour: known where that is told from the rest, smoother than it, and at the upper edge. Far trees
+// and houses leave the sensor without an answer too.
+[[nodiscard]] inline SkyLook look_alike(const Rgb8& colour, ImageView<const Rgb8> image,
+                                        ImageView<const std::uint8_t> surface) noexcept {
+  SkyLook alike;
+  alike.by_colour = true;
+  alike.colour = colour;
+  ByteHistogram differences{};
+  for (int y = 0; y < image.height(); ++y) {
+    for (int x = 0; x < image.width(); ++x) {
+      if (surface(x, y) != kSurface) differences[static_cast<std::size_t>(difference(image(x, y), colour))] += 1;
+    }
+  }
+  const TwoClasses classes = two_classes(differences);
+  alike.level = classes.level;
+  alike.known = classes.level < 256 && classes.high_mean >= 2.0 * classes.low_mean + 16.0 &&
+                mean_step(alike, true, image, surface) < mean_step(alike, false, image, surface) &&
+                count_at_edge(alike, image, surface) > 0;
+  return alike;
+}
+
 // least_luma: of the mean luma of the measured surfaces, what the sky has at least if it is not blue.
 [[nodiscard]] inline SkyLook sky_look(ImageView<const Rgb8> image, ImageView<const std::uint8_t> surface,
                                       double least_luma) noexcept {
   constexpr double kLeastUnanswered = 0.002;  // of the picture
   constexpr double kUnansweredShare = 0.9;    // of these: the rest may be surfaces out of reach
   constexpr double kMuchBrighter = 1.5;
-  constexpr int kBlue = 24;  // codes of blue above red
+  constexpr double kLeastBlue = 0.05;  // of the picture
+  constexpr int kMuchMore = 4;         // of the upper edge
+  constexpr double kDarkest = 0.4;     // codes of clouds to those of the bright class
   const FieldOfView field(surface);
-  ByteHistogram above{}, unanswered{}, red{}, green{}, blue{};
+  ByteHistogram above{}, unanswered{};
+  ColourHistogram unanswered_colour, blue;
   double below_sum = 0;
   double below_count = 0;
-  double unanswered_count = 0;
   for (int y = 0; y < image.height(); ++y) {
     for (int x = 0; x < image.width(); ++x) {
       const Rgb8 c = image(x, y);
@@ -131,12 +186,10 @@ struct SkyLook {
         continue;
       }
       above[static_cast<std::size_t>(luma(c))] += 1;
+      if (is_blue(c)) blue.add(c);
       if (!field.contains(x, y)) continue;
       unanswered[static_cast<std::size_t>(luma(c))] += 1;
-      red[c.r] += 1;
-      green[c.g] += 1;
-      blue[c.b] += 1;
-      unanswered_count += 1;
+      unanswered_colour.add(c);
     }
   }
   const TwoClasses by_luma = two_classes(above);
@@ -146,30 +199,21 @@ struct SkyLook {
                  by_luma.high_mean * below_count > below_sum;
   const double darkest = by_luma.level < 256 ? by_luma.low_mean : quantile_of(above, 0.02);
   bright.all = below_count > 0 && darkest * below_count >= kMuchBrighter * below_sum;
-  const bool looked = unanswered_count >= kLeastUnanswered * static_cast<double>(image.shape().pixels());
-  if (!looked || (bright.known && quantile_of(unanswered, kUnansweredShare) >= bright.level)) return bright;
-  SkyLook alike;
-  alike.by_colour = true;
-  alike.colour = {static_cast<std::uint8_t>(quantile_of(red, 0.5)), static_cast<std::uint8_t>(quantile_of(green, 0.5)),
-                  static_cast<std::uint8_t>(quantile_of(blue, 0.5))};
-  ByteHistogram differences{};
-  for (int y = 0; y < image.height(); ++y) {
-    for (int x = 0; x < image.width(); ++x) {
-      if (surface(x, y) != kSurface) differences[static_cast<std::size_t>(difference(image(x, y), alike.colour))] += 1;
-    }
+  const double pixels = static_cast<double>(image.shape().pixels());
+  if (blue.count >= kLeastBlue * pixels) {
+    SkyLook deep = look_alike(blue.median(), image, surface);
+    deep.all = bright.all;
+    const int bright_edge = count_at_edge(bright, image, surface);
+    if (deep.known && kMuchMore * bright_edge < count_at_edge(deep, image, surface)) return deep;
   }
-  const TwoClasses by_colour = two_classes(differences);
-  alike.level = by_colour.level;
+  const bool looked = unanswered_colour.count >= kLeastUnanswered * pixels;
+  if (!looked || (bright.known && quantile_of(unanswered, kUnansweredShare) >= bright.level)) return bright;
+  SkyLook alike = look_alike(unanswered_colour.median(), image, surface);
   alike.all = bright.all;
-  // Far trees and houses leave the sensor without an answer too; the sky is the smoother, and reaches the upper edge.
-  bool at_edge = false;
-  for (int x = 0; x < image.width(); ++x) at_edge = at_edge || (surface(x, 0) != kSurface && alike.of(image(x, 0)));
-  const double step = mean_step(alike, true, image, surface);
-  alike.known =
-      by_colour.level < 256 &&
-      (alike.colour.b >= alike.colour.r + kBlue || luma(alike.colour) * below_count > least_luma * below_sum) &&
-      by_colour.high_mean >= 2.0 * by_colour.low_mean + 16.0 && step < mean_step(alike, false, image, surface) &&
-      !(bright.known && step >= mean_step(bright, true, image, surface)) && at_edge;
+  alike.known = alike.known &&
+                (is_blue(alike.colour) || (luma(alike.colour) * below_count > least_luma * below_sum &&
+                                           !(bright.known && luma(alike.colour) < kDarkest * by_luma.high_mean))) &&
+                !(bright.known && mean_step(alike, true, image, surface) >= mean_step(bright, true, image, surface));
   return alike.known ? alike : bright;
 }
 
