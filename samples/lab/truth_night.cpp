@@ -140,8 +140,9 @@ void add_unseen_lamps(const TrueLamps& lamps, std::vector<DrawnLamp>& drawn) {
       const Expected<std::string> source = entry.value().text("source");
       if (!source) return source.error();
       if (source.value() == "continued") continue;  // the true ones take their place
-      if (source.value() == "moon") {
-        return Error{path, entry.value().field("source"), "is a moon, which true nights lack, expected no --moon"};
+      if (source.value() == "moon" || source.value() == "following car") {
+        return Error{path, entry.value().field("source"),
+                     "is a " + source.value() + ", which true nights lack, expected no --moon and no --following-car"};
       }
       if (own == lamps.emitters.size() || lamps.emitters[own].unseen != 0) {
         return Error{path, entry.value().field("source"), "expected at most two headlamps of the car itself"};

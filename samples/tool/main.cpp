@@ -123,6 +123,11 @@ int main(int argc, char** argv) {
       ->add_option("--headlamps", night.headlamps,
                    "Of the car that carries the camera: low, high (both beams) or off; default: low, of the thesis off")
       ->check(CLI::IsMember({"low", "high", "off"}));
+  night_app
+      ->add_option("--following-car", night.following_car_m,
+                   "Metres behind the camera at which a car follows with its low beams on, 6 to 200; 0: none")
+      ->check(within(0.0, 200.0))
+      ->capture_default_str();
   night_app->add_option("--camera", night.camera,
                         "action-camera, dashcam, automotive-hdr, automotive-raw, thesis, or a JSON file; default: "
                         "action-camera, of the thesis thesis");

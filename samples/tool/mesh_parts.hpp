@@ -140,12 +140,17 @@ void fill_parts(const LayeredMesh& mesh, std::size_t first_face, std::size_t las
 [[nodiscard]] inline std::vector<MeshPart> emitter_parts(Span<const Emitter> emitters, Span<const LightMark> marks) {
   std::vector<MeshPart> parts;
   std::size_t own = 0;
+  std::size_t following = 0;
   for (const Emitter& e : emitters) {
     MeshPart part;
     const bool marked = e.mark != 0 && e.mark <= marks.size();
-    const std::string cls =
-        is_own_headlamp(e) ? "own_headlamp" : (marked ? "" : "unseen_") + without_spaces(info(e.cls).name);
-    const std::size_t number = marked ? marks[e.mark - 1U].id : (is_own_headlamp(e) ? ++own : e.unseen);
+    const std::string cls = is_own_headlamp(e)    ? "own_headlamp"
+                            : is_following_car(e) ? "following_car"
+                                                  : (marked ? "" : "unseen_") + without_spaces(info(e.cls).name);
+    const std::size_t number = marked                ? marks[e.mark - 1U].id
+                               : is_own_headlamp(e)  ? ++own
+                               : is_following_car(e) ? ++following
+                                                     : e.unseen;
     part.name = cls + "_" + std::to_string(number);
     static constexpr const char* kStates[] = {"", "_red", "_amber", "_green"};
     part.material = "emitter_" + cls + kStates[static_cast<std::size_t>(e.state)];

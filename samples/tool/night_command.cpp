@@ -258,6 +258,10 @@ class NightWriter {
         entry["source"] = "own headlamp";
         entry["side"] = emitter.centre_m.x < 0 ? "left" : "right";
         entry["class"] = info(emitter.cls).name;
+      } else if (is_following_car(emitter)) {
+        entry["source"] = "following car";
+        entry["side"] = emitter.centre_m.x < 0 ? "left" : "right";
+        entry["class"] = info(emitter.cls).name;
       } else if (is_moon(emitter)) {
         entry["source"] = "moon";
       } else if (emitter.mark == 0) {
@@ -306,6 +310,7 @@ class NightWriter {
             {"moon", options_.moon},
             {"wetness", params_.relight.material.film.wetness},
             {"headlamps", !params_.relight.ego_headlamps ? "off" : (params_.relight.ego.high_beam ? "high" : "low")},
+            {"following_car_m", params_.relight.following_car_m},
             {"traffic", options_.traffic},
             {"camera", options_.camera.empty() ? options_.preset : options_.camera},
             {"motion",
@@ -461,6 +466,7 @@ int run_night(const NightOptions& options) {
   params.relight.ego.left_hand_traffic = options.traffic == "left";
   params.relight.placement.left_hand_traffic = options.traffic == "left";
   if (!options.headlamps.empty()) params.relight.ego_headlamps = options.headlamps != "off";
+  params.relight.following_car_m = options.following_car_m;
   if (!options.moon.empty()) {
     const io::Expected<Vec3f> moon = parse_moon(options.moon);
     if (!moon) return fail(moon.error());

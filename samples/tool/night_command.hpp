@@ -24,11 +24,12 @@ struct NightOptions {
   float error = 0.0F;              // relative noise to be reached in place of that effort; 0: effort decides
   float wet = 0.0F;                // share of the ground under a film of water
   std::string texture = "photograph";
-  std::string unseen_lamps;     // continued, dark; empty: as the preset has it
-  float assume_lamps_m = 0.0F;  // width of a road without marked street lamps that gets a row of them; 0: none does
-  float unseen_street = -1.0F;  // share of its light; negative: as the preset has it
-  std::string moon;             // "azimuth,elevation" in degrees, the first to the right of the camera; empty: none
-  std::string headlamps;        // empty: as the preset has it
+  std::string unseen_lamps;      // continued, dark; empty: as the preset has it
+  float assume_lamps_m = 0.0F;   // width of a road without marked street lamps that gets a row of them; 0: none does
+  float unseen_street = -1.0F;   // share of its light; negative: as the preset has it
+  std::string moon;              // "azimuth,elevation" in degrees, the first to the right of the camera; empty: none
+  std::string headlamps;         // empty: as the preset has it
+  float following_car_m = 0.0F;  // behind the camera; 0: none follows
   std::string traffic = "right";
   float mesh_error = -1.0F;  // relative, of depth; 0: not simplified; negative: as the preset has it
   // Of the camera; what is empty or negative is as the camera has it.

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "fixture.hpp"
@@ -240,6 +241,65 @@ TEST_CASE("the moon: one lamp more, .25 lx on what faces it all over the street,
     CHECK(luminance(a.intensity_cd) * illuminance_per_cd(lamps[0], at, {0, -1, 0}, to_light) ==
           doctest::Approx(0.25 * std::sqrt(0.5)).epsilon(0.01));
     CHECK(illuminance_per_cd(lamps[0], at, {-1, 0, 0}, to_light) == 0.0F);
+  }
+}
+
+TEST_CASE("a following car lights the road beside the own car and nothing that the own car hides from it") {
+  GroundPlane ground;
+  ground.up = {0, -1, 0};
+  ground.camera_height_m = 1.2F;
+  for (const bool left_hand : {false, true}) {
+    EgoHeadlampParams own;
+    own.left_hand_traffic = left_hand;
+    std::vector<Emitter> lamps(2);
+    const Span<Emitter> out(lamps.data(), 2);
+    REQUIRE(place_following_car(own, 18.0F, ground, out) == 2);
+    CHECK(lamps[0].centre_m.x == doctest::Approx(-0.6));
+    CHECK(lamps[1].centre_m.x == doctest::Approx(0.6));
+    CHECK(lamps[0].centre_m.z == doctest::Approx(-18.0));
+    CHECK(lamps[0].centre_m.y == doctest::Approx(1.2 - 0.65));
+    EgoHeadlampParams there = own;  // the same lamps with nothing before them
+    there.ahead_m = -18.0F;
+    std::vector<Emitter> bare(2);
+    REQUIRE(place_ego_headlamps(there, ground, {bare.data(), 2}) == 2);
+    for (std::size_t i = 0; i < 2; ++i) {
+      const auto intensity = [&](const Emitter& lamp, const Vec3f& at) {
+        return relative_intensity(lamp, normalized(at - lamp.centre_m));
+      };
+      // Every point ahead, against the box of the own car's rear: 1.8 m wide, 1.5 m high, 3 m behind the camera.
+      int hidden = 0;
+      int seen = 0;
+      for (float x = -12.0F; x <= 12.0F; x += 0.37F) {
+        for (float height = 0.0F; height < 6.0F; height += 0.43F) {
+          const Vec3f at{x, 1.2F - height, 25.0F};
+          const Vec3f way = (at - lamps[i].centre_m) * (15.0F / 43.0F);
+          const Vec3f rear = lamps[i].centre_m + way;  // where the ray passes it
+          const bool behind = std::fabs(rear.x) < 0.9F && 1.2F - rear.y < 1.5F;
+          CAPTURE(x);
+          CAPTURE(height);
+          CHECK(intensity(lamps[i], at) == (behind ? 0.0F : intensity(bare[i], at)));
+          (behind ? hidden : seen) += 1;
+        }
+      }
+      CHECK(hidden > 40);
+      CHECK(seen > 400);
+      CHECK(intensity(bare[i], {lamps[i].centre_m.x, 1.2F, 25.0F}) >
+            0.0F);  // straight ahead nothing hides the own ones
+    }
+    for (std::uint32_t variant = 0; variant < 40; ++variant) {
+      Activation drawn[2];
+      REQUIRE(activate_lights({}, 3, variant, {lamps.data(), 2}, {}, {drawn, 2}).ok());
+      CHECK(drawn[0].lit);
+      CHECK(drawn[1].lit);
+      CHECK(drawn[0].strength == drawn[1].strength);
+    }
+    own.high_beam = true;  // they dip it
+    REQUIRE(place_following_car(own, 18.0F, ground, out) == 2);
+    CHECK(lamps[0].profile == (left_hand ? EmissionProfile::low_beam_left : EmissionProfile::low_beam));
+    CHECK(place_following_car(own, 0.0F, ground, out) == 0);
+    CHECK(place_following_car(own, 5.0F, ground, out) == 0);
+    CHECK(place_following_car(own, std::numeric_limits<float>::quiet_NaN(), ground, out) == 0);
+    CHECK(place_following_car(own, 18.0F, ground, out.sub(0, 1)) == 0);
   }
 }
 

@@ -372,6 +372,24 @@ TEST_CASE("night: two photographs with one seed share no draw") {
   CHECK(a.lit[0] != b.lit[0]);
 }
 
+TEST_CASE("night: a following car adds two lamps that light the road's sides, and its own lane as good as not") {
+  Scene scene({64, 48});
+  SerialExecutor serial;
+  NightParams params = default_night_params();
+  Keeper alone, followed;
+  params.relight.ego_headlamps = false;
+  REQUIRE(run(params, scene.view, serial, alone).ok());
+  params.relight.following_car_m = 12.0F;
+  REQUIRE(run(params, scene.view, serial, followed).ok());
+  CHECK(followed.classes.size() == alone.classes.size() + 2);
+  const auto gain = [&](int x, int y) {
+    return static_cast<double>(luminance(followed.nights[0](x, y)) - luminance(alone.nights[0](x, y)));
+  };
+  CHECK(gain(4, 40) > 0.05);
+  CHECK(gain(4, 40) > 10.0 * gain(32, 40));  // that is bounced light
+  for (const Vec3f& p : followed.nights[0].view().pixels()) CHECK(is_finite(p));
+}
+
 TEST_CASE("night: parameters that are not finite or out of range are refused before the first stage begins") {
   struct Counting : NullObserver {
     int begun = 0;
@@ -404,6 +422,8 @@ TEST_CASE("night: parameters that are not finite or out of range are refused bef
   CHECK(code([&](NightParams& p) { p.relight.placement.max_side_m = nan; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.relight.f0 = nan; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.relight.f0 = 7; }) == StatusCode::invalid_argument);
+  CHECK(code([&](NightParams& p) { p.relight.following_car_m = nan; }) == StatusCode::invalid_argument);
+  CHECK(code([&](NightParams& p) { p.relight.following_car_m = 3; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.relight.bounces = 0; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.relight.sky.zenith_cd_m2.x = nan; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.relight.denoise.plane_sigma = 0; }) == StatusCode::invalid_argument);

@@ -51,21 +51,27 @@ TEST_CASE("tool: street lamps shine as the luminaire that the light set names, s
 TEST_CASE("tool: a light set as CSV and a moon are in the night that they make") {
   const std::string csv = fixture().out("e.csv");
   std::ofstream(csv) << "class,s,r/g,b/g\nstreet_light_HT,5000,1,1\n";
-  const nlohmann::json night = night_json("csv", "--lights '" + csv + "' --moon=-30,50 --headlamps high");
+  const nlohmann::json night =
+      night_json("csv", "--lights '" + csv + "' --moon=-30,50 --headlamps high --following-car 20");
   CHECK(night["moon"] == "-30,50");
   CHECK(night["headlamps"] == "high");
+  CHECK(night["following_car_m"] == 20.0);
   int moons = 0;
+  int followers = 0;
   for (const nlohmann::json& source : night["sources"]) {
     if (source.value("source", "") == "moon") {
       ++moons;
       CHECK(source["position_m"][0].get<double>() < 0);  // to the left
       CHECK(source["lit"] == true);
+    } else if (source.value("source", "") == "following car") {
+      ++followers;
     } else if (source["class"] == "street_light_HT") {
       CHECK(source["strength"].get<double>() == doctest::Approx(5000).epsilon(0.101));
       CHECK(source["xy"][0].get<double>() == doctest::Approx(0.3127).epsilon(0.02));
     }
   }
   CHECK(moons == 1);
+  CHECK(followers == 2);
   for (const char* moon : {"5", "0,0", "0,91", "a,5", "0,5x"}) {
     check_refused(
         run_tool("night '" + fixture().street + "' -o '" + fixture().out("none") + "' --quiet --moon=" + moon),

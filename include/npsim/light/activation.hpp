@@ -333,7 +333,7 @@ inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::ui
       p_low = p.bicycle_parked_p[0];
       p_high = p.bicycle_parked_p[1];
     }
-    const float probability = ego ? 1.0F : p_low + (p_high - p_low) * u_p;
+    const float probability = ego || is_following_car(e) ? 1.0F : p_low + (p_high - p_low) * u_p;
     bool lit = u_lit < probability;
 
     float strength = light_detail::draw_strength(model.strength_low, model.strength_high, u_strength);

@@ -198,11 +198,16 @@ struct Emitter {
   // Position + 1 of its LightMark; 0 = one that the photograph does not show: a lamp of the vehicle that carries the
   // camera, or a street lamp with a number of its own.
   std::uint16_t mark = 0;
-  std::uint16_t unseen = 0;  // 1, 2, ... of the street lamps that the photograph does not show, else 0
+  std::uint16_t unseen = 0;  // of what the photograph does not show: 1, 2, ... street lamps, or a number below; else 0
   std::uint16_t group = 0;   // position + 1 of its group's LightMark; 0 = stands alone
   LightClass group_cls = LightClass::none;
   float mounting_height_m = 0;                // of a street lamp above the ground; 0 = unknown
   const LuminaireTable* luminaire = nullptr;  // of profile measured; the caller's
+  // Of a headlamp: what stands before it, as slopes to its right, from and to, and the slope above the horizontal below
+  // which it takes all light. Nothing, where from = to.
+  float shade_from = 0;
+  float shade_to = 0;
+  float shade_below = 0;
 };
 
 // Of the vehicle that carries the camera.
@@ -223,6 +228,10 @@ inline constexpr float kMoonRadius = 0.00453F;  // over the distance
 [[nodiscard]] constexpr bool is_moon(const Emitter& e) noexcept { return e.unseen == kMoonNumber; }
 
 inline constexpr float kLanternGlow = 0.01F;  // share of the peak that leaves in every direction, upwards included
+
+// Both low beams of the car that follows the one with the camera.
+inline constexpr std::uint16_t kFollowingCarNumber = 0xFFFE;
+[[nodiscard]] constexpr bool is_following_car(const Emitter& e) noexcept { return e.unseen == kFollowingCarNumber; }
 
 // `direction` is a unit vector that leaves the emitter. F: a batch of simd/batch.hpp. 0 for a NaN.
 template <class F>
@@ -266,7 +275,8 @@ template <class F>
       const F v = along(e.up) / ahead - F(kLowBeamAim);
       const F beam =
           e.profile == EmissionProfile::high_beam ? high_beam_relative(h, v, ahead) : low_beam_relative(h, v, ahead);
-      value = select(c > F(0.0F), beam, F(0.0F));
+      const auto shaded = (right > F(e.shade_from)) & (right < F(e.shade_to)) & (v < F(e.shade_below));
+      value = select(c > F(0.0F), select(shaded, F(0.0F), beam), F(0.0F));
       break;
     }
     case EmissionProfile::measured: {

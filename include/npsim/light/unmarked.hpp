@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lamps that nobody marked: the own headlamps, and street lamps outside the picture.
+// Lamps that nobody marked: the own headlamps, those of a car that follows, and street lamps outside the picture.
 #ifndef NPSIM_LIGHT_UNMARKED_HPP
 #define NPSIM_LIGHT_UNMARKED_HPP
 
@@ -71,6 +71,33 @@ struct EgoHeadlampParams {
                                       : EmissionProfile::low_beam;
     e.cls = LightClass::moving_front;
     out[i] = e;
+  }
+  return kEgoHeadlampCount;
+}
+
+// The low beams of a car that follows `behind_m` behind the camera in the same lane, placed as the own ones are. What the
+// own car hides from them stays dark: a box 1.8 m wide and 1.5 m high, from 3 m behind the camera to the own headlamps.
+// They have the number kFollowingCarNumber, and shine in every night.
+
+inline constexpr float kNearestFollower_m = 6.0F;
+
+// As place_ego_headlamps(); 0 too where behind_m is 0.
+[[nodiscard]] inline std::size_t place_following_car(const EgoHeadlampParams& own, float behind_m,
+                                                     const GroundPlane& ground, Span<Emitter> out) noexcept {
+  constexpr float kHalfWidth_m = 0.9F;
+  constexpr float kHeight_m = 1.5F;
+  constexpr float kRear_m = 3.0F;  // behind the camera
+  EgoHeadlampParams p = own;
+  p.ahead_m = -behind_m;
+  p.high_beam = false;
+  if (!(behind_m >= kNearestFollower_m) || place_ego_headlamps(p, ground, out) == 0) return 0;
+  const float to_rear_m = behind_m - kRear_m;
+  for (std::size_t i = 0; i < kEgoHeadlampCount; ++i) {
+    const float side_m = i == 0 ? -p.lateral_m : p.lateral_m;
+    out[i].shade_from = (-kHalfWidth_m - side_m) / to_rear_m;
+    out[i].shade_to = (kHalfWidth_m - side_m) / to_rear_m;
+    out[i].shade_below = (kHeight_m - p.height_m) / to_rear_m;
+    out[i].unseen = kFollowingCarNumber;
   }
   return kEgoHeadlampCount;
 }

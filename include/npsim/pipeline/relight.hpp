@@ -83,6 +83,7 @@ struct RelightParams {
   float f0 = 0.04F;           // normal reflectance of a dielectric of index 1.5
   bool ego_headlamps = true;  // the low beams of the car that carries the camera
   EgoHeadlampParams ego;
+  float following_car_m = 0;  // a car with its low beams on follows so far behind the camera; 0: none does
 };
 
 [[nodiscard]] inline Status validate(const RelightParams& p) noexcept {
@@ -102,6 +103,9 @@ struct RelightParams {
   NPSIM_RETURN_IF_ERROR(validate(p.veils));
   NPSIM_RETURN_IF_ERROR(validate(p.flat));
   NPSIM_RETURN_IF_ERROR(validate(p.ego));
+  if (!(p.following_car_m == 0.0F || (p.following_car_m >= kNearestFollower_m && p.following_car_m <= 200.0F))) {
+    return {StatusCode::invalid_argument, "relight: a car follows 6 to 200 m behind the camera; 0: none does"};
+  }
   if (p.bounces < 1 || p.bounces > 16) return {StatusCode::invalid_argument, "relight: bounces in 1..16"};
   if (!(p.f0 >= 0.0F && p.f0 <= 1.0F)) return {StatusCode::invalid_argument, "relight: f0 in [0, 1]"};
   if (!(p.least_cd_m2 >= 0.0F) || !(p.max_error >= 0.0F) || p.max_rays < p.gather.rays || p.max_rays > 4096) {
@@ -133,6 +137,12 @@ struct Relighting {
     return activations.sub(static_cast<std::size_t>(variant) * emitters.size(), emitters.size());
   }
 };
+
+namespace relight_detail {
+
+inline constexpr std::size_t kMostHeadlamps = 2 * kEgoHeadlampCount;  // the own ones, and a following car's
+
+}  // namespace relight_detail
 
 // What relight_workspace_bytes() goes by.
 struct RelightSize {
@@ -180,7 +190,7 @@ struct RelightSize {
 // What prepare_relighting() and then relight() take; of the images of lights, none.
 [[nodiscard]] constexpr std::size_t relight_workspace_bytes(const RelightParams& params, TracedFaces traced,
                                                             Shape shape, const RelightSize& size) noexcept {
-  const std::size_t known = std::max(size.marks, params.lamps.size()) + kEgoHeadlampCount;
+  const std::size_t known = std::max(size.marks, params.lamps.size()) + relight_detail::kMostHeadlamps;
   const std::size_t emitters = known + most_unseen_lamps(params.rows, size.marks);
   const int most_rays = params.max_error > 0.0F ? params.max_rays : params.gather.rays;
   const std::size_t rays = most_rays > 0 ? static_cast<std::size_t>(most_rays) : 0;
@@ -219,7 +229,7 @@ struct RelightSize {
 [[nodiscard]] constexpr std::size_t light_images_bytes(const RelightParams& params, Shape shape,
                                                        std::size_t marks) noexcept {
   const std::size_t emitters =
-      std::max(marks, params.lamps.size()) + kEgoHeadlampCount + most_unseen_lamps(params.rows, marks);
+      std::max(marks, params.lamps.size()) + relight_detail::kMostHeadlamps + most_unseen_lamps(params.rows, marks);
   return (2 * emitters + 1) * allocation_bytes<std::uint16_t>(light_tiles(shape).pixels() * kLightBlock);
 }
 
@@ -244,13 +254,13 @@ namespace relight_detail {
 inline constexpr float kPi = 3.14159265F;
 inline constexpr float kInversePi = 0.31830989F;
 
-// The lamps that are marked, or known, then those that continue their rows, then the own car's.
+// The lamps that are marked, or known, then those that continue their rows, a following car's, and the own car's.
 [[nodiscard]] inline Status place_emitters(const RelightParams& params, const SceneView& scene,
                                            const RefinedDepth& refined, Workspace& workspace, Span<Emitter>& emitters,
                                            Span<std::uint32_t>& emitter_of_mark) {
   const std::size_t most = (params.lamps.empty() ? scene.lights.size() : params.lamps.size()) +
                            most_unseen_lamps(params.rows, scene.lights.size());
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(most + kEgoHeadlampCount, emitters));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(most + kMostHeadlamps, emitters));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.lights.size(), emitter_of_mark));
   std::size_t count = 0;
   if (!params.lamps.empty()) {
@@ -273,6 +283,8 @@ inline constexpr float kInversePi = 0.31830989F;
   for (std::size_t e = 0; e < count; ++e) {
     if (emitters[e].mark != 0) emitter_of_mark[emitters[e].mark - 1U] = static_cast<std::uint32_t>(e);
   }
+  count +=
+      place_following_car(params.ego, params.following_car_m, refined.ground, emitters.sub(count, kEgoHeadlampCount));
   if (params.ego_headlamps)
     count += place_ego_headlamps(params.ego, refined.ground, emitters.sub(count, kEgoHeadlampCount));
   emitters = emitters.sub(0, count);
