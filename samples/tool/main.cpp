@@ -19,6 +19,7 @@
 #include "inspect_command.hpp"
 #include "lab/commands.hpp"
 #include "night_command.hpp"
+#include "npsim/light/unmarked.hpp"
 #include "street_command.hpp"
 #include "view_command.hpp"
 
@@ -125,9 +126,8 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"low", "high", "off"}));
   night_app
       ->add_option("--following-car", night.following_car_m,
-                   "Metres behind the camera at which a car follows with its low beams on, 6 to 200; 0: none")
-      ->check(within(0.0, 200.0))
-      ->capture_default_str();
+                   "Metres behind the camera at which a car follows with its low beams on; default: none does")
+      ->check(within(static_cast<double>(npsim::kNearestFollower_m), static_cast<double>(npsim::kFarthestFollower_m)));
   night_app->add_option("--camera", night.camera,
                         "action-camera, dashcam, automotive-hdr, automotive-raw, thesis, or a JSON file; default: "
                         "action-camera, of the thesis thesis");

@@ -471,15 +471,16 @@ TEST_CASE("a front of tiles as bright as a sky, whose upper half is not measured
 
 TEST_CASE("a deep blue sky beside a white front is one, though what does not answer are panes that mirror white") {
   View v;
-  const auto is_front = [](int x, int y) { return x >= 90 && y < 40; };
+  const auto is_front = [](int x, int y) { return x >= 94 && y < 40; };
   const auto is_pane = [](int x, int y) { return x >= 20 && x < 45 && y >= 40 && y < 55; };
   for (int y = 0; y < 60; ++y) {
     for (int x = 0; x < 100; ++x) {
-      const auto grain = static_cast<std::uint8_t>((x * 7 + y * 13) % 3 * 12);
-      v.image(x, y) = is_front(x, y)  ? Rgb8{static_cast<std::uint8_t>(210 + grain), 215, 212}
+      const auto grain = static_cast<std::uint8_t>((x * 7 + y * 13) % 3 * 20);
+      v.image(x, y) = is_front(x, y)
+                          ? Rgb8{static_cast<std::uint8_t>(210 + grain), static_cast<std::uint8_t>(205 + grain), 212}
                       : is_pane(x, y) ? (x % 4 == 0 ? Rgb8{214, 214, 214} : Rgb8{58, 75, 70})
                       : y < 40        ? Rgb8{40, 70, 125}
-                                      : Rgb8{static_cast<std::uint8_t>(100 + grain), 112, 110};
+                                      : Rgb8{static_cast<std::uint8_t>(100 + grain / 2), 112, 110};
       v.depth(x, y) = !is_pane(x, y) && y >= 40 && (x + y) % 3 == 0 ? 20.0F : 0.0F;
     }
   }
@@ -487,16 +488,64 @@ TEST_CASE("a deep blue sky beside a white front is one, though what does not ans
   for (int y = 0; y < 38; ++y) {
     for (int x = 0; x < 100; ++x) CHECK(v.surface(x, y) == (is_front(x, y) ? 1 : 0));
   }
-  // Blue tiles up to the upper edge, below a white sky over half of it.
-  View tiles;
-  for (int y = 0; y < 60; ++y) {
-    for (int x = 0; x < 100; ++x) {
-      if (y < 40) tiles.image(x, y) = x < 50 ? Rgb8{40, 70, 125} : Rgb8{235, 240, 245};
+}
+
+TEST_CASE("blue fronts over most of the upper edge are no sky, smooth or not, beside a narrow white one") {
+  for (const int grain : {0, 3, 6}) {
+    for (const Rgb8 front : {Rgb8{60, 90, 130}, Rgb8{55, 65, 85}, Rgb8{40, 70, 125}}) {
+      View v;
+      const auto is_gap = [](int x, int y) { return x >= 44 && x < 52 && y < 30; };
+      for (int y = 0; y < 60; ++y) {
+        for (int x = 0; x < 100; ++x) {
+          const int n = (x * 7 + y * 13) % 5 * grain / 2;
+          v.image(x, y) =
+              is_gap(x, y) ? Rgb8{235, static_cast<std::uint8_t>(238 + (x * 5 + y * 3) % 3), 242}
+              : y < 40 ? Rgb8{static_cast<std::uint8_t>(front.r + n), static_cast<std::uint8_t>(front.g + n), front.b}
+                       : v.image(x, y);
+        }
+      }
+      v.run();
+      CAPTURE(grain);
+      CAPTURE(static_cast<int>(front.r));
+      CHECK(v.surface(48, 10) == 0);
+      for (const int x : {5, 20, 40, 60, 80, 95}) CHECK(v.surface(x, 10) == 1);
     }
   }
-  tiles.run();
-  CHECK(tiles.surface(80, 10) == 0);
-  CHECK(tiles.surface(20, 10) == 1);
+}
+
+TEST_CASE("a sky in pieces between leaves is rough, and a smooth blue front beside it no sky") {
+  View v;
+  const auto is_gap = [](int x, int y) { return x >= 30 && x < 60 && y < 40; };
+  for (int y = 0; y < 40; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      const auto tone = static_cast<std::uint8_t>(200 + (x * 7 + y * 5) % 3 * 25);
+      v.image(x, y) = !is_gap(x, y)                      ? Rgb8{60, 90, 130}
+                      : (x / 2 * 7 + y / 2 * 5) % 3 == 0 ? Rgb8{40, 55, 30}
+                                                         : Rgb8{tone, tone, tone};
+    }
+  }
+  v.run();
+  for (const int x : {5, 20, 70, 95}) CHECK(v.surface(x, 10) == 1);
+}
+
+TEST_CASE("white clouds that come down to the houses below a blue sky are sky too, where they reach the upper edge") {
+  View v;
+  for (int y = 0; y < 40; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      v.image(x, y) = y >= 30             ? Rgb8{static_cast<std::uint8_t>(60 + (x * 7 + y) % 4 * 10), 60, 55}
+                      : y < 12 && x >= 10 ? Rgb8{90, 135, 200}
+                                          : Rgb8{235, static_cast<std::uint8_t>(238 + (x + y) % 3), 242};
+    }
+  }
+  v.run();
+  for (int y = 0; y < 28; ++y) CHECK(v.surface(50, y) == 0);
+}
+
+TEST_CASE("storm clouds of a third of the brightness of white fronts beside them are the sky") {
+  Canyon v({238, 236, 232}, 10, {88, 90, 94}, 2);
+  find(v.image, v.depth, DepthSource::lidar, v.surface);
+  CHECK(v.surface(100, 4) == 0);
+  CHECK(v.surface(20, 8) == 1);
 }
 
 TEST_CASE("a white sky between dark trees that take up most of the upper edge and do not answer is the sky, not they") {
@@ -517,6 +566,7 @@ TEST_CASE("a white sky between dark trees that take up most of the upper edge an
     for (int x = 0; x < 100; ++x) CHECK(v.surface(x, y) == (is_sky(x, y) ? 0 : 1));
   }
 }
+
 TEST_CASE("of a network's depth a deep blue sky beside white fronts in the sun is far and one") {
   Wide v([](int x, int y) {
     return y >= 60              ? Rgb8{235, 235, 240}

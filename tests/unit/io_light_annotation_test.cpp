@@ -320,15 +320,18 @@ TEST_CASE("light shapes: groups listed last lie below, ids that collide with pos
   put(path, R"({"lights": [
     {"class": "parked_rear", "rectangle": [1, 1, 3, 3]},
     {"class": "parked_rear", "rectangle": [5, 1, 7, 3], "state": null},
-    {"class": "advertisement", "id": 5, "rectangle": [10, 0, 12, 9]},
+    {"class": "inferred object", "id": 5, "rectangle": [10, 0, 12, 9]},
     {"class": "car_group", "id": 1, "rectangle": [0, 0, 8, 8]},
-    {"class": "Advertisement", "id": 5, "rectangle": [14, 0, 16, 9]}]})");
+    {"class": "Inferred_Object", "id": 5, "group": 30, "state": "green", "rectangle": [14, 0, 16, 9]},
+    {"class": "traffic_light_group", "id": 30, "rectangle": [18, 0, 19, 9]}]})");
   const auto read = io::read_light_shapes(path, {20, 10});
   require_ok(read);
   const io::LightAnnotation& a = read.value();
-  REQUIRE(a.marks.size() == 4);
+  REQUIRE(a.marks.size() == 5);
   CHECK(a.marks[3].id == 1);
-  CHECK(a.marks[0].id == 6);  // 1 is the car's
+  CHECK(a.marks[2].group == 5);  // as its second piece says
+  CHECK(a.marks[2].state == SignalState::green);
+  CHECK(a.marks[0].id == 7);  // 1 is the car's
   CHECK(a.marks[1].id == 2);
   CHECK(a.marks[0].group == 4);
   CHECK(a.marks[1].group == 4);
@@ -361,6 +364,14 @@ TEST_CASE("light shapes: bad input ends in one line that names it") {
   refused(R"({"class": "clock", "id": 2, "rectangle": [1, 2, 3, 4]},
              {"class": "car_group", "id": 2, "rectangle": [1, 2, 3, 4]})",
           "lights[1].id: is that of a clock");
+  refused(R"({"class": "inferred object", "id": 2, "state": "red", "rectangle": [1, 2, 3, 4]},
+             {"class": "inferred object", "id": 2, "state": "green", "rectangle": [5, 2, 6, 4]})",
+          "lights[1].state: differs");
+  refused(R"({"class": "parked_rear", "id": 2, "group": 3, "rectangle": [1, 2, 3, 4]},
+             {"class": "parked_rear", "id": 2, "group": 4, "rectangle": [5, 2, 6, 4]},
+             {"class": "car_group", "id": 3, "rectangle": [1, 2, 3, 4]},
+             {"class": "car_group", "id": 4, "rectangle": [1, 2, 3, 4]})",
+          "lights[1].group: differs");
   put(path, "{}");
   check_error(io::read_light_shapes(path, {20, 10}), "lights.json", "lights");
 }

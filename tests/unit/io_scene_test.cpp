@@ -346,11 +346,16 @@ TEST_CASE("scene: reflectors as shapes and as the number plates of Cityscapes po
   CHECK(shapes.value().reflectors(4, 4) == ReflectorClass::sheeting);  // the later one counts
   CHECK(any_note(shapes.value(), "reflectors: 17 pixels"));            // 5 x 2 and 5 x 2, three of them in both
   const std::string objects = R"("objects": [{"label": "car", "polygon": [[0, 0], [20, 0], [20, 20]]},
-      {"label": "license plate", "polygon": [[10, 10], [14, 10], [14, 12], [10, 12]]}]})";
+      {"label": "license plate", "polygon": [[10, 10], [14, 10], [14, 12], [10, 12]]},
+      {"label": "license plate", "polygon": [[1, 1], [2, 2]]},
+      {"label": "license plate", "deleted": 1, "polygon": [[20, 1], [24, 1], [24, 5]]},
+      {"label": "person", "deleted": 0, "polygon": [[13, 0], [16, 0], [16, 20], [13, 20]]}]})";
   const auto plates = with("cityscapes_polygons", R"({"imgHeight": 24, "imgWidth": 32, )" + objects);
   require_ok(plates);
   CHECK(plates.value().reflectors(12, 11) == ReflectorClass::number_plate);
-  CHECK(plates.value().reflectors(12, 5) == ReflectorClass::none);  // the car's polygon holds it
+  CHECK(plates.value().reflectors(12, 5) == ReflectorClass::none);   // the car's polygon holds it
+  CHECK(plates.value().reflectors(13, 11) == ReflectorClass::none);  // a person stands before it
+  CHECK(plates.value().reflectors(23, 2) == ReflectorClass::none);   // deleted
   check_error(with("cityscapes_polygons", R"({"imgHeight": 1024, "imgWidth": 32, )" + objects), "reflectors.json",
               "imgHeight: is 1024");
   check_error(with("shapes", R"({"reflectors": [{"class": "plate", "rectangle": [2, 3, 7, 5]}]})"), "reflectors.json",
@@ -502,6 +507,25 @@ TEST_CASE("resize: no annotated source vanishes, even inside its group's last pi
     CHECK(pixels[3] > 0);
     if (to.width >= 16) CHECK(pixels[1] > 0);
   }
+}
+
+TEST_CASE(
+    "resize: a reflecting strip two pixels thin stays at a quarter of the size, what is thinner or alone does not") {
+  io::Image<ReflectorClass> marked({40, 40});
+  for (int x = 4; x < 36; ++x) {
+    for (const int y : {9, 10}) marked(x, y) = ReflectorClass::vest;
+    for (const int y : {23, 24}) marked(x, y) = ReflectorClass::sheeting;  // in two rows of the smaller image
+  }
+  marked(20, 34) = ReflectorClass::number_plate;
+  const io::Image<ReflectorClass> small = io::detail::resized_reflectors(marked, {10, 10});
+  for (int x = 1; x < 9; ++x) {
+    CHECK(small(x, 2) == ReflectorClass::vest);
+    CHECK(small(x, 5) == ReflectorClass::sheeting);
+    CHECK(small(x, 6) == ReflectorClass::sheeting);
+    CHECK(small(x, 1) == ReflectorClass::none);
+    CHECK(small(x, 8) == ReflectorClass::none);
+  }
+  CHECK(small(0, 2) == ReflectorClass::none);
 }
 
 TEST_CASE("resize: impossible sizes, and sizes without a valid depth, leave the scene as it was") {

@@ -248,16 +248,25 @@ TEST_CASE("a following car lights the road beside the own car and nothing that t
   GroundPlane ground;
   ground.up = {0, -1, 0};
   ground.camera_height_m = 1.2F;
-  for (const bool left_hand : {false, true}) {
+  struct Case {
+    bool left_hand;
+    float aim, lateral_m, height_m;
+  };
+  for (const Case& c :
+       {Case{false, 0.01F, 0.6F, 0.65F}, Case{true, 0.01F, 0.6F, 0.65F}, Case{false, 0.015F, 0.6F, 0.65F},
+        Case{false, 0.05F, 0.6F, 0.9F}, Case{false, 0.01F, 2.1F, 1.8F}}) {
     EgoHeadlampParams own;
-    own.left_hand_traffic = left_hand;
+    own.left_hand_traffic = c.left_hand;
+    own.aim = c.aim;
+    own.lateral_m = c.lateral_m;  // as of a lorry beside
+    own.height_m = c.height_m;
     std::vector<Emitter> lamps(2);
     const Span<Emitter> out(lamps.data(), 2);
     REQUIRE(place_following_car(own, 18.0F, ground, out) == 2);
-    CHECK(lamps[0].centre_m.x == doctest::Approx(-0.6));
-    CHECK(lamps[1].centre_m.x == doctest::Approx(0.6));
+    CHECK(lamps[0].centre_m.x == doctest::Approx(-c.lateral_m));
+    CHECK(lamps[1].centre_m.x == doctest::Approx(c.lateral_m));
     CHECK(lamps[0].centre_m.z == doctest::Approx(-18.0));
-    CHECK(lamps[0].centre_m.y == doctest::Approx(1.2 - 0.65));
+    CHECK(lamps[0].centre_m.y == doctest::Approx(1.2 - static_cast<double>(c.height_m)));
     EgoHeadlampParams there = own;  // the same lamps with nothing before them
     there.ahead_m = -18.0F;
     std::vector<Emitter> bare(2);
@@ -266,26 +275,32 @@ TEST_CASE("a following car lights the road beside the own car and nothing that t
       const auto intensity = [&](const Emitter& lamp, const Vec3f& at) {
         return relative_intensity(lamp, normalized(at - lamp.centre_m));
       };
-      // Every point ahead, against the box of the own car's rear: 1.8 m wide, 1.5 m high, 3 m behind the camera.
+      // Every point ahead, against the own car as a box: 1.8 m wide, 1.5 m high, from 3 m behind the camera to 1.7 ahead.
       int hidden = 0;
       int seen = 0;
       for (float x = -12.0F; x <= 12.0F; x += 0.37F) {
         for (float height = 0.0F; height < 6.0F; height += 0.43F) {
           const Vec3f at{x, 1.2F - height, 25.0F};
-          const Vec3f way = (at - lamps[i].centre_m) * (15.0F / 43.0F);
-          const Vec3f rear = lamps[i].centre_m + way;  // where the ray passes it
-          const bool behind = std::fabs(rear.x) < 0.9F && 1.2F - rear.y < 1.5F;
+          bool behind = false;
+          for (int step = 0; step <= 200; ++step) {
+            const float z = -3.0F + 4.7F * static_cast<float>(step) / 200.0F;
+            const Vec3f p = lamps[i].centre_m + (at - lamps[i].centre_m) * ((z + 18.0F) / 43.0F);
+            behind = behind || (std::fabs(p.x) < 0.9F && 1.2F - p.y < 1.5F);
+          }
           CAPTURE(x);
           CAPTURE(height);
           CHECK(intensity(lamps[i], at) == (behind ? 0.0F : intensity(bare[i], at)));
           (behind ? hidden : seen) += 1;
         }
       }
-      CHECK(hidden > 40);
+      CHECK(hidden > 20);
       CHECK(seen > 400);
       CHECK(intensity(bare[i], {lamps[i].centre_m.x, 1.2F, 25.0F}) >
             0.0F);  // straight ahead nothing hides the own ones
     }
+    CHECK(certain_intensity_cd({}, lamps[0]) == certain_intensity_cd({}, bare[0]));
+    CHECK(certain_intensity_cd({}, lamps[0]) > 0.0F);
+    CHECK(mean_intensity_cd({}, lamps[0]) == mean_intensity_cd({}, bare[0]));
     for (std::uint32_t variant = 0; variant < 40; ++variant) {
       Activation drawn[2];
       REQUIRE(activate_lights({}, 3, variant, {lamps.data(), 2}, {}, {drawn, 2}).ok());
@@ -295,9 +310,10 @@ TEST_CASE("a following car lights the road beside the own car and nothing that t
     }
     own.high_beam = true;  // they dip it
     REQUIRE(place_following_car(own, 18.0F, ground, out) == 2);
-    CHECK(lamps[0].profile == (left_hand ? EmissionProfile::low_beam_left : EmissionProfile::low_beam));
+    CHECK(lamps[0].profile == (c.left_hand ? EmissionProfile::low_beam_left : EmissionProfile::low_beam));
     CHECK(place_following_car(own, 0.0F, ground, out) == 0);
     CHECK(place_following_car(own, 5.0F, ground, out) == 0);
+    CHECK(place_following_car(own, 201.0F, ground, out) == 0);
     CHECK(place_following_car(own, std::numeric_limits<float>::quiet_NaN(), ground, out) == 0);
     CHECK(place_following_car(own, 18.0F, ground, out.sub(0, 1)) == 0);
   }

@@ -208,6 +208,12 @@ TEST_CASE(
   mark(22, 16, 6, ReflectorClass::number_plate, 0.1F);  // guessed dark, as it lies in the shade: no back of a sign
   mark(42, 3, 1, ReflectorClass::number_plate, 0.6F);
   mark(48, 8, 12, ReflectorClass::sheeting, 0.5F);
+  for (int x = 0; x < 20; ++x) {  // the first one lies in a white frame that the mark reaches into
+    for (const int y : {10, 15}) albedo.view()(x, y) = {0.95F, 0.95F, 0.95F};
+  }
+  for (int y = 10; y < 16; ++y) {
+    for (const int x : {2, 17}) albedo.view()(x, y) = {0.95F, 0.95F, 0.95F};
+  }
   npsim_test::Image<Retroreflector> out(shape, Retroreflector{1, RetroKind::beads});
   npsim_test::Scratch scratch(find_retroreflectors_workspace_bytes(shape));
   SerialExecutor serial;

@@ -72,6 +72,11 @@ TEST_CASE("tool: a light set as CSV and a moon are in the night that they make")
   }
   CHECK(moons == 1);
   CHECK(followers == 2);
+  for (const char* distance : {"3", "201", "near"}) {
+    check_refused(run_tool("night '" + fixture().street + "' -o '" + fixture().out("none") +
+                           "' --quiet --following-car " + distance),
+                  "--following-car", fixture().out("none"));
+  }
   for (const char* moon : {"5", "0,0", "0,91", "a,5", "0,5x"}) {
     check_refused(
         run_tool("night '" + fixture().street + "' -o '" + fixture().out("none") + "' --quiet --moon=" + moon),

@@ -156,6 +156,28 @@ inline std::size_t resize_light_index(Image<std::uint16_t>& index, const std::ve
 
 }  // namespace detail
 
+namespace detail {
+
+// The class that most of the marked source pixels of a new pixel have, if they are a quarter of all: strips stay.
+[[nodiscard]] inline Image<ReflectorClass> resized_reflectors(const Image<ReflectorClass>& source, Shape to) {
+  constexpr float kLeast = 0.25F;
+  Image<ReflectorClass> out(to);
+  for (int y = 0; y < to.height; ++y) {
+    for (int x = 0; x < to.width; ++x) {
+      std::array<float, kReflectorNames.size()> share{};
+      for_covered(y, source.height(), to.height, [&](int sy, float wy) {
+        for_covered(x, source.width(), to.width,
+                    [&](int sx, float wx) { share[static_cast<std::size_t>(source(sx, sy))] += wx * wy; });
+      });
+      share[0] = kLeast - 1e-4F;  // none; weights are rounded
+      out(x, y) = static_cast<ReflectorClass>(std::max_element(share.begin(), share.end()) - share.begin());
+    }
+  }
+  return out;
+}
+
+}  // namespace detail
+
 [[nodiscard]] inline Expected<Scene> resized_scene(const Scene& scene, Shape to, const ReadLimits& limits = {}) {
   return guarded(scene.file, [&]() -> Expected<Scene> {
     const Expected<Shape> allowed = checked_shape(scene.file, to.width, to.height, sizeof(Vec3f), limits);
@@ -170,7 +192,7 @@ inline std::size_t resize_light_index(Image<std::uint16_t>& index, const std::ve
     if (!scene.instances.empty()) out.instances = resized_nearest(scene.instances, to);
     if (!scene.normals.empty()) out.normals = resized_nearest(scene.normals, to);
     if (!scene.albedo.empty()) out.albedo = resized_area(scene.albedo, to);
-    if (!scene.reflectors.empty()) out.reflectors = resized_nearest(scene.reflectors, to);
+    if (!scene.reflectors.empty()) out.reflectors = detail::resized_reflectors(scene.reflectors, to);
     if (!scene.roughness.empty()) out.roughness = resized_area(scene.roughness, to);
     out.notes.push_back("resized from " + size_text(from) + " to " + size_text(to));
     if (!scene.light_index.empty()) {

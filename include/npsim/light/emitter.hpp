@@ -198,13 +198,14 @@ struct Emitter {
   // Position + 1 of its LightMark; 0 = one that the photograph does not show: a lamp of the vehicle that carries the
   // camera, or a street lamp with a number of its own.
   std::uint16_t mark = 0;
-  std::uint16_t unseen = 0;  // of what the photograph does not show: 1, 2, ... street lamps, or a number below; else 0
+  std::uint16_t unseen = 0;  // of what the photograph does not show: 1, 2, ... street lamps, kMoonNumber, ...; else 0
   std::uint16_t group = 0;   // position + 1 of its group's LightMark; 0 = stands alone
   LightClass group_cls = LightClass::none;
   float mounting_height_m = 0;                // of a street lamp above the ground; 0 = unknown
   const LuminaireTable* luminaire = nullptr;  // of profile measured; the caller's
-  // Of a headlamp: what stands before it, as slopes to its right, from and to, and the slope above the horizontal below
-  // which it takes all light. Nothing, where from = to.
+  // Of a headlamp: what stands before it takes all light whose slope (tangent) to the lamp's right lies between the
+  // first two, and whose slope upwards lies below the third; the axis has the slope -kLowBeamAim in that measure. The
+  // first two alike: nothing stands there.
   float shade_from = 0;
   float shade_to = 0;
   float shade_below = 0;
@@ -232,6 +233,11 @@ inline constexpr float kLanternGlow = 0.01F;  // share of the peak that leaves i
 // Both low beams of the car that follows the one with the camera.
 inline constexpr std::uint16_t kFollowingCarNumber = 0xFFFE;
 [[nodiscard]] constexpr bool is_following_car(const Emitter& e) noexcept { return e.unseen == kFollowingCarNumber; }
+
+// Whether it is of a car that drives in every night: the own one, or the one that follows.
+[[nodiscard]] constexpr bool is_headlamp_that_shines(const Emitter& e) noexcept {
+  return is_own_headlamp(e) || is_following_car(e);
+}
 
 // `direction` is a unit vector that leaves the emitter. F: a batch of simd/batch.hpp. 0 for a NaN.
 template <class F>

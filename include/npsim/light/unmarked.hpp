@@ -75,13 +75,14 @@ struct EgoHeadlampParams {
   return kEgoHeadlampCount;
 }
 
-// The low beams of a car that follows `behind_m` behind the camera in the same lane, placed as the own ones are. What the
-// own car hides from them stays dark: a box 1.8 m wide and 1.5 m high, from 3 m behind the camera to the own headlamps.
+// The low beams of a car that follows `behind_m` behind the camera in the same lane, placed as the own ones are. What
+// the own car hides from them stays dark: a box 1.8 m wide and 1.5 m high, from 3 m behind the camera to its headlamps.
 // They have the number kFollowingCarNumber, and shine in every night.
 
 inline constexpr float kNearestFollower_m = 6.0F;
+inline constexpr float kFarthestFollower_m = 200.0F;
 
-// As place_ego_headlamps(); 0 too where behind_m is 0.
+// As place_ego_headlamps(); 0 too where behind_m is 0 or out of range.
 [[nodiscard]] inline std::size_t place_following_car(const EgoHeadlampParams& own, float behind_m,
                                                      const GroundPlane& ground, Span<Emitter> out) noexcept {
   constexpr float kHalfWidth_m = 0.9F;
@@ -90,13 +91,17 @@ inline constexpr float kNearestFollower_m = 6.0F;
   EgoHeadlampParams p = own;
   p.ahead_m = -behind_m;
   p.high_beam = false;
-  if (!(behind_m >= kNearestFollower_m) || place_ego_headlamps(p, ground, out) == 0) return 0;
+  const bool there = behind_m >= kNearestFollower_m && behind_m <= kFarthestFollower_m && own.ahead_m > -kRear_m;
+  if (!there || place_ego_headlamps(p, ground, out) == 0) return 0;
   const float to_rear_m = behind_m - kRear_m;
+  const float to_front_m = behind_m + own.ahead_m;
+  // The wider of the angles at which the box's rear and its front are seen.
+  const auto steepest = [&](float across_m) { return max_of(across_m / to_rear_m, across_m / to_front_m); };
   for (std::size_t i = 0; i < kEgoHeadlampCount; ++i) {
     const float side_m = i == 0 ? -p.lateral_m : p.lateral_m;
-    out[i].shade_from = (-kHalfWidth_m - side_m) / to_rear_m;
-    out[i].shade_to = (kHalfWidth_m - side_m) / to_rear_m;
-    out[i].shade_below = (kHeight_m - p.height_m) / to_rear_m;
+    out[i].shade_from = -steepest(kHalfWidth_m + side_m);
+    out[i].shade_to = steepest(kHalfWidth_m - side_m);
+    out[i].shade_below = steepest(kHeight_m - p.height_m) + p.aim - kLowBeamAim;
     out[i].unseen = kFollowingCarNumber;
   }
   return kEgoHeadlampCount;

@@ -13,8 +13,8 @@
 // colours and its black print, and nothing needs to be told apart by colour.
 //
 //   sheeting  R_A = strength albedo c^3 / sqrt(1 + (o / .283 deg)^4), c = cosine of entrance, o = observation. Class
-//             RA2 at .2, .33, 2 degrees: 1, .72, .02 of the first, here 1, .65, .022; entrance 5, 30, 40 degrees: 1, .60,
-//             .44, here 1, .66, .45.
+//             RA2 at .2, .33, 2 degrees: 1, .72, .02 of the first, here 1, .65, .022; entrance 5, 30, 40 degrees: 1,
+//             .60, .44, here 1, .66, .45.
 //   beads     R_L = strength albedo g(ci) g(co) / (1 + (o / 3 deg)^2), glass beads in paint; the width is [default]
 //   grain     the same with 15 degrees: stones show lamp and eye the side that faces both [default]. Oren and Nayar
 //             (SIGGRAPH 1994) find the same at a roughness of 35 degrees, twice Lambert's light at 5 m.
@@ -76,7 +76,7 @@ inline constexpr float kDegree = 0.017453293F;
 inline constexpr float kWhitePaint = 0.5F;    // albedo of the paint that R_L is given for [default]
 inline constexpr float kAsphalt = 0.1F;       // and of the asphalt; class_priors.hpp
 inline constexpr float kLeastWhite = 0.27F;   // luminance factor that EN 12899-1 asks of white sheeting, class RA2
-inline constexpr float kLeastMarked = 0.05F;  // what is marked is known to be sheeting, though it hangs in the shade
+inline constexpr float kLeastMarked = 0.05F;  // white of marked sheeting may be guessed as dark, in the shade
 inline constexpr float kGrazing = 0.003F;
 inline constexpr float kBeadsWidth = 3.0F * kDegree;
 inline constexpr float kGrainWidth = 15.0F * kDegree;
@@ -220,7 +220,7 @@ void find_ground(const RetroreflectionParams& p, float wetness, ImageView<const 
 }
 
 // Makes sheeting of every piece of the pixels for which is_member(x, y), white of which has the R_A `white_cd_lx_m2`.
-// `marked`: no piece is a back, and white may lie in the dark.
+// `marked`: no piece is a back, and its white counts as white down to kLeastMarked; below, R_A falls with it.
 template <class IsMember>
 [[nodiscard]] Status find_sheeting(float white_cd_lx_m2, bool marked, const IsMember& is_member,
                                    ImageView<const Vec3f> albedo, ImageView<Retroreflector> out,

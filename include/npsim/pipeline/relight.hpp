@@ -103,7 +103,8 @@ struct RelightParams {
   NPSIM_RETURN_IF_ERROR(validate(p.veils));
   NPSIM_RETURN_IF_ERROR(validate(p.flat));
   NPSIM_RETURN_IF_ERROR(validate(p.ego));
-  if (!(p.following_car_m == 0.0F || (p.following_car_m >= kNearestFollower_m && p.following_car_m <= 200.0F))) {
+  if (!(p.following_car_m == 0.0F ||
+        (p.following_car_m >= kNearestFollower_m && p.following_car_m <= kFarthestFollower_m))) {
     return {StatusCode::invalid_argument, "relight: a car follows 6 to 200 m behind the camera; 0: none does"};
   }
   if (p.bounces < 1 || p.bounces > 16) return {StatusCode::invalid_argument, "relight: bounces in 1..16"};

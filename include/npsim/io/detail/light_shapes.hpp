@@ -6,8 +6,8 @@
 // Coordinates count from the image's upper left corner, so pixel (0, 0) reaches from 0 to 1, and need not be whole. A
 // pixel belongs to the last shape that holds its centre (even-odd rule), to a group only where no source holds it; a
 // shape between centres gets the pixel of its middle. Where `id` is left out it is the position in the list, from 1, or
-// a number that no entry has, if that is taken. Shapes of one id and class are pieces of one object. `group` and `state`
-// are those of the other formats.
+// a number that no entry has, if that is taken. Shapes of one id and class are pieces of one object, each of which may
+// say its group and state. `group` and `state` are those of the other formats.
 #ifndef NPSIM_IO_DETAIL_LIGHT_SHAPES_HPP
 #define NPSIM_IO_DETAIL_LIGHT_SHAPES_HPP
 
@@ -143,6 +143,16 @@ inline Expected<LightShapes> light_shapes(const std::string& path, const Json& j
       places.push_back(static_cast<std::int64_t>(i) + 1);
     }
     if (position == out.entries.size()) out.entries.push_back(entry.value());
+    LightEntry& whole = out.entries[position];
+    const LightEntry& piece = entry.value();
+    const bool groups = piece.group != LightEntry::kNoGroup && piece.group != whole.group;
+    const bool states = piece.state != SignalState::unknown && piece.state != whole.state;
+    if ((groups && whole.group != LightEntry::kNoGroup) || (states && whole.state != SignalState::unknown)) {
+      return Error{path, o.field(groups ? "group" : "state"),
+                   "differs from that of another piece of the object, expected the same"};
+    }
+    if (groups) whole.group = piece.group;
+    if (states) whole.state = piece.state;
     out.pieces.push_back({position, std::move(corners.value())});
   }
   auto free = static_cast<std::int64_t>(list.value()->size());

@@ -3,7 +3,8 @@
 //
 //   shapes               {"reflectors": [{"class": "number_plate", "rectangle": [x0, y0, x1, y1]},
 //                                        {"class": "vest", "polygon": [[x, y], [x, y], [x, y]]}]}
-//   cityscapes_polygons  *_gtFine_polygons.json, of which the objects "license plate" count; label images leave them out
+//   cityscapes_polygons  *_gtFine_polygons.json: what is left of its objects "license plate", which label images leave
+//                        out, when later objects are drawn over earlier ones
 //   ids                  a PNG of one channel: 0 none, 1 number_plate, 2 vest, 3 sheeting
 // Coordinates and pixels of a shape: as in light_shapes.hpp.
 #ifndef NPSIM_IO_DETAIL_REFLECTORS_HPP
@@ -39,10 +40,11 @@ inline Expected<ReflectorClass> reflector_class(const JsonObject& shape) {
                "is '" + name.value() + "', expected number_plate, vest or sheeting"};
 }
 
-// Draws every object of the list `key` for which class_of(object) is not none.
-template <class ClassOf>
+// Draws the objects of the list `key` one over the other, each as class_of(object); those without shape are left out
+// where counts(object) says so.
+template <class Counts, class ClassOf>
 Expected<Image<ReflectorClass>> draw_reflectors(const JsonObject& root, const char* key, Shape shape,
-                                                const ClassOf& class_of) {
+                                                const Counts& counts, const ClassOf& class_of) {
   const Expected<const Json*> list = root.list(key);
   if (!list) return list.error();
   Image<ReflectorClass> out(shape);
@@ -50,9 +52,9 @@ Expected<Image<ReflectorClass>> draw_reflectors(const JsonObject& root, const ch
     const auto object =
         JsonObject::of(root.file(), std::string(key) + "[" + std::to_string(i) + "]", (*list.value())[i]);
     if (!object) return object.error();
+    if (!counts(object.value())) continue;
     const Expected<ReflectorClass> cls = class_of(object.value());
     if (!cls) return cls.error();
-    if (cls.value() == ReflectorClass::none) continue;
     const Expected<std::vector<ShapePoint>> corners = shape_corners(object.value());
     if (!corners) return corners.error();
     draw_shape(corners.value(), cls.value(), out.view());
@@ -66,7 +68,8 @@ inline Expected<Image<ReflectorClass>> read_reflector_shapes(const std::string& 
   if (!json) return json.error();
   const Expected<JsonObject> root = JsonObject::of(path, "", json.value());
   if (!root) return root.error();
-  return draw_reflectors(root.value(), "reflectors", shape, [](const JsonObject& o) -> Expected<ReflectorClass> {
+  const auto all = [](const JsonObject&) { return true; };
+  return draw_reflectors(root.value(), "reflectors", shape, all, [](const JsonObject& o) -> Expected<ReflectorClass> {
     if (const Outcome known = o.allow_only({"class", "rectangle", "polygon"}); !known) return known.error();
     return reflector_class(o);
   });
@@ -84,7 +87,12 @@ inline Expected<Image<ReflectorClass>> read_cityscapes_plates(const std::string&
     if (given.value() == size) continue;
     return Error{path, key, "is " + std::to_string(given.value()) + ", expected the image's " + std::to_string(size)};
   }
-  return draw_reflectors(root.value(), "objects", shape, [](const JsonObject& o) -> Expected<ReflectorClass> {
+  // Objects that were deleted, and lines and points, are drawn nowhere.
+  const auto counts = [](const JsonObject& o) {
+    const bool deleted = o.has("deleted") && o.value()["deleted"] != Json(false) && o.value()["deleted"] != Json(0);
+    return !deleted && !(o.has("polygon") && o.value()["polygon"].is_array() && o.value()["polygon"].size() < 3);
+  };
+  return draw_reflectors(root.value(), "objects", shape, counts, [](const JsonObject& o) -> Expected<ReflectorClass> {
     const Expected<std::string> label = o.text("label");
     if (!label) return label.error();
     return label.value() == "license plate" ? ReflectorClass::number_plate : ReflectorClass::none;

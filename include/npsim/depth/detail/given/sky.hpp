@@ -14,10 +14,12 @@
 // A deep blue sky, or a dark one of clouds, is not the brightest. What the sensor looked at without an answer, below
 // its topmost rows nearby, tells: where less than a tenth of that is in the bright class, or there is none, the classes
 // are of how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one, and
-// blue, or at least half as bright as the mean of the measured surfaces (not asked of dense maps and of stereo) and .4
-// times as bright as the bright class: far trees do not answer either. Panes leave a sensor without an answer too; so
-// where the median of all that is blue tells itself apart in the same way, and holds more than four times as much of
-// the upper edge as the bright class, that is the sky. Where no way tells them apart, all above is sky.
+// blue, or at least half as bright as the mean of the measured surfaces (not asked of dense maps and of stereo) and .3
+// times as bright as the bright class: far trees do not answer either. Panes leave a sensor without an answer too,
+// so a deep blue is asked for as well: the median of the pixels that are blue, where these cover 5 % of the picture.
+// What is alike to it is the sky where it is told from the rest in the same way, is smoother than the bright class,
+// which is rough, and holds more than ten times as much of the upper edge: clouds, and gaps between blue fronts,
+// are even, and white fronts in the sun are not. Where no way tells them apart, all above is sky.
 // A dense depth map, such as a network's, has nothing above: its sky is far. Of what lies beyond kFarSky_m the picture
 // decides in the same way, with all of it where even its darker class is much brighter than what is near. Sky is what
 // looks so and is connected to the upper edge, and what looks so elsewhere and is as far. Where nothing is told apart
@@ -96,7 +98,8 @@ struct SkyLook {
   }
 };
 
-// Mean step of luma to the next pixel, among those above all measurements that look alike or not.
+// Mean step of luma to the next pixel, among those above all measurements that both look alike, or both not: a narrow
+// gap between fronts is as smooth as a wide one.
 [[nodiscard]] inline double mean_step(const SkyLook& look, bool like, ImageView<const Rgb8> image,
                                       ImageView<const std::uint8_t> surface) noexcept {
   double sum = 0;
@@ -104,6 +107,7 @@ struct SkyLook {
   for (int y = 0; y < image.height(); ++y) {
     for (int x = 0; x + 1 < image.width(); ++x) {
       if (surface(x, y) == kSurface || look.of(image(x, y)) != like) continue;
+      if (surface(x + 1, y) == kSurface || look.of(image(x + 1, y)) != like) continue;
       const int step = luma(image(x + 1, y)) - luma(image(x, y));
       sum += step < 0 ? -step : step;
       count += 1;
@@ -170,8 +174,9 @@ struct ColourHistogram {
   constexpr double kUnansweredShare = 0.9;    // of these: the rest may be surfaces out of reach
   constexpr double kMuchBrighter = 1.5;
   constexpr double kLeastBlue = 0.05;  // of the picture
-  constexpr int kMuchMore = 4;         // of the upper edge
-  constexpr double kDarkest = 0.4;     // codes of clouds to those of the bright class
+  constexpr int kMuchMore = 10;        // of the upper edge
+  constexpr double kRough = 4.0;       // codes from pixel to pixel: no sky is
+  constexpr double kDarkest = 0.3;     // codes of clouds to those of the bright class
   const FieldOfView field(surface);
   ByteHistogram above{}, unanswered{};
   ColourHistogram unanswered_colour, blue;
@@ -203,8 +208,10 @@ struct ColourHistogram {
   if (blue.count >= kLeastBlue * pixels) {
     SkyLook deep = look_alike(blue.median(), image, surface);
     deep.all = bright.all;
-    const int bright_edge = count_at_edge(bright, image, surface);
-    if (deep.known && kMuchMore * bright_edge < count_at_edge(deep, image, surface)) return deep;
+    const bool most = kMuchMore * count_at_edge(bright, image, surface) < count_at_edge(deep, image, surface);
+    const double rough = mean_step(bright, true, image, surface);
+    const bool smooth = !bright.known || (rough > kRough && mean_step(deep, true, image, surface) < rough);
+    if (deep.known && most && smooth) return deep;
   }
   const bool looked = unanswered_colour.count >= kLeastUnanswered * pixels;
   if (!looked || (bright.known && quantile_of(unanswered, kUnansweredShare) >= bright.level)) return bright;
