@@ -174,6 +174,25 @@ TEST_CASE(
   for (int y = 50; y < 100; ++y) CHECK(s.surface(50, y) == doctest::Approx(kPole_m).epsilon(0.03));
 }
 
+TEST_CASE("street furniture: a large sign half of which has another depth is one plate, without stripes of both") {
+  for (const int rows : {33, 34, 35, 36, 37}) {
+    Street s;
+    for (int y = 20; y < 90; ++y) {
+      for (int x = 30; x < 126; ++x) {
+        s.labels(x, y) = label::traffic_sign;
+        s.plane_of(x, y) = 0;
+        s.depth(x, y) = y < 20 + rows ? 29.0F : 34.0F;
+      }
+    }
+    SerialExecutor serial;
+    StreetFurnitureParams params;
+    params.reach_m = 6.0F;  // all of it from every row
+    REQUIRE(s.run(serial, params).ok());
+    CAPTURE(rows);
+    for (int y = 20; y < 90; ++y) CHECK(s.surface(60, y) == s.surface(60, 20));
+  }
+}
+
 TEST_CASE("street furniture: a large sign that is turned away keeps its plane") {
   Street s;
   s.plane.normal = normalized(Vec3f{-0.866F, 0, -0.5F});

@@ -270,16 +270,14 @@ TEST_CASE(
   }
 }
 
-TEST_CASE(
-    "vehicles of stereo and laser are matt where their normals and roughness are guessed, those of exact depth not") {
+TEST_CASE("vehicles are matt where their normals and roughness are guessed, but for those of exact depth") {
   struct Case {
     DepthSource source;
     bool normals, roughness, changes;
   };
-  const Case cases[] = {{DepthSource::stereo, false, false, true},
-                        {DepthSource::lidar, false, false, true},
-                        {DepthSource::stereo, true, false, false},
-                        {DepthSource::stereo, false, true, false},
+  const Case cases[] = {{DepthSource::stereo, false, false, true},  {DepthSource::lidar, false, false, true},
+                        {DepthSource::network, false, false, true}, {DepthSource::network, true, false, false},
+                        {DepthSource::stereo, true, false, false},  {DepthSource::stereo, false, true, false},
                         {DepthSource::exact, false, false, false}};
   for (const Case& c : cases) {
     CAPTURE(kDepthSourceNames[static_cast<std::size_t>(c.source)]);
@@ -292,7 +290,7 @@ TEST_CASE(
     if (c.roughness) view.roughness = street.roughness.view();
     NightParams params = default_night_params();
     const Sink matt = npsim::testing::night_of<Sink>(view, params);
-    params.relight.material.matt_if_measured = {};
+    params.relight.material.matt_if_guessed = {};
     const Sink glossy = npsim::testing::night_of<Sink>(view, params);
     int changed = 0;
     for (int y = 0; y < 90; ++y) {

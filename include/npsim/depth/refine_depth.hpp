@@ -375,6 +375,9 @@ template <class Executor>
                                         out.normals, out.mesh_depth, executor));
   NPSIM_RETURN_IF_ERROR(
       stand_poles(params.masts, depth, scene.labels, scene.camera, out.ground, out.mesh_depth, workspace));
+  if (!out.trust.bounded) {
+    NPSIM_RETURN_IF_ERROR(stand_before(params.stand_before, scene.labels, out.mesh_depth, workspace));
+  }
   return shape_cars(params.cars, depth, objects, out.noise, scene.camera, out.ground, out.normals, out.mesh_depth,
                     workspace, executor);
 }

@@ -31,6 +31,7 @@
 #include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/depth/detail/planes/planar_segments.hpp"
 #include "npsim/depth/detail/things/car_bodies.hpp"
+#include "npsim/depth/detail/things/stand_before.hpp"
 #include "npsim/depth/detail/things/standing_poles.hpp"
 #include "npsim/depth/detail/things/street_furniture.hpp"
 #include "npsim/depth/fill.hpp"
@@ -115,6 +116,7 @@ struct RefineDepthParams {
   CarBodiesParams cars;             // of all depth that is not exact, without given normals
   StreetFurnitureParams furniture;  // likewise
   StandingPolesParams masts;        // likewise
+  StandBeforeParams stand_before;   // of estimated depth without normals
   GroundContactParams contact;
   bool guess_ground = true;  // without labels
   // The caller's memory for the losses before each step of the refinement and at its end (figure 4.4), at most
@@ -148,6 +150,7 @@ struct RefineDepthParams {
     params.cars.enabled = false;
     params.furniture.enabled = false;
     params.masts.enabled = false;
+    params.stand_before.enabled = false;
     params.contact.most_share = 0;
     params.guess_ground = false;
     return params;
@@ -275,6 +278,7 @@ namespace refine_detail {
   NPSIM_RETURN_IF_ERROR(validate(params.cars));
   NPSIM_RETURN_IF_ERROR(validate(params.furniture));
   NPSIM_RETURN_IF_ERROR(validate(params.masts));
+  NPSIM_RETURN_IF_ERROR(validate(params.stand_before));
   NPSIM_RETURN_IF_ERROR(validate(params.contact));
   NPSIM_RETURN_IF_ERROR(validate(params.own_normals_loss));
   return validate(params.refine);
@@ -310,7 +314,7 @@ namespace refine_detail {
       guiding_normals_workspace_bytes(params.normals, shape),
       refine_workspace_bytes(params.refine, shape) + allocation_bytes<std::uint8_t>(pixels),
       kerb_faces_workspace_bytes(shape), ground_mismatches_workspace_bytes(shape),
-      smooth_surfaces_workspace_bytes(shape), stand_poles_workspace_bytes(shape),
+      smooth_surfaces_workspace_bytes(shape), stand_poles_workspace_bytes(shape), stand_before_workspace_bytes(shape),
       shape_cars_workspace_bytes(params.cars, shape));
   return 3 * allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
          allocation_bytes<Vec3f>(pixels) + planar_map_bytes(params.planes, shape) + steps + kWorkspaceAlignment;

@@ -7,8 +7,9 @@
 //   depth, constant      95 % of it within 1 % of its median
 //   depth, turned        its edges agree with the picture's better after turning or mirroring it: mean change of
 //                        brightness across the tenth of neighbouring cells (of 96 x 54) where depth changes most,
-//                        at least 1.1 times as high. On the real and generated scenes at hand the true way is ahead of
-//                        the next by 1.14 to 2.1.
+//                        at least 1.1 times as high, mirrored left to right 1.3 times, as both sides of a street are
+//                        alike. On the real and generated scenes at hand the true way is ahead of turned ones by up to
+//                        5.6, and of the mirrored one by .82 (blurred depth of a network) to 2.2.
 //   indoors              measured depth ends below 12 m and nothing is labelled as sky, road, or pavement
 //   no labels            every cast shadow and every outline then follows from depth and colour alone
 // Cost: a pass over picture and depth. Memory: a number per pixel.
@@ -148,7 +149,10 @@ struct DoubtCells {
     const double mirrored = cells.agreement(true, false);
     const double upside_down = cells.agreement(false, true);
     const double turned = cells.agreement(true, true);
-    if (std::max({mirrored, upside_down, turned}) > 1.1 * given && given > 0) {
+    // Both sides of a street are alike: blurred depth of a network fits up to 1.22 times as well mirrored.
+    constexpr double kBetterMirrored = 1.3;
+    constexpr double kBetterTurned = 1.1;
+    if (given > 0 && (mirrored > kBetterMirrored * given || std::max(upside_down, turned) > kBetterTurned * given)) {
       say(mirrored >= upside_down && mirrored >= turned
               ? "the depth fits the picture better mirrored left to right: turn one of the two files"
           : upside_down >= turned

@@ -44,9 +44,10 @@ struct MaterialParams {
   AlbedoParams albedo;
   WetFilmParams film;
   RetroreflectionParams retroreflection;
-  // Without gloss where normals come from measured depth. Clear coat mirrors a lamp within some degrees, which such
-  // normals do not resolve, and the noise's mean over a car's back would glare like chrome in the own headlamps.
-  LabelSet matt_if_measured = kVehicleLabels;
+  // Without gloss where neither roughness nor normals are given and depth is not exact. Clear coat mirrors a lamp within
+  // some degrees, which normals of a sensor's or a network's depth do not resolve, and a car's back or flank would glare
+  // like chrome in the headlamps.
+  LabelSet matt_if_guessed = kVehicleLabels;
 };
 
 struct SurfaceAttributes {
@@ -122,7 +123,8 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
     }
   }
   if (scene.roughness.empty()) {
-    const LabelSet matt = is_noisy(refined.source) && scene.normals.empty() ? params.matt_if_measured : LabelSet{};
+    const bool guessed = scene.normals.empty() && refined.source != DepthSource::exact;
+    const LabelSet matt = guessed ? params.matt_if_guessed : LabelSet{};
     NPSIM_RETURN_IF_ERROR(estimate_roughness(refined.labels, matt, alpha, executor));
   } else {
     for (int y = 0; y < shape.height; ++y) {

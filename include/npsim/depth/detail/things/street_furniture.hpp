@@ -80,30 +80,38 @@ struct Run {
   return {count(-1), count(1)};
 }
 
-// Median inverse depth of the pole's pixels on the lines across it within `reach` of (x, y), to the first line without
-// any: what is of its class beyond a gap may be another thing; 0 where there is none.
+// Median inverse depth of the thing's pixels on the lines across it within `reach` of (x, y), to the first line without
+// any: what is of its class beyond a gap may be another thing; 0 where there is none. Of a large one every second,
+// fourth, ... row and column of the picture counts, whatever (x, y): lines that reach as far have the same samples, or
+// a median between two depths would make stripes of a plate.
 [[nodiscard]] inline float typical_w(ImageView<const float> depth, const ObjectMap& objects, int x, int y, bool stands,
                                      const Run& across, int reach) noexcept {
   std::array<float, kMaxSamples> w;
   std::size_t n = 0;
-  const auto pixels = static_cast<std::size_t>(across.length()) * static_cast<std::size_t>(2 * reach + 1);
   int step = 1;
-  while (pixels > kMaxSamples * static_cast<std::size_t>(step) * static_cast<std::size_t>(step)) ++step;
-  const auto take_line = [&](int along) {
+  const auto most = [&](int length) { return static_cast<std::size_t>(length / step + 1); };
+  while (step < kLongest_px && most(across.length()) * most(2 * reach + 1) > kMaxSamples) step *= 2;
+  const int middle = stands ? y : x;
+  const int first = (stands ? x : y) - across.before;
+  const int last = (stands ? x : y) + across.after;
+  const auto take_line = [&](int line, int begin, int by) {
     bool any = false;
-    for (int side = -(across.before / step) * step; side <= across.after; side += step) {
-      const int u = stands ? x + side : x + along;
-      const int v = stands ? y + along : y + side;
+    for (int i = begin; i <= last; i += by) {
+      const int u = stands ? i : line;
+      const int v = stands ? line : i;
       if (!depth.contains(u, v) || !objects.same(x, y, u, v)) continue;
       any = true;
       if (n < kMaxSamples && is_valid_depth(depth(u, v))) w[n++] = 1.0F / depth(u, v);
     }
     return any;
   };
-  for (int along = 0; along >= -reach && take_line(along); along -= step) {
+  const int begin = (first + step - 1) / step * step;
+  const int nearest = middle / step * step;
+  for (int line = nearest; line >= middle - reach && take_line(line, begin, step); line -= step) {
   }
-  for (int along = step; along <= reach && take_line(along); along += step) {
+  for (int line = nearest + step; line <= middle + reach && take_line(line, begin, step); line += step) {
   }
+  if (n == 0) take_line(middle, first, 1 + across.length() / static_cast<int>(kMaxSamples));  // between two of them
   if (n == 0) return 0.0F;
   select_nth(w.data(), w.data() + n / 2, w.data() + n);
   return w[n / 2];
