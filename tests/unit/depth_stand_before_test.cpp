@@ -44,20 +44,55 @@ struct Front {
 
 }  // namespace
 
-TEST_CASE(
-    "stand before: a sign on its pole that has the depth of the house, or lies behind it, comes before it whole") {
+TEST_CASE("stand before: signs and poles that have the depth of the house, or lie behind it, come before it whole") {
   Front f;
   f.put(10, 20, 20, 30, label::traffic_sign, 40.0F);
   f.put(14, 30, 16, 60, label::pole, 42.0F);
   f.put(50, 20, 60, 30, label::traffic_sign, 39.6F);  // nearer, but by less than a wall's noise
+  f.put(70, 5, 72, 60, label::pole, 41.0F);           // a tenth of it before the sky
   REQUIRE(f.run().ok());
-  // Three quarters of the outline: 40 px of the sign have a ratio of 1, 60 of the pole .952.
-  const float scale = 0.97F * 40.0F / 42.0F;
-  CHECK(f.depth(12, 25) == doctest::Approx(40.0F * scale));
-  CHECK(f.depth(14, 50) == doctest::Approx(42.0F * scale));
+  CHECK(f.depth(12, 25) == doctest::Approx(38.8));
   CHECK(f.depth(14, 50) == doctest::Approx(38.8));
   CHECK(f.depth(55, 25) == doctest::Approx(38.8));
+  CHECK(f.depth(70, 8) == doctest::Approx(38.8));
   CHECK(f.depth(30, 25) == 40.0F);
+  f.put(22, 32, 46, 58, label::vegetation, 30.0F);
+  f.put(30, 40, 36, 46, label::traffic_sign, 30.0F);
+  REQUIRE(f.run().ok());
+  CHECK(f.depth(32, 42) == doctest::Approx(29.1));
+  // Of a wall that is nearer at one side, three quarters of the outline decide.
+  Front slanted;
+  for (int y = 10; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) slanted.depth(x, y) = x < 30 ? 39.0F : 40.0F;
+  }
+  slanted.put(30, 20, 40, 30, label::traffic_sign, 40.0F);  // 10 of 40 px of the outline are before the nearer part
+  REQUIRE(slanted.run().ok());
+  CHECK(slanted.depth(35, 25) == doctest::Approx(38.8));
+  slanted.put(30, 20, 40, 32, label::traffic_sign, 40.0F);
+  slanted.put(28, 20, 30, 32, label::traffic_sign, 40.0F);  // now 16 of 48
+  REQUIRE(slanted.run().ok());
+  CHECK(slanted.depth(35, 25) == doctest::Approx(0.97 * 39.0));
+}
+
+TEST_CASE("stand before: what stands in front of a thing, and another thing beside it in the picture, move nothing") {
+  Front f;
+  f.put(10, 5, 14, 60, label::pole, 40.0F);
+  f.put(0, 0, 80, 10, label::sky, 0.0F);
+  f.put(10, 2, 14, 60, label::pole, 40.0F);
+  for (int y = 10; y < 60; ++y) {  // the house is far behind the pole, a hedge before it to the left
+    for (int x = 0; x < 80; ++x) {
+      if (f.labels(x, y) == label::building) f.depth(x, y) = 60.0F;
+    }
+  }
+  f.put(4, 12, 10, 60, label::vegetation, 32.0F);
+  f.put(14, 20, 24, 30, label::traffic_sign, 59.5F);  // far behind the pole, on the house
+  f.put(40, 10, 44, 60, label::pole, 40.0F);          // one pixel of a hedge at its foot
+  f.put(44, 59, 45, 60, label::vegetation, 39.0F);
+  REQUIRE(f.run().ok());
+  CHECK(f.depth(12, 30) == 40.0F);
+  CHECK(f.depth(12, 50) == 40.0F);
+  CHECK(f.depth(42, 50) == 40.0F);
+  CHECK(f.depth(20, 25) == doctest::Approx(0.97 * 60.0));
 }
 
 TEST_CASE(
@@ -92,9 +127,12 @@ TEST_CASE("stand before: switched off or without labels nothing changes; bad inp
   npsim_test::Scratch scratch(stand_before_workspace_bytes(kShape));
   REQUIRE(stand_before({}, ImageView<const Label>(), f.depth.view(), scratch.workspace()).ok());
   CHECK(f.depth(12, 25) == 40.0F);
-  for (const float before : {-0.1F, 0.6F, std::numeric_limits<float>::quiet_NaN()}) {
+  for (const float share : {-0.1F, 0.6F, std::numeric_limits<float>::quiet_NaN()}) {
     StandBeforeParams bad;
-    bad.before = before;
+    bad.before = share;
+    CHECK(f.run(bad).code() == StatusCode::invalid_argument);
+    bad = {};
+    bad.hidden = share;
     CHECK(f.run(bad).code() == StatusCode::invalid_argument);
   }
   Image<Label> narrow({79, 60}, label::pole);

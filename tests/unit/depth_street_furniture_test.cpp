@@ -193,6 +193,19 @@ TEST_CASE("street furniture: a large sign half of which has another depth is one
   }
 }
 
+TEST_CASE("street furniture: a beam one pixel high and as wide as the picture loses its noise, in any row") {
+  for (const int row : {50, 51, 52, 53}) {
+    Street s;
+    s.put(2, row, 158, row + 1, label::pole);
+    SerialExecutor serial;
+    StreetFurnitureParams params;
+    params.reach_m = 30.0F;  // so far that every second column counts
+    REQUIRE(s.run(serial, params).ok());
+    CAPTURE(row);
+    for (int x = 30; x < 80; ++x) CHECK(std::fabs(s.surface(x, row) - s.surface(30, row)) < 0.1F);
+  }
+}
+
 TEST_CASE("street furniture: a large sign that is turned away keeps its plane") {
   Street s;
   s.plane.normal = normalized(Vec3f{-0.866F, 0, -0.5F});

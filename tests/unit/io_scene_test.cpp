@@ -347,7 +347,7 @@ TEST_CASE("scene: reflectors as shapes and as the number plates of Cityscapes po
   CHECK(any_note(shapes.value(), "reflectors: 17 pixels"));            // 5 x 2 and 5 x 2, three of them in both
   const std::string objects = R"("objects": [{"label": "car", "polygon": [[0, 0], [20, 0], [20, 20]]},
       {"label": "license plate", "polygon": [[10, 10], [14, 10], [14, 12], [10, 12]]},
-      {"label": "license plate", "polygon": [[1, 1], [2, 2]]},
+      {"label": "license plate", "polygon": [[1, 1], [2, 2]]}, {"label": "tree", "deleted": null},
       {"label": "license plate", "deleted": 1, "polygon": [[20, 1], [24, 1], [24, 5]]},
       {"label": "person", "deleted": 0, "polygon": [[13, 0], [16, 0], [16, 20], [13, 20]]}]})";
   const auto plates = with("cityscapes_polygons", R"({"imgHeight": 24, "imgWidth": 32, )" + objects);

@@ -152,8 +152,9 @@ struct DoubtCells {
     // Both sides of a street are alike: blurred depth of a network fits up to 1.22 times as well mirrored.
     constexpr double kBetterMirrored = 1.3;
     constexpr double kBetterTurned = 1.1;
-    if (given > 0 && (mirrored > kBetterMirrored * given || std::max(upside_down, turned) > kBetterTurned * given)) {
-      say(mirrored >= upside_down && mirrored >= turned
+    const bool by_mirror = mirrored > kBetterMirrored * given;
+    if (given > 0 && (by_mirror || std::max(upside_down, turned) > kBetterTurned * given)) {
+      say(by_mirror && mirrored >= upside_down && mirrored >= turned
               ? "the depth fits the picture better mirrored left to right: turn one of the two files"
           : upside_down >= turned
               ? "the depth fits the picture better upside down: turn one of the two files"

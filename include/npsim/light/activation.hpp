@@ -260,7 +260,7 @@ inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::ui
   if (is_moon(e)) return peak_intensity_cd(e, moon_luminance_cd_m2(p));
   const LightClassModel model = light_class_model(e.cls, e.profile);
   const bool always =
-      model.xy_count > 0 && (is_headlamp_that_shines(e) || (is_street_lamp(e.cls) && model.p_low >= 1.0F));
+      model.xy_count > 0 && (is_headlamp_always_on(e) || (is_street_lamp(e.cls) && model.p_low >= 1.0F));
   if (!always) return 0.0F;
   float strength = model.strength_low;
   if (is_street_lamp(e.cls)) strength *= light_detail::height_factor(e.mounting_height_m);
@@ -277,7 +277,7 @@ inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::ui
   if (model.xy_count == 0) return 0.0F;
   float strength = light_detail::draw_strength(model.strength_low, model.strength_high, 0.5F);
   if (is_street_lamp(e.cls)) strength *= light_detail::height_factor(e.mounting_height_m);
-  const float lit = is_headlamp_that_shines(e) ? 1.0F : 0.5F * (model.p_low + model.p_high);
+  const float lit = is_headlamp_always_on(e) ? 1.0F : 0.5F * (model.p_low + model.p_high);
   return lit * peak_intensity_cd(e, strength);
 }
 
@@ -334,7 +334,7 @@ inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::ui
       p_low = p.bicycle_parked_p[0];
       p_high = p.bicycle_parked_p[1];
     }
-    const float probability = is_headlamp_that_shines(e) ? 1.0F : p_low + (p_high - p_low) * u_p;
+    const float probability = is_headlamp_always_on(e) ? 1.0F : p_low + (p_high - p_low) * u_p;
     bool lit = u_lit < probability;
 
     float strength = light_detail::draw_strength(model.strength_low, model.strength_high, u_strength);

@@ -196,7 +196,7 @@ struct Emitter {
   LightClass cls = LightClass::none;
   SignalState state = SignalState::unknown;
   // Position + 1 of its LightMark; 0 = one that the photograph does not show: a lamp of the vehicle that carries the
-  // camera, or a street lamp with a number of its own.
+  // camera, or one with a number of its own (unseen).
   std::uint16_t mark = 0;
   std::uint16_t unseen = 0;  // of what the photograph does not show: 1, 2, ... street lamps, kMoonNumber, ...; else 0
   std::uint16_t group = 0;   // position + 1 of its group's LightMark; 0 = stands alone
@@ -235,7 +235,7 @@ inline constexpr std::uint16_t kFollowingCarNumber = 0xFFFE;
 [[nodiscard]] constexpr bool is_following_car(const Emitter& e) noexcept { return e.unseen == kFollowingCarNumber; }
 
 // Whether it is of a car that drives in every night: the own one, or the one that follows.
-[[nodiscard]] constexpr bool is_headlamp_that_shines(const Emitter& e) noexcept {
+[[nodiscard]] constexpr bool is_headlamp_always_on(const Emitter& e) noexcept {
   return is_own_headlamp(e) || is_following_car(e);
 }
 

@@ -256,7 +256,7 @@ template <class IsMember>
   return {};
 }
 
-[[nodiscard]] constexpr float white_cd_lx_m2(const RetroreflectionParams& p, ReflectorClass c) noexcept {
+[[nodiscard]] constexpr float strength_of_white(const RetroreflectionParams& p, ReflectorClass c) noexcept {
   if (c == ReflectorClass::number_plate) return p.plate_cd_lx_m2;
   return c == ReflectorClass::vest ? p.vest_cd_lx_m2 : p.sign_cd_lx_m2;
 }
@@ -286,7 +286,7 @@ Status find_retroreflectors(const RetroreflectionParams& p, float wetness, Image
   if (marked.empty()) return {};
   for (const ReflectorClass c : {ReflectorClass::number_plate, ReflectorClass::vest, ReflectorClass::sheeting}) {
     const auto is_marked = [&](int x, int y) { return marked(x, y) == c; };
-    NPSIM_RETURN_IF_ERROR(find_sheeting(white_cd_lx_m2(p, c), true, is_marked, albedo, out, workspace));
+    NPSIM_RETURN_IF_ERROR(find_sheeting(strength_of_white(p, c), true, is_marked, albedo, out, workspace));
   }
   return {};
 }

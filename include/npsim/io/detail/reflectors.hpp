@@ -40,8 +40,7 @@ inline Expected<ReflectorClass> reflector_class(const JsonObject& shape) {
                "is '" + name.value() + "', expected number_plate, vest or sheeting"};
 }
 
-// Draws the objects of the list `key` one over the other, each as class_of(object); those without shape are left out
-// where counts(object) says so.
+// Draws the objects of the list `key` for which counts(object), one over the other, each as class_of(object).
 template <class Counts, class ClassOf>
 Expected<Image<ReflectorClass>> draw_reflectors(const JsonObject& root, const char* key, Shape shape,
                                                 const Counts& counts, const ClassOf& class_of) {
@@ -87,10 +86,11 @@ inline Expected<Image<ReflectorClass>> read_cityscapes_plates(const std::string&
     if (given.value() == size) continue;
     return Error{path, key, "is " + std::to_string(given.value()) + ", expected the image's " + std::to_string(size)};
   }
-  // Objects that were deleted, and lines and points, are drawn nowhere.
+  // What was deleted, and what has no area, is drawn nowhere.
   const auto counts = [](const JsonObject& o) {
-    const bool deleted = o.has("deleted") && o.value()["deleted"] != Json(false) && o.value()["deleted"] != Json(0);
-    return !deleted && !(o.has("polygon") && o.value()["polygon"].is_array() && o.value()["polygon"].size() < 3);
+    const Json none;
+    const Json& deleted = o.has("deleted") ? o.value()["deleted"] : none;
+    return (deleted.is_null() || deleted == Json(false) || deleted == Json(0)) && shape_corners(o).ok();
   };
   return draw_reflectors(root.value(), "objects", shape, counts, [](const JsonObject& o) -> Expected<ReflectorClass> {
     const Expected<std::string> label = o.text("label");

@@ -175,7 +175,7 @@ struct ColourHistogram {
   constexpr double kMuchBrighter = 1.5;
   constexpr double kLeastBlue = 0.05;  // of the picture
   constexpr int kMuchMore = 10;        // of the upper edge
-  constexpr double kRough = 4.0;       // codes from pixel to pixel: no sky is
+  constexpr double kRough = 6.0;       // codes from pixel to pixel: skies have 1 to 3
   constexpr double kDarkest = 0.3;     // codes of clouds to those of the bright class
   const FieldOfView field(surface);
   ByteHistogram above{}, unanswered{};

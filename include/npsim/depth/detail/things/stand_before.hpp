@@ -2,12 +2,13 @@
 // Signs, signals and poles stand before what is seen beside them.
 //
 // A network's depth often lacks what is thin: a sign then has the depth of the house behind it, lies half within the
-// house's wall, and is black at night where that comes first. A thing, a connected piece of such labels, whose outline
-// is not nearer by `before` than what lies outside of it is moved towards the camera as a whole, by as much as it
-// takes: z is scaled so that it is along three quarters of its outline. How far it really stands before the wall is not
-// known, and matters to its shadow alone.
-// Invariant: only pixels of things change, they come nearer, by a factor of most_moved at most; else the thing stays.
-// Deterministic. Cost: two passes over the image, and the outlines. Memory: stand_before_workspace_bytes().
+// house's wall, and is black at night where that comes first. A thing is a connected piece of signs, or of poles. Where
+// along a quarter of its outline what lies outside is a house or plants, and the thing is not nearer than that by
+// `before`, nor farther by `hidden`, which would be something else before the thing, it is moved towards the camera as
+// a whole, by as much as it takes: z is scaled so that along three quarters of that part it is. How far it really
+// stands before the wall is not known, and matters to its shadow alone.
+// Invariant: only pixels of things change, and they come nearer, by hidden + before at most. Deterministic.
+// Cost: two passes over the image for each kind, and the outlines. Memory: stand_before_workspace_bytes().
 #ifndef NPSIM_DEPTH_DETAIL_THINGS_STAND_BEFORE_HPP
 #define NPSIM_DEPTH_DETAIL_THINGS_STAND_BEFORE_HPP
 
@@ -28,15 +29,17 @@ inline namespace NPSIM_ABI {
 
 struct StandBeforeParams {
   bool enabled = true;
-  LabelSet things = kPoleLabels | kSignLabels;
+  LabelSet signs = kSignLabels;
+  LabelSet poles = kPoleLabels;
   LabelSet behind = kHouseLabels | LabelSet::of(label::vegetation);
-  float before = 0.03F;     // of z [default]
-  float most_moved = 1.3F;  // more than that, something else stands before the thing
+  float before = 0.03F;  // of z [default]
+  float hidden = 0.1F;   // of z [default]
 };
 
 [[nodiscard]] inline Status validate(const StandBeforeParams& p) noexcept {
-  const bool good = p.before >= 0.0F && p.before <= 0.5F && p.most_moved >= 1.0F && p.most_moved <= 100.0F;
-  return good ? Status() : Status(StatusCode::invalid_argument, "stand before: before in [0, .5], most_moved 1 to 100");
+  const auto share = [](float v) { return v >= 0.0F && v <= 0.5F; };
+  const bool good = share(p.before) && share(p.hidden);
+  return good ? Status() : Status(StatusCode::invalid_argument, "stand before: distances within 0 to .5 of z");
 }
 
 [[nodiscard]] constexpr std::size_t stand_before_workspace_bytes(Shape shape) noexcept {
@@ -55,37 +58,44 @@ struct StandBeforeParams {
   }
   const WorkspaceScope scope(workspace);
   Span<std::uint32_t> list;
-  Span<float> ratios;  // of what is outside to the thing, along its outline
+  Span<float> ratios;  // of what is outside to the thing, where it is in question
   ImageView<std::uint8_t> open;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), list));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(4 * shape.pixels(), ratios));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, open));
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) open(x, y) = p.things.contains(labels(x, y)) ? 1 : 0;
-  }
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      if (open(x, y) == 0) continue;
-      const std::size_t count = take_piece(open, x, y, list);
-      std::size_t outside = 0;
-      for (const std::uint32_t pixel : list.sub(0, count)) {
-        const auto [u, v] = place_of(pixel, shape.width);
-        if (!is_valid_depth(depth(u, v))) continue;
-        constexpr int kX[4] = {1, -1, 0, 0};
-        constexpr int kY[4] = {0, 0, 1, -1};
-        for (int k = 0; k < 4; ++k) {
-          const int i = u + kX[k];
-          const int j = v + kY[k];
-          if (!labels.contains(i, j) || !p.behind.contains(labels(i, j)) || !is_valid_depth(depth(i, j))) continue;
-          ratios[outside++] = depth(i, j) / depth(u, v);
-        }
+  constexpr int kX[4] = {1, -1, 0, 0};
+  constexpr int kY[4] = {0, 0, 1, -1};
+  const auto bring_before = [&](Span<const std::uint32_t> thing, LabelSet kind) {
+    std::size_t outline = 0;
+    std::size_t count = 0;
+    for (const std::uint32_t pixel : thing) {
+      const auto [x, y] = place_of(pixel, shape.width);
+      for (int k = 0; k < 4; ++k) {
+        const int u = x + kX[k];
+        const int v = y + kY[k];
+        if (!labels.contains(u, v) || kind.contains(labels(u, v))) continue;
+        ++outline;
+        if (!p.behind.contains(labels(u, v)) || !is_valid_depth(depth(u, v)) || !is_valid_depth(depth(x, y))) continue;
+        const float ratio = depth(u, v) / depth(x, y);
+        if (ratio > 1.0F - p.hidden && ratio * (1.0F - p.before) < 1.0F) ratios[count++] = ratio;
       }
-      if (outside == 0) continue;
-      float* const quarter = ratios.data() + outside / 4;
-      select_nth(ratios.data(), quarter, ratios.data() + outside);
-      const float scale = *quarter * (1.0F - p.before);
-      if (scale >= 1.0F || scale * p.most_moved < 1.0F) continue;
-      for (const std::uint32_t pixel : list.sub(0, count)) depth(place_of(pixel, shape.width)) *= scale;
+    }
+    if (count == 0 || 4 * count < outline) return;
+    float* const quarter = ratios.data() + count / 4;
+    select_nth(ratios.data(), quarter, ratios.data() + count);
+    const float scale = *quarter * (1.0F - p.before);
+    for (const std::uint32_t pixel : thing) depth(place_of(pixel, shape.width)) *= scale;
+  };
+  for (const LabelSet kind : {p.signs, p.poles}) {
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) open(x, y) = kind.contains(labels(x, y)) ? 1 : 0;
+    }
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        if (open(x, y) == 0) continue;
+        const std::size_t count = take_piece(open, x, y, list);
+        bring_before(Span<const std::uint32_t>(list.data(), count), kind);
+      }
     }
   }
   return {};

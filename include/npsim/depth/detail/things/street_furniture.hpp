@@ -105,7 +105,8 @@ struct Run {
     }
     return any;
   };
-  const int begin = (first + step - 1) / step * step;
+  const int aligned = (first + step - 1) / step * step;
+  const int begin = aligned <= last ? aligned : first;  // of what is thinner than a step
   const int nearest = middle / step * step;
   for (int line = nearest; line >= middle - reach && take_line(line, begin, step); line -= step) {
   }
