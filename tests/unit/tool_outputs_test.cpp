@@ -119,7 +119,7 @@ TEST_CASE("tool: every file of a scene is safe from every command that writes") 
   const std::string night = fixture().out("safe_night");
   fs::create_directories(night);
   const auto before = contents_of(scene);
-  REQUIRE(before.size() == 20);
+  REQUIRE(before.size() == 21);
   for (const auto& [path, bytes] : before) {
     CAPTURE(path);
     const bool lights = path == scene + "/measured.json";
