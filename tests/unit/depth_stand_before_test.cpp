@@ -20,21 +20,10 @@ struct Front {
   Image<Label> labels{kShape, label::building};
   Image<float> depth{kShape, 40.0F};
 
-  Front() {
-    for (int y = 0; y < 10; ++y) {
-      for (int x = 0; x < kShape.width; ++x) {
-        labels(x, y) = label::sky;
-        depth(x, y) = 0.0F;
-      }
-    }
-  }
+  Front() { put(0, 0, kShape.width, 10, label::sky, 0.0F); }
   void put(int x0, int y0, int x1, int y1, Label label, float z) {
-    for (int y = y0; y < y1; ++y) {
-      for (int x = x0; x < x1; ++x) {
-        labels(x, y) = label;
-        depth(x, y) = z;
-      }
-    }
+    labels.fill_rectangle(x0, y0, x1, y1, label);
+    depth.fill_rectangle(x0, y0, x1, y1, z);
   }
   [[nodiscard]] Status run(const StandBeforeParams& params = {}) {
     npsim_test::Scratch scratch(stand_before_workspace_bytes(kShape));

@@ -44,12 +44,8 @@ struct Street {
     return y;
   }
   void put(int x0, int y0, int x1, int y1, Label label, float z) {
-    for (int y = y0; y < y1; ++y) {
-      for (int x = x0; x < x1; ++x) {
-        labels(x, y) = label;
-        depth(x, y) = z;
-      }
-    }
+    labels.fill_rectangle(x0, y0, x1, y1, label);
+    depth.fill_rectangle(x0, y0, x1, y1, z);
   }
   [[nodiscard]] Status run(const StandingPolesParams& params = {}) {
     surface = depth;

@@ -39,6 +39,10 @@ class Image {
   [[nodiscard]] npsim::ImageView<const T> cview() const { return view(); }
   [[nodiscard]] T& operator()(int x, int y) { return view()(x, y); }
   [[nodiscard]] const T& operator()(int x, int y) const { return view()(x, y); }
+  // Columns from x0 and rows from y0, those of x1 and y1 left out.
+  void fill_rectangle(int x0, int y0, int x1, int y1, const T& value) {
+    for (int y = y0; y < y1; ++y) std::fill_n(view().row(y) + x0, x1 - x0, value);
+  }
   // As lies in memory, padding included: equal when every byte that a kernel could have written is.
   friend bool operator==(const Image& a, const Image& b) { return a.shape_ == b.shape_ && a.pixels_ == b.pixels_; }
 

@@ -42,12 +42,8 @@ struct Street {
     lamps[count++] = e;
   }
   void show(Label label, float z, int x0, int y0, int x1, int y1) {
-    for (int y = y0; y < y1; ++y) {
-      for (int x = x0; x < x1; ++x) {
-        labels(x, y) = label;
-        depth(x, y) = z;
-      }
-    }
+    labels.fill_rectangle(x0, y0, x1, y1, label);
+    depth.fill_rectangle(x0, y0, x1, y1, z);
   }
   [[nodiscard]] std::vector<Emitter> unseen() {
     PlacementScene scene;

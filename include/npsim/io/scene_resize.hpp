@@ -154,10 +154,6 @@ inline std::size_t resize_light_index(Image<std::uint16_t>& index, const std::ve
   return kept;
 }
 
-}  // namespace detail
-
-namespace detail {
-
 // The class that most of the marked source pixels of a new pixel have, if they are a quarter of all: strips stay.
 [[nodiscard]] inline Image<ReflectorClass> resized_reflectors(const Image<ReflectorClass>& source, Shape to) {
   constexpr float kLeast = 0.25F;

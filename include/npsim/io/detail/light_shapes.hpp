@@ -119,8 +119,7 @@ inline Expected<LightShapes> light_shapes(const std::string& path, const Json& j
   if (!list) return list.error();
   LightShapes out;
   std::unordered_map<std::int64_t, std::size_t> given;  // position in entries by the id that the file gives
-  std::vector<std::size_t> unnamed;                     // positions of those without
-  std::vector<std::int64_t> places;                     // in the list, from 1
+  std::vector<std::size_t> unnamed;                     // places in the list, from 0, of those without
   for (std::size_t i = 0; i < list.value()->size(); ++i) {
     const auto object = JsonObject::of(path, "lights[" + std::to_string(i) + "]", (*list.value())[i]);
     if (!object) return object.error();
@@ -139,8 +138,7 @@ inline Expected<LightShapes> light_shapes(const std::string& path, const Json& j
                          ", expected another, or the same class for a piece of it"};
       }
     } else {
-      unnamed.push_back(position);
-      places.push_back(static_cast<std::int64_t>(i) + 1);
+      unnamed.push_back(i);
     }
     if (position == out.entries.size()) out.entries.push_back(entry.value());
     LightEntry& whole = out.entries[position];
@@ -156,10 +154,11 @@ inline Expected<LightShapes> light_shapes(const std::string& path, const Json& j
     out.pieces.push_back({position, std::move(corners.value())});
   }
   auto free = static_cast<std::int64_t>(list.value()->size());
-  for (std::size_t i = 0; i < unnamed.size(); ++i) {
-    std::int64_t id = places[i];
-    while (!given.emplace(id, unnamed[i]).second) id = ++free;
-    out.entries[unnamed[i]].id = id;
+  for (const std::size_t i : unnamed) {
+    const std::size_t position = out.pieces[i].entry;
+    auto id = static_cast<std::int64_t>(i) + 1;
+    while (!given.emplace(id, position).second) id = ++free;
+    out.entries[position].id = id;
   }
   return out;
 }

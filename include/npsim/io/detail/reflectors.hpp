@@ -30,6 +30,11 @@ inline namespace NPSIM_ABI {
 namespace io {
 namespace detail {
 
+struct MarkedShape {
+  ReflectorClass cls = ReflectorClass::none;
+  std::vector<ShapePoint> corners;  // none: nothing is drawn
+};
+
 inline Expected<ReflectorClass> reflector_class(const JsonObject& shape) {
   const Expected<std::string> name = shape.text("class");
   if (!name) return name.error();
@@ -40,62 +45,64 @@ inline Expected<ReflectorClass> reflector_class(const JsonObject& shape) {
                "is '" + name.value() + "', expected number_plate, vest or sheeting"};
 }
 
-// Draws the objects of the list `key` for which counts(object), one over the other, each as class_of(object).
-template <class Counts, class ClassOf>
-Expected<Image<ReflectorClass>> draw_reflectors(const JsonObject& root, const char* key, Shape shape,
-                                                const Counts& counts, const ClassOf& class_of) {
-  const Expected<const Json*> list = root.list(key);
+// Draws the shapes that shape_of(object) makes of the list `key`, one over the other; check(root) may refuse the file.
+template <class Check, class ShapeOf>
+Expected<Image<ReflectorClass>> draw_listed(const std::string& path, const char* key, Shape shape,
+                                            const ReadLimits& limits, const Check& check, const ShapeOf& shape_of) {
+  const Expected<Json> json = read_json(path, limits);
+  if (!json) return json.error();
+  const Expected<JsonObject> root = JsonObject::of(path, "", json.value());
+  if (!root) return root.error();
+  if (const Outcome checked = check(root.value()); !checked) return checked.error();
+  const Expected<const Json*> list = root.value().list(key);
   if (!list) return list.error();
   Image<ReflectorClass> out(shape);
   for (std::size_t i = 0; i < list.value()->size(); ++i) {
-    const auto object =
-        JsonObject::of(root.file(), std::string(key) + "[" + std::to_string(i) + "]", (*list.value())[i]);
+    const auto object = JsonObject::of(path, std::string(key) + "[" + std::to_string(i) + "]", (*list.value())[i]);
     if (!object) return object.error();
-    if (!counts(object.value())) continue;
-    const Expected<ReflectorClass> cls = class_of(object.value());
-    if (!cls) return cls.error();
-    const Expected<std::vector<ShapePoint>> corners = shape_corners(object.value());
-    if (!corners) return corners.error();
-    draw_shape(corners.value(), cls.value(), out.view());
+    const Expected<MarkedShape> marked = shape_of(object.value());
+    if (!marked) return marked.error();
+    if (!marked.value().corners.empty()) draw_shape(marked.value().corners, marked.value().cls, out.view());
   }
   return out;
 }
 
 inline Expected<Image<ReflectorClass>> read_reflector_shapes(const std::string& path, Shape shape,
                                                              const ReadLimits& limits) {
-  const Expected<Json> json = read_json(path, limits);
-  if (!json) return json.error();
-  const Expected<JsonObject> root = JsonObject::of(path, "", json.value());
-  if (!root) return root.error();
-  const auto all = [](const JsonObject&) { return true; };
-  return draw_reflectors(root.value(), "reflectors", shape, all, [](const JsonObject& o) -> Expected<ReflectorClass> {
+  const auto any = [](const JsonObject&) -> Outcome { return Done{}; };
+  return draw_listed(path, "reflectors", shape, limits, any, [](const JsonObject& o) -> Expected<MarkedShape> {
     if (const Outcome known = o.allow_only({"class", "rectangle", "polygon"}); !known) return known.error();
-    return reflector_class(o);
+    const Expected<ReflectorClass> cls = reflector_class(o);
+    if (!cls) return cls.error();
+    Expected<std::vector<ShapePoint>> corners = shape_corners(o);
+    if (!corners) return corners.error();
+    return MarkedShape{cls.value(), std::move(corners.value())};
   });
 }
 
 inline Expected<Image<ReflectorClass>> read_cityscapes_plates(const std::string& path, Shape shape,
                                                               const ReadLimits& limits) {
-  const Expected<Json> json = read_json(path, limits);
-  if (!json) return json.error();
-  const Expected<JsonObject> root = JsonObject::of(path, "", json.value());
-  if (!root) return root.error();
-  for (const auto& [key, size] : {std::pair<const char*, int>{"imgWidth", shape.width}, {"imgHeight", shape.height}}) {
-    const Expected<std::int64_t> given = root.value().whole(key);
-    if (!given) return given.error();
-    if (given.value() == size) continue;
-    return Error{path, key, "is " + std::to_string(given.value()) + ", expected the image's " + std::to_string(size)};
-  }
-  // What was deleted, and what has no area, is drawn nowhere.
-  const auto counts = [](const JsonObject& o) {
+  const auto of_image = [&](const JsonObject& root) -> Outcome {
+    for (const auto& [key, size] :
+         {std::pair<const char*, int>{"imgWidth", shape.width}, {"imgHeight", shape.height}}) {
+      const Expected<std::int64_t> given = root.whole(key);
+      if (!given) return given.error();
+      if (given.value() == size) continue;
+      return Error{path, key, "is " + std::to_string(given.value()) + ", expected the image's " + std::to_string(size)};
+    }
+    return Done{};
+  };
+  return draw_listed(path, "objects", shape, limits, of_image, [](const JsonObject& o) -> Expected<MarkedShape> {
+    // What was deleted, and what has no area, is drawn nowhere.
     const Json none;
     const Json& deleted = o.has("deleted") ? o.value()["deleted"] : none;
-    return (deleted.is_null() || deleted == Json(false) || deleted == Json(0)) && shape_corners(o).ok();
-  };
-  return draw_reflectors(root.value(), "objects", shape, counts, [](const JsonObject& o) -> Expected<ReflectorClass> {
+    if (!deleted.is_null() && deleted != Json(false) && deleted != Json(0)) return MarkedShape{};
+    Expected<std::vector<ShapePoint>> corners = shape_corners(o);
+    if (!corners) return MarkedShape{};
     const Expected<std::string> label = o.text("label");
     if (!label) return label.error();
-    return label.value() == "license plate" ? ReflectorClass::number_plate : ReflectorClass::none;
+    return MarkedShape{label.value() == "license plate" ? ReflectorClass::number_plate : ReflectorClass::none,
+                       std::move(corners.value())};
   });
 }
 

@@ -92,6 +92,7 @@ struct SkyLook {
   bool by_colour = false;  // else by luma
   int level = 256;
   Rgb8 colour{};
+  double step = 255;  // mean_step() of what looks so
 
   [[nodiscard]] bool of(const Rgb8& c) const noexcept {
     return by_colour ? difference(c, colour) < level : luma(c) >= level;
@@ -161,9 +162,9 @@ struct ColourHistogram {
   }
   const TwoClasses classes = two_classes(differences);
   alike.level = classes.level;
+  alike.step = mean_step(alike, true, image, surface);
   alike.known = classes.level < 256 && classes.high_mean >= 2.0 * classes.low_mean + 16.0 &&
-                mean_step(alike, true, image, surface) < mean_step(alike, false, image, surface) &&
-                count_at_edge(alike, image, surface) > 0;
+                alike.step < mean_step(alike, false, image, surface) && count_at_edge(alike, image, surface) > 0;
   return alike;
 }
 
@@ -200,6 +201,7 @@ struct ColourHistogram {
   const TwoClasses by_luma = two_classes(above);
   SkyLook bright;
   bright.level = by_luma.level;
+  bright.step = mean_step(bright, true, image, surface);
   bright.known = by_luma.level < 256 && by_luma.high_mean >= kMuchBrighter * by_luma.low_mean &&
                  by_luma.high_mean * below_count > below_sum;
   const double darkest = by_luma.level < 256 ? by_luma.low_mean : quantile_of(above, 0.02);
@@ -209,8 +211,7 @@ struct ColourHistogram {
     SkyLook deep = look_alike(blue.median(), image, surface);
     deep.all = bright.all;
     const bool most = kMuchMore * count_at_edge(bright, image, surface) < count_at_edge(deep, image, surface);
-    const double rough = mean_step(bright, true, image, surface);
-    const bool smooth = !bright.known || (rough > kRough && mean_step(deep, true, image, surface) < rough);
+    const bool smooth = !bright.known || (bright.step > kRough && deep.step < bright.step);
     if (deep.known && most && smooth) return deep;
   }
   const bool looked = unanswered_colour.count >= kLeastUnanswered * pixels;
@@ -220,7 +221,7 @@ struct ColourHistogram {
   alike.known = alike.known &&
                 (is_blue(alike.colour) || (luma(alike.colour) * below_count > least_luma * below_sum &&
                                            !(bright.known && luma(alike.colour) < kDarkest * by_luma.high_mean))) &&
-                !(bright.known && mean_step(alike, true, image, surface) >= mean_step(bright, true, image, surface));
+                !(bright.known && alike.step >= bright.step);
   return alike.known ? alike : bright;
 }
 
