@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <vector>
 
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
@@ -88,7 +89,91 @@ struct Tower {
   }
 };
 
+// The formulas of fitted_normals.hpp, one sample after the other.
+[[nodiscard]] Vec3d reference_normal(const Tower& t, int x, int y) {
+  const FittedNormalsParams p;
+  const ObjectMap objects{t.labels.cview(), {}};
+  const double w0 = 1.0 / static_cast<double>(t.depth(x, y));
+  const double sigma = static_cast<double>(t.noise.amplitude);  // of stereo
+  const double step = static_cast<double>(p.step) * w0;
+  const auto spacing = static_cast<double>(
+      depth_detail::footprint_px(p, t.noise, t.k, t.shape.width, p.max_size_m, static_cast<float>(w0)) / 8.0F);
+  struct Sample {
+    double u, v, w, weight;
+  };
+  std::vector<Sample> samples;
+  std::vector<double> some;
+  const double gaussian[9] = {0.135, 0.325, 0.607, 0.882, 1.0, 0.882, 0.607, 0.325, 0.135};
+  for (int j = 0; j < 9; ++j) {
+    for (int i = 0; i < 9; ++i) {
+      const int dx = static_cast<int>(std::floor(spacing * (i - 4) + 0.5));
+      const int dy = static_cast<int>(std::floor(spacing * (j - 4) + 0.5));
+      if (!t.depth.cview().contains(x + dx, y + dy) || !is_valid_depth(t.depth(x + dx, y + dy))) continue;
+      if (!objects.same(x, y, x + dx, y + dy)) continue;
+      const double w = 1.0 / static_cast<double>(t.depth(x + dx, y + dy));
+      samples.push_back({static_cast<double>(dx), static_cast<double>(dy), w, gaussian[i] * gaussian[j]});
+      if (i % 2 == 0 && j % 2 == 0) some.push_back(w);
+    }
+  }
+  double about = w0;
+  if (some.size() >= 3) {
+    std::sort(some.begin(), some.end());
+    const double median = some[some.size() / 2];
+    if (std::fabs(w0 - median) > step + 3.0 * sigma) about = median;
+  }
+  double a = 0, b = 0, c = about;
+  for (const double tolerance : {step + 3.0 * sigma, 0.25 * step + 3.0 * sigma}) {
+    double s = 0, su = 0, sv = 0, suu = 0, suv = 0, svv = 0, sw = 0, suw = 0, svw = 0;
+    for (const Sample& at : samples) {
+      const double off = (at.w - (c + a * at.u + b * at.v)) / tolerance;
+      const double k = at.weight / (1.0 + off * off);
+      s += k, su += k * at.u, sv += k * at.v, sw += k * at.w;
+      suu += k * at.u * at.u, suv += k * at.u * at.v, svv += k * at.v * at.v;
+      suw += k * at.u * at.w, svw += k * at.v * at.w;
+    }
+    const double cuu = suu - su * su / s, cuv = suv - su * sv / s, cvv = svv - sv * sv / s;
+    const double cuw = suw - su * sw / s, cvw = svw - sv * sw / s;
+    const double det = cuu * cvv - cuv * cuv;
+    if (!(det > 1e-3 * cuu * cvv) || !(cuu > 0.1 * s) || !(cvv > 0.1 * s)) return {};
+    a = (cuw * cvv - cvw * cuv) / det;
+    b = (cvw * cuu - cuw * cuv) / det;
+    c = (sw - a * su - b * sv) / s;
+  }
+  const double at_x = static_cast<double>(x) + 0.5 - static_cast<double>(t.k.cx);
+  const double at_y = static_cast<double>(y) + 0.5 - static_cast<double>(t.k.cy);
+  return normalized(Vec3d{-static_cast<double>(t.k.fx) * a, -static_cast<double>(t.k.fy) * b, at_x * a + at_y * b - c});
+}
+
 }  // namespace
+
+TEST_CASE("fitted normals: as the formulas say in double precision, beside outlines, patches and holes") {
+  SerialExecutor serial;
+  Tower tower(320);
+  tower.add_noise();
+  RandomStream random(11, RandomPurpose::test, 0, 0, 0, 0);
+  for (int i = 0; i < 300; ++i) {
+    const auto x = static_cast<int>(random.uniform() * 320.0F);
+    const auto y = static_cast<int>(random.uniform() * 160.0F);
+    tower.depth(x, y) = i % 3 == 0 ? 0.0F : 8.0F + 10.0F * random.uniform();
+    if (i % 5 == 0) tower.labels(x, y) = label::person;
+  }
+  REQUIRE(tower.run(serial).ok());
+  double worst = 0;
+  int judged = 0;
+  for (int y = 0; y < tower.shape.height; ++y) {
+    for (int x = 0; x < tower.shape.width; ++x) {
+      if (!is_valid_depth(tower.depth(x, y))) continue;
+      const Vec3d expected = reference_normal(tower, x, y);
+      const Vec3f& n = tower.normals(x, y);
+      const Vec3d got{static_cast<double>(n.x), static_cast<double>(n.y), static_cast<double>(n.z)};
+      if (expected == Vec3d{} || got == Vec3d{}) continue;
+      worst = std::max(worst, length(got - expected));
+      ++judged;
+    }
+  }
+  CHECK(judged > 20000);
+  CHECK(worst < 1e-5);
+}
 
 TEST_CASE("fitted normals: exact on a plane, to the border of the image") {
   constexpr Shape kShape{160, 96};

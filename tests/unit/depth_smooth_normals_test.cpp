@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
@@ -51,7 +52,71 @@ void add_noise(ImageView<Vec3f> normals, std::uint32_t seed) {
   return sum / normals.height() / (right - left) * 57.29578;
 }
 
+// One iteration, of taps `step` apart.
+[[nodiscard]] Image<Vec3f> smoothed_in_doubles(const Surface& s, const SmoothNormalsParams& params, int step) {
+  const auto wide = [](const Vec3f& n) {
+    return Vec3d{static_cast<double>(n.x), static_cast<double>(n.y), static_cast<double>(n.z)};
+  };
+  const double spline[5] = {1, 4, 6, 4, 1};
+  const auto depth_sigma = static_cast<double>(params.depth_sigma);
+  const auto normal_sigma = static_cast<double>(params.normal_sigma);
+  Image<Vec3f> out = s.normals;
+  for (int y = 0; y < s.shape.height; ++y) {
+    for (int x = 0; x < s.shape.width; ++x) {
+      if (!is_valid_depth(s.depth(x, y)) || s.normals(x, y) == Vec3f{}) continue;
+      Vec3d sum;
+      for (int j = -2; j <= 2; ++j) {
+        for (int i = -2; i <= 2; ++i) {
+          const int u = x + i * step;
+          const int v = y + j * step;
+          if (u < 0 || v < 0 || u >= s.shape.width || v >= s.shape.height) continue;
+          if (!is_valid_depth(s.depth(u, v)) || s.labels(u, v) != s.labels(x, y)) continue;
+          const auto z = static_cast<double>(s.depth(x, y));
+          const double off = (static_cast<double>(s.depth(u, v)) - z) / (depth_sigma * z);
+          const Vec3d apart = wide(s.normals(u, v)) - wide(s.normals(x, y));
+          const double turn = 1 + dot(apart, apart) / (normal_sigma * normal_sigma);
+          sum += wide(s.normals(u, v)) * (spline[i + 2] * spline[j + 2] / ((1 + off * off) * turn * turn));
+        }
+      }
+      const Vec3d n = normalized(sum);
+      out(x, y) = {static_cast<float>(n.x), static_cast<float>(n.y), static_cast<float>(n.z)};
+    }
+  }
+  return out;
+}
+
 }  // namespace
+
+TEST_CASE("smooth_normals: as in double precision, in pictures of any width, beside holes and other labels") {
+  for (const int width : {3, 17, 40, 93}) {
+    Surface s;
+    s.shape = {width, 20};
+    s.depth = Image<float>(s.shape, 8.0F);
+    s.labels = Image<Label>(s.shape, label::road);
+    s.normals = Image<Vec3f>(s.shape);
+    RandomStream random(5, RandomPurpose::test, 0, 0, 0, 0);
+    for (int y = 0; y < s.shape.height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        s.normals(x, y) = normalized(Vec3f{random.uniform(-0.2F, 0.2F), -1, random.uniform(-0.2F, 0.2F)});
+        s.depth(x, y) = random.uniform(7.0F, 9.0F);
+        const float kind = random.uniform();
+        if (kind < 0.05F) s.normals(x, y) = {};
+        if (kind > 0.97F) s.depth(x, y) = std::numeric_limits<float>::quiet_NaN();
+        if (kind > 0.5F && kind < 0.6F) s.labels(x, y) = label::sidewalk;
+      }
+    }
+    SmoothNormalsParams params = GuidingNormalsParams{}.given_smoothing;
+    params.iterations = 3;
+    Surface expected = s;
+    for (int i = 0; i < params.iterations; ++i) expected.normals = smoothed_in_doubles(expected, params, 1 << i);
+    REQUIRE(s.smooth(params).ok());
+    float worst = 0;
+    for (int y = 0; y < s.shape.height; ++y) {
+      for (int x = 0; x < width; ++x) worst = std::max(worst, length(s.normals(x, y) - expected.normals(x, y)));
+    }
+    CHECK(worst < 1e-5F);
+  }
+}
 
 TEST_CASE(
     "smooth_normals: a tap whose normal is normal_sigma off counts a quarter; a sigma of no noise keeps unit length") {

@@ -10,7 +10,8 @@
 // A first fit weighs samples by how near their depth is to the centre's, a second by how well the first plane explains
 // them, so a step to another surface is not bridged.
 // Invariant: unit length, facing the camera, or zero where there is no depth.
-// Cost: 2 x 81 samples a pixel that is asked for. Memory: none.
+// Cost: 81 samples a pixel that is asked for, read one by one, and two fits to them, eight samples at a time. Memory:
+// none. Error: 1e-5 rad from the same formulas in double precision (2e-6 seen).
 #ifndef NPSIM_DEPTH_DETAIL_NORMALS_FITTED_NORMALS_HPP
 #define NPSIM_DEPTH_DETAIL_NORMALS_FITTED_NORMALS_HPP
 
@@ -28,6 +29,7 @@
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/labels/cityscapes.hpp"
+#include "npsim/simd/fixed.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -51,13 +53,7 @@ struct FittedNormalsParams {
 
 namespace depth_detail {
 
-inline constexpr int kTaps = 9;
-
-// Gaussian of the taps -1 .. 1, of half that width.
-[[nodiscard]] constexpr float tap_weight(int i) noexcept {
-  constexpr float kWeights[kTaps] = {0.135F, 0.325F, 0.607F, 0.882F, 1.0F, 0.882F, 0.607F, 0.325F, 0.135F};
-  return kWeights[i];
-}
+inline constexpr int kTaps = 9;  // along each side of the surroundings
 
 // w = c + a u + b v about the pixel, u and v in pixels.
 struct FittedPlane {
@@ -73,92 +69,133 @@ struct FittedPlane {
   return std::max(std::min(wanted, most), std::max(least, 2.0F));
 }
 
-template <class Weight>
-[[nodiscard]] FittedPlane fit_local(ImageView<const float> depth, const ObjectMap& objects, int x, int y, float spacing,
-                                    Weight&& weight) noexcept {
-  float s = 0, su = 0, sv = 0, suu = 0, suv = 0, svv = 0, sw = 0, suw = 0, svw = 0;
-  const float w0 = 1.0F / depth(x, y);
-  for (int j = 0; j < kTaps; ++j) {
-    const int dy = static_cast<int>(std::floor(spacing * static_cast<float>(j - kTaps / 2) + 0.5F));
+// What is seen around a pixel, in whole batches. A tap that shows no depth of the pixel's object has no weight.
+struct TapSamples {
+  using Batch = simd::Fixed<8>;
+  static constexpr int kSlots = (kTaps * kTaps + Batch::lanes - 1) / Batch::lanes * Batch::lanes;
+
+  // `spacing`: px between taps.
+  TapSamples(ImageView<const float> depth, const ObjectMap& objects, int x, int y, float spacing) noexcept {
+    std::array<int, kTaps> offset;
+    std::array<bool, kTaps> in_row;
     for (int i = 0; i < kTaps; ++i) {
-      const int dx = static_cast<int>(std::floor(spacing * static_cast<float>(i - kTaps / 2) + 0.5F));
-      if (!depth.contains(x + dx, y + dy)) continue;
-      const float z = depth(x + dx, y + dy);
-      if (!is_valid_depth(z) || !objects.same(x, y, x + dx, y + dy)) continue;
-      const float u = static_cast<float>(dx);
-      const float v = static_cast<float>(dy);
-      const float w = 1.0F / z;
-      const float k = tap_weight(i) * tap_weight(j) * weight(u, v, w);
-      const float off = (w - w0) * k;  // about the centre, so that nothing cancels
-      s += k;
-      su += k * u;
-      sv += k * v;
-      suu += k * u * u;
-      suv += k * u * v;
-      svv += k * v * v;
-      sw += off;
-      suw += off * u;
-      svw += off * v;
+      const auto at = static_cast<std::size_t>(i);
+      offset[at] = static_cast<int>(std::floor(spacing * static_cast<float>(i - kTaps / 2) + 0.5F));
+      in_row[at] = x + offset[at] >= 0 && x + offset[at] < depth.width();
     }
+    std::size_t k = 0;
+    for (std::size_t j = 0; j < kTaps; ++j) {
+      const int dy = offset[j];
+      const bool inside = y + dy >= 0 && y + dy < depth.height();
+      for (std::size_t i = 0; i < kTaps; ++i, ++k) {
+        const int dx = offset[i];
+        const bool shown =
+            inside && in_row[i] && is_valid_depth(depth(x + dx, y + dy)) && objects.same(x, y, x + dx, y + dy);
+        u[k] = static_cast<float>(dx);
+        v[k] = static_cast<float>(dy);
+        w[k] = shown ? depth(x + dx, y + dy) : 1.0F;
+        weight[k] = shown ? kGaussian[i] * kGaussian[j] : 0.0F;
+      }
+    }
+    for (; k < kSlots; ++k) {
+      u[k] = v[k] = weight[k] = 0.0F;
+      w[k] = 1.0F;
+    }
+    for (std::size_t n = 0; n < kSlots; n += Batch::lanes) (Batch(1.0F) / Batch::load(&w[n])).store(&w[n]);
+  }
+
+  // Of half the taps' width.
+  static constexpr float kGaussian[kTaps] = {0.135F, 0.325F, 0.607F, 0.882F, 1.0F, 0.882F, 0.607F, 0.325F, 0.135F};
+
+  std::array<float, kSlots> u, v, w, weight;  // px, px, 1/m, 1
+};
+
+// The plane about w0 that fits the samples, each weighed by weight(u, v, w) as well.
+template <class Weight>
+[[nodiscard]] FittedPlane fit_plane(const TapSamples& samples, float w0, const Weight& weight) noexcept {
+  using Batch = TapSamples::Batch;
+  enum { k1, ku, kv, kuu, kuv, kvv, kw, kuw, kvw, kSums };
+  std::array<Batch, kSums> sums;
+  sums.fill(Batch(0.0F));
+  for (std::size_t n = 0; n < TapSamples::kSlots; n += Batch::lanes) {
+    const Batch u = Batch::load(&samples.u[n]);
+    const Batch v = Batch::load(&samples.v[n]);
+    const Batch w = Batch::load(&samples.w[n]);
+    const Batch k = Batch::load(&samples.weight[n]) * weight(u, v, w);
+    const Batch uk = u * k;
+    const Batch vk = v * k;
+    const Batch off = w - Batch(w0);  // about the centre, so that nothing cancels
+    sums[k1] = sums[k1] + k;
+    sums[ku] = sums[ku] + uk;
+    sums[kv] = sums[kv] + vk;
+    sums[kuu] = fma(u, uk, sums[kuu]);
+    sums[kuv] = fma(u, vk, sums[kuv]);
+    sums[kvv] = fma(v, vk, sums[kvv]);
+    sums[kw] = fma(off, k, sums[kw]);
+    sums[kuw] = fma(off, uk, sums[kuw]);
+    sums[kvw] = fma(off, vk, sums[kvw]);
+  }
+  std::array<float, kSums> mean;
+  for (std::size_t i = 0; i < kSums; ++i) {
+    std::array<float, Batch::lanes> lane;
+    sums[i].store(lane.data());
+    mean[i] = ((lane[0] + lane[4]) + (lane[1] + lane[5])) + ((lane[2] + lane[6]) + (lane[3] + lane[7]));
   }
   FittedPlane plane;
-  if (!(s > 0.0F)) return plane;
-  const float mu = su / s;
-  const float mv = sv / s;
-  const float mw = sw / s;
-  const float cuu = suu / s - mu * mu;
-  const float cuv = suv / s - mu * mv;
-  const float cvv = svv / s - mv * mv;
-  const float cuw = suw / s - mu * mw;
-  const float cvw = svw / s - mv * mw;
+  if (!(mean[k1] > 0.0F)) return plane;
+  for (std::size_t i = ku; i < kSums; ++i) mean[i] /= mean[k1];
+  const float cuu = mean[kuu] - mean[ku] * mean[ku];
+  const float cuv = mean[kuv] - mean[ku] * mean[kv];
+  const float cvv = mean[kvv] - mean[kv] * mean[kv];
+  const float cuw = mean[kuw] - mean[ku] * mean[kw];
+  const float cvw = mean[kvw] - mean[kv] * mean[kw];
   const float det = cuu * cvv - cuv * cuv;
   if (!(det > 1e-3F * cuu * cvv) || !(cuu > 0.1F) || !(cvv > 0.1F)) return plane;
   plane.a = (cuw * cvv - cvw * cuv) / det;
   plane.b = (cvw * cuu - cuw * cuv) / det;
-  plane.c = w0 + mw - plane.a * mu - plane.b * mv;
+  plane.c = w0 + mean[kw] - plane.a * mean[ku] - plane.b * mean[kv];
   plane.found = plane.c > 0.0F;
   return plane;
 }
 
-// What most of the surroundings show: the centre's w, or their median where the centre is not among them.
-[[nodiscard]] inline float typical_w(ImageView<const float> depth, const ObjectMap& objects, int x, int y,
-                                     float spacing, float tolerance) noexcept {
-  std::array<float, 25> some;
-  int count = 0;
-  for (int j = -2; j <= 2; ++j) {
-    for (int i = -2; i <= 2; ++i) {
-      const int u = x + static_cast<int>(std::floor(spacing * static_cast<float>(2 * i) + 0.5F));
-      const int v = y + static_cast<int>(std::floor(spacing * static_cast<float>(2 * j) + 0.5F));
-      if (!depth.contains(u, v) || !is_valid_depth(depth(u, v)) || !objects.same(x, y, u, v)) continue;
-      some[static_cast<std::size_t>(count++)] = 1.0F / depth(u, v);
+// What most of the surroundings show: w0, or the median of every second tap where w0 is not near it.
+[[nodiscard]] inline float typical_w(const TapSamples& samples, float w0, float tolerance) noexcept {
+  std::array<float, (kTaps / 2 + 1) * (kTaps / 2 + 1)> some;
+  std::size_t count = 0;
+  for (std::size_t j = 0; j < kTaps; j += 2) {
+    for (std::size_t i = 0; i < kTaps; i += 2) {
+      if (samples.weight[j * kTaps + i] > 0.0F) some[count++] = samples.w[j * kTaps + i];
     }
   }
-  const float w = 1.0F / depth(x, y);
-  if (count < 3) return w;
+  if (count < 3) return w0;
   select_nth(some.data(), some.data() + count / 2, some.data() + count);
-  const float median = some[static_cast<std::size_t>(count / 2)];
-  return std::fabs(w - median) > tolerance ? median : w;
+  const float median = some[count / 2];
+  return std::fabs(w0 - median) > tolerance ? median : w0;
 }
 
 [[nodiscard]] inline FittedPlane fitted_plane(const FittedNormalsParams& p, ImageView<const float> depth,
                                               const ObjectMap& objects, const DepthNoise& noise,
                                               const Intrinsics& camera, int x, int y) noexcept {
+  using Batch = TapSamples::Batch;
   const float w0 = 1.0F / depth(x, y);
   const float sigma = noise.deviation(w0);
   const bool broad = !objects.labels.empty() && p.broad.contains(objects.labels(x, y));
   const float size_m = broad ? p.broad_size_m : p.max_size_m;
   const float spacing = footprint_px(p, noise, camera, depth.width(), size_m, w0) / static_cast<float>(kTaps - 1);
-  const float near = 1.0F / (p.step * w0 + 3.0F * sigma);
-  const float about = typical_w(depth, objects, x, y, spacing, p.step * w0 + 3.0F * sigma);
-  FittedPlane plane = fit_local(depth, objects, x, y, spacing, [&](float, float, float w) {
-    const float t = (w - about) * near;
-    return 1.0F / (1.0F + t * t);
-  });
+  const TapSamples samples(depth, objects, x, y, spacing);
+  // Half at `tolerance` off, less beyond.
+  const auto share = [](const Batch& off, float tolerance) {
+    const Batch t = off * Batch(1.0F / tolerance);
+    return Batch(1.0F) / fma(t, t, Batch(1.0F));
+  };
+  const float near = p.step * w0 + 3.0F * sigma;
+  const float about = typical_w(samples, w0, near);
+  const FittedPlane plane =
+      fit_plane(samples, w0, [&](const Batch&, const Batch&, const Batch& w) { return share(w - Batch(about), near); });
   if (!plane.found) return plane;
-  const float close = 1.0F / (0.25F * p.step * w0 + 3.0F * sigma);
-  const FittedPlane again = fit_local(depth, objects, x, y, spacing, [&](float u, float v, float w) {
-    const float t = (w - (plane.c + plane.a * u + plane.b * v)) * close;
-    return 1.0F / (1.0F + t * t);
+  const float close = 0.25F * p.step * w0 + 3.0F * sigma;
+  const FittedPlane again = fit_plane(samples, w0, [&](const Batch& u, const Batch& v, const Batch& w) {
+    return share(w - fma(Batch(plane.b), v, fma(Batch(plane.a), u, Batch(plane.c))), close);
   });
   return again.found ? again : plane;
 }
