@@ -55,12 +55,18 @@ class AnyObserver {
                [](void* o, Stage stage, const ImageView<const float>& depth) {
                  static_cast<Observer*>(o)->depth(stage, depth);
                },
+               [](void* o, const ImageView<const Vec3f>& albedo, const ImageView<const float>& sun,
+                  const DaylightReport& report) { static_cast<Observer*>(o)->daylight(albedo, sun, report); },
                [](void* o) -> bool { return static_cast<Observer*>(o)->cancelled(); }} {}
 
   void begin(Stage stage) const { calls_.begin(observer_, stage); }
   void progress(std::size_t done, std::size_t total) const { calls_.progress(observer_, done, total); }
   void end(Stage stage) const { calls_.end(observer_, stage); }
   void depth(Stage stage, const ImageView<const float>& depth) const { calls_.depth(observer_, stage, depth); }
+  void daylight(const ImageView<const Vec3f>& albedo, const ImageView<const float>& sun,
+                const DaylightReport& report) const {
+    calls_.daylight(observer_, albedo, sun, report);
+  }
   [[nodiscard]] bool cancelled() const { return calls_.cancelled(observer_); }
 
  private:
@@ -69,6 +75,8 @@ class AnyObserver {
     void (*progress)(void* observer, std::size_t done, std::size_t total);
     void (*end)(void* observer, Stage stage);
     void (*depth)(void* observer, Stage stage, const ImageView<const float>& depth);
+    void (*daylight)(void* observer, const ImageView<const Vec3f>& albedo, const ImageView<const float>& sun,
+                     const DaylightReport& report);
     bool (*cancelled)(void* observer);
   };
   void* observer_;

@@ -4,7 +4,6 @@
 #define NPSIM_SAMPLES_LAB_DEPTH_RECORDER_HPP
 
 #include <algorithm>
-#include <cstddef>
 #include <string>
 #include <utility>
 #include <vector>
@@ -23,22 +22,17 @@ namespace npsim::tool {
   return key;
 }
 
-class DepthRecorder {
+class DepthRecorder : public ConsoleObserver {
  public:
-  explicit DepthRecorder(Console& console) : console_(console) {}
-  void begin(Stage stage) { console_.begin(stage); }
-  void progress(std::size_t done, std::size_t total) { console_.progress(done, total); }
-  void end(Stage stage) { console_.end(stage); }
+  using ConsoleObserver::ConsoleObserver;
   void depth(Stage stage, const ImageView<const float>& depth) {
     io::Image<float> copy(depth.shape());
     copy_pixels(depth, copy.view());
     kept_.emplace_back(stage, std::move(copy));
   }
-  [[nodiscard]] bool cancelled() const { return console_.cancelled(); }
   [[nodiscard]] const std::vector<std::pair<Stage, io::Image<float>>>& kept() const { return kept_; }
 
  private:
-  Console& console_;
   std::vector<std::pair<Stage, io::Image<float>>> kept_;
 };
 

@@ -88,6 +88,7 @@ class Console {
     std::fprintf(stderr, terminal_ ? "\r\033[K  %-26s %8.2f s\n" : "  %-26s %8.2f s\n", name.c_str(), seconds);
   }
   void depth(Stage, const ImageView<const float>&) const {}
+  void daylight(const ImageView<const Vec3f>&, const ImageView<const float>&, const DaylightReport&) const {}
   [[nodiscard]] bool cancelled() const { return interrupted.load(std::memory_order_relaxed); }
   [[nodiscard]] const std::vector<StageTime>& times() const { return times_; }
 
@@ -120,6 +121,19 @@ class Console {
   std::vector<StageTime> times_;
   bool quiet_;
   bool terminal_;
+};
+
+// Passes on what the console shows; for observers that keep something of what a run shows them.
+class ConsoleObserver : public NullObserver {
+ public:
+  explicit ConsoleObserver(Console& console) : console_(console) {}
+  void begin(Stage stage) { console_.begin(stage); }
+  void progress(std::size_t done, std::size_t total) { console_.progress(done, total); }
+  void end(Stage stage) { console_.end(stage); }
+  [[nodiscard]] bool cancelled() const { return console_.cancelled(); }
+
+ private:
+  Console& console_;
 };
 
 }  // namespace npsim::tool

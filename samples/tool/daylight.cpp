@@ -2,13 +2,8 @@
 #include "daylight.hpp"
 
 #include <cstdint>
-#include <vector>
 
-#include "engine.hpp"
 #include "npsim/color/srgb.hpp"
-#include "npsim/io/image.hpp"
-#include "npsim/io/png_jpeg.hpp"
-#include "npsim/pipeline/relight.hpp"
 
 namespace npsim::tool {
 
@@ -26,31 +21,18 @@ OrderedJson to_json(const DaylightReport& r) {
   return out;
 }
 
-io::Outcome write_daylight(const std::string& folder, const io::Scene& scene, const RefinedDepth& refined,
-                           ThreadPool& pool, OrderedJson& report) {
-  if (!scene.albedo.empty()) return io::Done{};
-  const AlbedoParams params;
-  const Shape shape = scene.shape();
-  std::vector<unsigned char> memory(estimate_albedo_workspace_bytes(params, shape));
-  Workspace workspace(memory.data(), memory.size());
-  io::Image<Vec3f> albedo(shape);
-  io::Image<float> sun(shape);
-  DaylightReport found;
-  const Status status = engine::estimate_albedo(params, albedo_scene(scene.view(), refined), workspace,
-                                                AlbedoEstimate{albedo.view(), sun.view()}, found, pool);
-  if (!status.ok()) return io::Error{folder, kDaylightFiles[0], status.message()};
-  report = to_json(found);
-  io::Image<Rgb8> picture(shape);
-  io::Image<std::uint8_t> shadow(shape);
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
+void DaylightRecorder::daylight(const ImageView<const Vec3f>& albedo, const ImageView<const float>& sun,
+                                const DaylightReport& report) {
+  report_ = to_json(report);
+  albedo_ = io::Image<Rgb8>(albedo.shape());
+  shadow_ = io::Image<std::uint8_t>(sun.shape());
+  for (int y = 0; y < albedo.height(); ++y) {
+    for (int x = 0; x < albedo.width(); ++x) {
       const Vec3f a = albedo(x, y);
-      picture(x, y) = {srgb_encode8(a.x), srgb_encode8(a.y), srgb_encode8(a.z)};
-      shadow(x, y) = static_cast<std::uint8_t>(255.0F * sun(x, y) + 0.5F);
+      albedo_(x, y) = {srgb_encode8(a.x), srgb_encode8(a.y), srgb_encode8(a.z)};
+      shadow_(x, y) = static_cast<std::uint8_t>(255.0F * sun(x, y) + 0.5F);
     }
   }
-  if (auto o = io::write_png(folder + "/" + kDaylightFiles[0], picture.view()); !o) return o;
-  return io::write_png(folder + "/" + kDaylightFiles[1], shadow.view());
 }
 
 }  // namespace npsim::tool

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "file_tasks.hpp"
 #include "npsim/io/glb.hpp"
 #include "npsim/io/obj.hpp"
 #include "npsim/io/ply.hpp"
@@ -104,21 +105,30 @@ struct JoinedParts {
 
 }  // namespace
 
-io::Outcome write_parts(const std::string& stem, Span<const MeshPart> parts, const MeshTextures& textures) {
-  if (io::Outcome o = write_parts_glb(stem + ".glb", parts, textures); !o) return o;
+io::Outcome write_parts(const std::string& stem, Span<const MeshPart> parts, const MeshTextures& textures,
+                        ThreadPool& pool) {
   const JoinedParts all = join(parts, textures);
-  if (io::Outcome o = write_parts_obj(stem + ".obj", parts, all, textures); !o) return o;
-  io::PlyOptions options;
-  options.normals = {all.normals.data(), all.normals.size()};
-  options.colours = {all.colours.data(), all.colours.size()};
-  options.frame = io::MeshFrame::y_up;
-  return io::write_ply(stem + ".ply", all.view(), options);
+  io::PlyOptions ply;
+  ply.normals = {all.normals.data(), all.normals.size()};
+  ply.colours = {all.colours.data(), all.colours.size()};
+  ply.frame = io::MeshFrame::y_up;
+  const std::string glb_path = stem + ".glb";
+  const std::string obj_path = stem + ".obj";
+  const std::string ply_path = stem + ".ply";
+  return write_files({{obj_path, [&] { return write_parts_obj(obj_path, parts, all, textures); }},
+                      {glb_path, [&] { return write_parts_glb(glb_path, parts, textures); }},
+                      {ply_path, [&] { return io::write_ply(ply_path, all.view(), ply); }}},
+                     pool);
 }
 
 io::Outcome export_mesh(const std::string& folder, const io::Scene& scene, const SceneMesh& mesh,
-                        const Relighting& light, const MeshExportOptions& options) {
+                        const Relighting& light, ThreadPool& pool, const MeshExportOptions& options) {
   MeshTextures textures = options.albedo ? albedo_textures(mesh, light.points) : photograph_textures(scene.image, mesh);
-  if (io::Outcome o = write_textures(folder, textures); !o) return o;
+  const io::Outcome textured = write_files(
+      {{folder + "/" + textures.background.file, [&] { return write_texture(folder, textures.background); }},
+       {folder + "/" + textures.objects.file, [&] { return write_texture(folder, textures.objects); }}},
+      pool);
+  if (!textured) return textured;
   if (mesh.mesh.faces.empty()) return io::Done{};  // a single row or column of pixels
 
   const LayeredMesh layers{mesh.mesh.vertices, light.points.normal, mesh.vertex_pixel, mesh.mesh.faces,
@@ -130,8 +140,8 @@ io::Outcome export_mesh(const std::string& folder, const io::Scene& scene, const
                                      emitter_parts(light.emitters, {scene.lights.data(), scene.lights.size()})}) {
     parts.insert(parts.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
   }
-  if (io::Outcome o = write_parts(folder + "/mesh", {parts.data(), parts.size()}, textures); !o) return o;
-  return background ? write_parts(folder + "/background", {parts.data(), 1}, textures) : io::Outcome(io::Done{});
+  if (io::Outcome o = write_parts(folder + "/mesh", {parts.data(), parts.size()}, textures, pool); !o) return o;
+  return background ? write_parts(folder + "/background", {parts.data(), 1}, textures, pool) : io::Outcome(io::Done{});
 }
 
 }  // namespace npsim::tool

@@ -10,6 +10,7 @@
 #include "mesh_parts.hpp"
 #include "mesh_textures.hpp"
 #include "npsim/core/span.hpp"
+#include "npsim/exec/thread_pool.hpp"
 #include "npsim/io/error.hpp"
 #include "npsim/io/scene.hpp"
 #include "npsim/pipeline/night.hpp"
@@ -30,11 +31,11 @@ inline constexpr std::size_t kBackgroundTexture = 0;
 inline constexpr std::size_t kObjectsTexture = 1;
 
 // mesh or background, in every format.
-[[nodiscard]] io::Outcome write_parts(const std::string& stem, Span<const MeshPart> parts,
-                                      const MeshTextures& textures);
+[[nodiscard]] io::Outcome write_parts(const std::string& stem, Span<const MeshPart> parts, const MeshTextures& textures,
+                                      ThreadPool& pool);
 
 [[nodiscard]] io::Outcome export_mesh(const std::string& folder, const io::Scene& scene, const SceneMesh& mesh,
-                                      const Relighting& light, const MeshExportOptions& options = {});
+                                      const Relighting& light, ThreadPool& pool, const MeshExportOptions& options = {});
 
 }  // namespace npsim::tool
 

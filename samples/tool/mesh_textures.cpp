@@ -63,15 +63,12 @@ MeshTextures albedo_textures(const SceneMesh& mesh, const SurfacePoints& points)
   return t;
 }
 
-io::Outcome write_textures(const std::string& folder, MeshTextures& textures) {
-  for (MeshTexture* t : {&textures.background, &textures.objects}) {
-    const std::string path = folder + "/" + t->file;
-    auto png = io::encode_png(path, std::as_const(t->image).view());
-    if (!png) return png.error();
-    t->png = std::move(png.value());
-    if (io::Outcome o = io::write_file(path, t->png.data(), t->png.size()); !o) return o;
-  }
-  return io::Done{};
+io::Outcome write_texture(const std::string& folder, MeshTexture& texture) {
+  const std::string path = folder + "/" + texture.file;
+  auto png = io::encode_png(path, std::as_const(texture.image).view());
+  if (!png) return png.error();
+  texture.png = std::move(png.value());
+  return io::write_file(path, texture.png.data(), texture.png.size());
 }
 
 }  // namespace npsim::tool

@@ -35,8 +35,8 @@ struct MeshTextures {
 [[nodiscard]] MeshTextures photograph_textures(const io::Image<Rgb8>& photograph, const SceneMesh& mesh);
 [[nodiscard]] MeshTextures albedo_textures(const SceneMesh& mesh, const SurfacePoints& points);
 
-// Writes the files, and keeps their bytes for those that hold everything in one.
-[[nodiscard]] io::Outcome write_textures(const std::string& folder, MeshTextures& textures);
+// Writes the file, and keeps its bytes for those that hold everything in one.
+[[nodiscard]] io::Outcome write_texture(const std::string& folder, MeshTexture& texture);
 
 }  // namespace npsim::tool
 

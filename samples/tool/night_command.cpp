@@ -20,6 +20,7 @@
 #include "console.hpp"
 #include "daylight.hpp"
 #include "engine.hpp"
+#include "file_tasks.hpp"
 #include "lamp_names.hpp"
 #include "loading.hpp"
 #include "mesh_export.hpp"
@@ -99,13 +100,15 @@ class NightWriter {
  public:
   // scene: that nights are made of; photograph: of the size of the pictures.
   NightWriter(const NightOptions& options, const io::Scene& photograph, const io::Scene& scene,
-              const std::vector<std::string>& doubts, const NightParams& params, Console& console, ThreadPool& pool)
+              const std::vector<std::string>& doubts, const NightParams& params, const DaylightRecorder& estimate,
+              Console& console, ThreadPool& pool)
       : options_(options),
         photograph_(photograph.shape()),
         scene_(scene),
         doubts_(doubts),
         params_(params),
         light_set_(params.relight.activation.light_set),
+        daylight_(estimate),
         console_(console),
         pool_(pool) {
     if (options.labels) labels_.emplace(photograph, params, SignalMaskParams{options.least_snr});
@@ -131,12 +134,20 @@ class NightWriter {
                 {"mean_untraced_lx", light.mean_untraced_lx},
                 {"rays", light.rays},
                 {"error", light.error}};
-      if (auto o = io::write_png(path("depth.png"), panels_[2].picture.view()); !o) return o;
-      if (auto o = io::write_pfm(path("depth.pfm"), refined.depth); !o) return o;
-      if (auto o = io::write_png(path("uncertain.png"), refined.uncertain); !o) return o;
-      if (auto o = io::write_png(path("normals.png"), panels_[4].picture.view()); !o) return o;
-      if (auto o = write_daylight(options_.output, scene_, refined, pool_, daylight_); !o) return o;
-      return export_mesh(options_.output, scene_, mesh, light, {options_.texture == "albedo"});
+      std::vector<FileTask> files;
+      const auto add_png = [&](const char* name, const auto& picture) {
+        files.push_back({path(name), [this, name, picture] { return io::write_png(path(name), picture); }});
+      };
+      add_png("normals.png", std::as_const(panels_[4].picture).view());
+      add_png("depth.png", std::as_const(panels_[2].picture).view());
+      add_png("uncertain.png", ImageView<const std::uint8_t>(refined.uncertain));
+      if (!daylight_.albedo().empty()) {
+        add_png(kDaylightFiles[0], daylight_.albedo());
+        add_png(kDaylightFiles[1], daylight_.shadow());
+      }
+      files.push_back({path("depth.pfm"), [&] { return io::write_pfm(path("depth.pfm"), refined.depth); }});
+      if (auto o = write_files(files, pool_); !o) return o;
+      return export_mesh(options_.output, scene_, mesh, light, pool_, {options_.texture == "albedo"});
     }));
   }
 
@@ -216,7 +227,7 @@ class NightWriter {
         {"emitters", counts_.emitters},
         {"light", light_},
         {"seconds_per_night", per_night()},
-        {"daylight", daylight_},
+        {"daylight", daylight_.report()},
         {"doubts", doubts_},
         {"notes", scene_.notes}};
     return io::write_file(path("report.json"), report.dump(2) + "\n");
@@ -333,13 +344,13 @@ class NightWriter {
   const std::vector<std::string>& doubts_;
   const NightParams& params_;
   Span<const LightSetEntry> light_set_;
+  const DaylightRecorder& daylight_;
   Console& console_;
   ThreadPool& pool_;
   std::optional<NightLabels> labels_;
   std::vector<Panel> panels_;
   Counts counts_;
   GroundPlane ground_;
-  OrderedJson daylight_;  // null where albedo is given
   OrderedJson light_;
   io::Error error_;
 };
@@ -504,8 +515,9 @@ int run_night(const NightOptions& options) {
   Workspace workspace = memory.workspace();
   const unsigned threads = thread_count(options.threads);
   ThreadPool pool(threads);
-  NightWriter writer(options, photograph, scene, doubts, params, console, pool);
-  const Status status = engine::make_large_nights(params, photograph.view(), view, workspace, pool, console, writer);
+  DaylightRecorder recorder(console);
+  NightWriter writer(options, photograph, scene, doubts, params, recorder, console, pool);
+  const Status status = engine::make_large_nights(params, photograph.view(), view, workspace, pool, recorder, writer);
   if (writer.error() != nullptr) return fail(*writer.error());
   if (status.code() == StatusCode::no_valid_input) {
     return fail(io::Error{scene.file, "depth",

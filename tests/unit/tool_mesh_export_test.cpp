@@ -103,8 +103,10 @@ TEST_CASE("GLB, OBJ and PLY of one list of parts hold the same parts, textures a
   MeshTextures textures;
   textures.background = {"background", "background.png", io::Image<Rgb8>(kShape, Rgb8{10, 20, 30}), {}};
   textures.objects = {"photograph", "day.png", io::Image<Rgb8>(kShape, Rgb8{200, 100, 50}), {}};
-  require_ok(write_textures(folder.path(), textures));
-  require_ok(write_parts(folder / "mesh", {parts.data(), 3}, textures));
+  ThreadPool pool(2);
+  require_ok(write_texture(folder.path(), textures.background));
+  require_ok(write_texture(folder.path(), textures.objects));
+  require_ok(write_parts(folder / "mesh", {parts.data(), 3}, textures, pool));
   CHECK(folder.files() == 6);
 
   const io::Expected<io::Mesh> obj = io::read_obj(folder / "mesh.obj");
@@ -135,7 +137,7 @@ TEST_CASE("GLB, OBJ and PLY of one list of parts hold the same parts, textures a
   const std::size_t colour = ply.find("end_header\n") + 11 + 4 * 27 + 24;  // of the fifth vertex, the object's first
   CHECK(static_cast<unsigned char>(ply[colour]) == 200);
 
-  require_ok(write_parts(folder / "background", {parts.data(), 1}, textures));  // one texture is enough
+  require_ok(write_parts(folder / "background", {parts.data(), 1}, textures, pool));  // one texture is enough
   CHECK(contents(folder / "background.glb").find("photograph") == std::string::npos);
 }
 

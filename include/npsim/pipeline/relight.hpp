@@ -496,7 +496,8 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   if (is_wet(params.material.film)) {
     NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, surface.film));
   }
-  NPSIM_RETURN_IF_ERROR(surface_attributes(params.material, scene, refined, mesh, surface, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(
+      surface_attributes(params.material, scene, refined, mesh, surface, workspace, executor, observer));
   Span<float> lift_m;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, lift_m));
   ray_lifts(mesh, refined.trust.bounded ? refined.noise : DepthNoise{}, refined.ground.up, surface.normal, lift_m,

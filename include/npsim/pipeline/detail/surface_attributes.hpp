@@ -63,11 +63,11 @@ inline constexpr float kHiddenAlpha = 0.8F;
 // guessed: the scene gives no albedo.
 [[nodiscard]] constexpr std::size_t surface_attributes_workspace_bytes(const MaterialParams& params, Shape shape,
                                                                        bool guessed) noexcept {
+  const std::size_t estimate =
+      guessed ? allocation_bytes<float>(shape.pixels()) + estimate_albedo_workspace_bytes(params.albedo, shape) : 0;
   return 2 * allocation_bytes<Vec3f>(shape.pixels()) + allocation_bytes<float>(shape.pixels()) +
          2 * allocation_bytes<std::uint8_t>(shape.pixels()) + allocation_bytes<Retroreflector>(shape.pixels()) +
-         max_of(find_retroreflectors_workspace_bytes(shape),
-                guessed ? estimate_albedo_workspace_bytes(params.albedo, shape) : std::size_t{0}) +
-         kWorkspaceAlignment;
+         max_of(find_retroreflectors_workspace_bytes(shape), estimate) + kWorkspaceAlignment;
 }
 
 namespace attributes_detail {
@@ -91,10 +91,10 @@ inline void back_normals(const SceneMesh& mesh, Span<Vec3f> normal) {
 
 }  // namespace attributes_detail
 
-template <class Executor>
+template <class Executor, class Observer>
 Status surface_attributes(const MaterialParams& params, const SceneView& scene, const RefinedDepth& refined,
-                          const SceneMesh& mesh, const SurfaceAttributes& out, Workspace& workspace,
-                          Executor& executor) {
+                          const SceneMesh& mesh, const SurfaceAttributes& out, Workspace& workspace, Executor& executor,
+                          Observer& observer) {
   const Shape shape = scene.shape();
   const auto share = [](float v) { return v > 0.0F ? (v < 1.0F ? v : 1.0F) : 0.0F; };  // a NaN becomes 0
   WorkspaceScope scope(workspace);
@@ -111,9 +111,13 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, retro));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, film));
   if (scene.albedo.empty()) {
-    DaylightReport daylight;
+    const WorkspaceScope estimate(workspace);
+    ImageView<float> sun;
+    DaylightReport report;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, sun));
     NPSIM_RETURN_IF_ERROR(estimate_albedo(params.albedo, albedo_scene(scene, refined), workspace,
-                                          AlbedoEstimate{albedo, {}}, daylight, executor));
+                                          AlbedoEstimate{albedo, sun}, report, executor));
+    observer.daylight(albedo, sun, report);
   } else {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {

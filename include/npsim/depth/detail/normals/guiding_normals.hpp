@@ -119,7 +119,7 @@ void smoothed_normals(const SmoothNormalsParams& params, const SmoothedView& vie
     }
   }
   const F length = sqrt(fma(sum.x, sum.x, fma(sum.y, sum.y, sum.z * sum.z)));
-  const auto changed = own.known & length > F(0.0F);
+  const auto changed = own.known & (length > F(0.0F));
   const F inverse = F(1.0F) / select(changed, length, F(1.0F));
   const auto component = [&](const F& total, const F& before) { return select(changed, total * inverse, before); };
   simd::store3<F>(&out->x,
