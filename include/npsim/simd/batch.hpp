@@ -86,6 +86,11 @@ template <class F>
 }
 
 template <class F>
+[[nodiscard]] float greatest_lane(F x) noexcept {
+  return -least_lane(-x);
+}
+
+template <class F>
 [[nodiscard]] typename F::MaskType is_nan(F x) noexcept {
   return x != x;
 }

@@ -45,27 +45,34 @@ inline void append_chunk(Bytes& out, const char* name, const unsigned char* data
   return b <= c ? above : above_left;
 }
 
-// One filtered row; `above` is null for the first row. Returns the sum of absolute (signed) differences.
-inline std::size_t filter_row(int filter, const unsigned char* row, const unsigned char* above, std::size_t bytes,
-                              std::size_t pixel_bytes, unsigned char* out) {
+// One filtered row. `above` is that of zeros for the first row; both have pixel_bytes zeros before them. Returns the sum
+// of absolute (signed) differences.
+template <class Predict>
+std::size_t filter_row(const unsigned char* row, const unsigned char* above, std::size_t bytes, std::size_t pixel_bytes,
+                       unsigned char* out, const Predict& predict) {
+  const unsigned char* const left = row - pixel_bytes;
+  const unsigned char* const above_left = above - pixel_bytes;
   std::size_t sum = 0;
   for (std::size_t i = 0; i < bytes; ++i) {
-    const int left = i >= pixel_bytes ? row[i - pixel_bytes] : 0;
-    const int up = above != nullptr ? above[i] : 0;
-    const int up_left = above != nullptr && i >= pixel_bytes ? above[i - pixel_bytes] : 0;
-    int predicted = 0;
-    switch (filter) {
-      case 1: predicted = left; break;
-      case 2: predicted = up; break;
-      case 3: predicted = (left + up) / 2; break;
-      case 4: predicted = paeth(left, up, up_left); break;
-      default: break;
-    }
+    const int predicted = predict(left[i], above[i], above_left[i]);
     const auto difference = static_cast<unsigned char>((row[i] - predicted) & 0xFF);
     out[i] = difference;
     sum += difference < 128 ? difference : 256U - difference;
   }
   return sum;
+}
+
+// By number: none, left, up, their mean, Paeth's.
+inline std::size_t filter_row(int filter, const unsigned char* row, const unsigned char* above, std::size_t bytes,
+                              std::size_t pixel_bytes, unsigned char* out) {
+  const auto by = [&](const auto& predict) { return filter_row(row, above, bytes, pixel_bytes, out, predict); };
+  switch (filter) {
+    case 1: return by([](int left, int, int) { return left; });
+    case 2: return by([](int, int up, int) { return up; });
+    case 3: return by([](int left, int up, int) { return (left + up) / 2; });
+    case 4: return by([](int left, int up, int up_left) { return paeth(left, up, up_left); });
+    default: return by([](int, int, int) { return 0; });
+  }
 }
 
 // fill_row(y, bytes) writes row y as PNG samples (16-bit ones big-endian).
@@ -79,15 +86,15 @@ Expected<Bytes> encode_png(const std::string& path, Shape shape, int bit_depth, 
     return Error{path, "size", "the image is too large: expected less than 2 GiB of raw PNG data"};
   }
   Bytes filtered((row_bytes + 1) * static_cast<std::size_t>(shape.height));
-  Bytes current(row_bytes);
-  Bytes previous(row_bytes);
+  Bytes current(pixel_bytes + row_bytes);
+  Bytes previous(pixel_bytes + row_bytes);
   Bytes candidate(row_bytes);
   for (int y = 0; y < shape.height; ++y) {
-    fill_row(y, current.data());
+    fill_row(y, current.data() + pixel_bytes);
     unsigned char* out = filtered.data() + static_cast<std::size_t>(y) * (row_bytes + 1);
     std::size_t best = ~std::size_t{0};
     for (int filter = 0; filter < 5; ++filter) {
-      const std::size_t sum = filter_row(filter, current.data(), y > 0 ? previous.data() : nullptr, row_bytes,
+      const std::size_t sum = filter_row(filter, current.data() + pixel_bytes, previous.data() + pixel_bytes, row_bytes,
                                          pixel_bytes, candidate.data());
       if (sum >= best) continue;
       best = sum;

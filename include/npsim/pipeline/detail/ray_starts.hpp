@@ -27,6 +27,7 @@
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
+#include "npsim/simd/batch.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -42,23 +43,39 @@ inline constexpr float kFootM = 0.2F;     // so deep in the ground may depth put
   return 0x1p-20F * std::fmax(std::fabs(p.x), std::fmax(std::fabs(p.y), std::fabs(p.z)));
 }
 
-// object: numbers of the layer's objects, or empty: of one.
-[[nodiscard]] inline float lift_over_neighbours(ImageView<const Vec3f> layer, ImageView<const std::uint32_t> object,
-                                                int x, int y, const Vec3f& p, const Vec3f& n, float noise_m) noexcept {
-  float lift = rounding_lift(p);
+// object: numbers of the layer's objects, or empty: of one. Lanes are neighbours in a row.
+template <class F>
+[[nodiscard]] float lift_over_neighbours(ImageView<const Vec3f> layer, ImageView<const std::uint32_t> object, int x,
+                                         int y, const Vec3f& p, const Vec3f& n, float noise_m) noexcept {
+  using I = typename F::Int;
   const int reach = noise_m > 0.0F ? kNoisyReach : kReach;
+  const int first = std::max(0, x - reach);
+  const int end = std::min(layer.width(), x + reach + 1);
+  const F least(rounding_lift(p));
+  const F noise(kNoise * noise_m);
+  const F steepest(kSteepest * kSteepest);
+  const I own(object.empty() ? 0 : static_cast<std::int32_t>(object(x, y)));
+  F lift = least;
   for (int v = std::max(0, y - reach); v <= std::min(layer.height() - 1, y + reach); ++v) {
-    for (int u = std::max(0, x - reach); u <= std::min(layer.width() - 1, x + reach); ++u) {
-      const Vec3f& q = layer(u, v);
-      if (!has_vertex(q) || (!object.empty() && object(u, v) != object(x, y))) continue;
-      const Vec3f away = q - p;
-      const float rise = dot(n, away);
-      if (!(rise > lift)) continue;
-      const float along2 = dot(away, away) - rise * rise;
-      if (rise < kNoise * noise_m || rise * rise < kSteepest * kSteepest * along2) lift = rise;
+    for (int u = first; u < end; u += F::lanes) {
+      // The last whole batch goes back over what the one before it had: a vertex may count twice.
+      const int at = std::max(first, std::min(u, end - F::lanes));
+      const int count = std::min(F::lanes, end - at);
+      const simd::F32x3<F> q = simd::load3<F>(&layer(at, v).x, count);
+      const F away_x = q.x - F(p.x);
+      const F away_y = q.y - F(p.y);
+      const F away_z = q.z - F(p.z);
+      const F rise = F(n.x) * away_x + F(n.y) * away_y + F(n.z) * away_z;
+      const F square = rise * rise;
+      const F along2 = (away_x * away_x + away_y * away_y + away_z * away_z) - square;
+      auto counts = (q.z > F(0.0F)) & ((rise < noise) | (square < steepest * along2));  // lanes past `count` have 0
+      if (!object.empty()) {
+        counts = counts & (I::load(reinterpret_cast<const std::int32_t*>(&object(at, v)), count) == own);
+      }
+      lift = max(lift, select(counts, rise, least));
     }
   }
-  return lift;
+  return simd::greatest_lane(lift);
 }
 
 // Whether `start` lies under the ground of the background layer, in the camera's direction or next to that beyond the
@@ -112,8 +129,9 @@ void ray_lifts(const SceneMesh& mesh, const DepthNoise& noise, const Vec3f& up, 
       const SheetLayer& layer = standing ? mesh.foreground : mesh.background;
       const ImageView<const std::uint32_t> object = standing ? mesh.object : ImageView<const std::uint32_t>();
       const float noise_m = p.z > 0.0F ? noise.deviation(1.0F / p.z) * p.z * p.z : 0.0F;
-      lift_m[v] = lift_over_neighbours(layer.vertices, object, static_cast<int>(mesh.vertex_pixel[v] % width),
-                                       static_cast<int>(mesh.vertex_pixel[v] / width), p, normal[v], noise_m);
+      lift_m[v] =
+          lift_over_neighbours<simd::F32>(layer.vertices, object, static_cast<int>(mesh.vertex_pixel[v] % width),
+                                          static_cast<int>(mesh.vertex_pixel[v] / width), p, normal[v], noise_m);
       if (standing) {
         lift_m[v] = lift_above_ground(mesh.camera, mesh.background.vertices, up, p, normal[v], lift_m[v]);
       }
