@@ -17,7 +17,7 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 // What a stream is for; keeps the streams of different stages apart.
-enum class RandomPurpose : std::uint32_t { generic, activation, direct, bounce, noise, street, sensor, test };
+enum class RandomPurpose : std::uint32_t { generic, activation, direct, bounce, noise, street, sensor, test, leaves };
 
 [[nodiscard]] constexpr std::array<std::uint32_t, 4> philox4x32(std::array<std::uint32_t, 4> counter,
                                                                 std::array<std::uint32_t, 2> key) noexcept {

@@ -36,6 +36,7 @@
 #include "npsim/light/unmarked.hpp"
 #include "npsim/pipeline/detail/body_faces.hpp"
 #include "npsim/pipeline/detail/lamp_faces.hpp"
+#include "npsim/pipeline/detail/leaf_normals.hpp"
 #include "npsim/pipeline/detail/light_groups.hpp"
 #include "npsim/pipeline/detail/light_transport.hpp"
 #include "npsim/pipeline/detail/mirrored_image.hpp"
@@ -158,6 +159,7 @@ struct RelightSize {
   std::size_t wet = 0;     // of the receivers, those that a film of water may cover
   std::size_t unseen = 0;  // street lamps that continue a row
   bool unsure = false;     // whether light is spread where the shape is unsure
+  bool leaves = false;     // whether plants have leaves' normals
 };
 
 [[nodiscard]] inline RelightSize relight_size(const SceneView& scene, const SceneMesh& mesh, int variants) noexcept {
@@ -217,6 +219,7 @@ struct RelightSize {
       (wet ? mirrors_bytes(params.mirror, size.wet) : 0) + allocation_bytes<Vec3f>(2 * emitters + 1) +
       allocation_bytes<float>(emitters) +
       (size.unsure ? allocation_bytes<float>(UnsureLightGuides::floats(shape)) : 0) +
+      (size.leaves ? allocation_bytes<Vec3f>(size.points) + allocation_bytes<float>(size.points) : 0) +
       relight_detail::light_transport_workspace_bytes(shape, size.points, params.bounces, wet);
   return shared +
          max_of(size.marks > 0 ? placement_workspace_bytes(params.placement, shape) : std::size_t{0},
@@ -364,6 +367,17 @@ template <class Rays, class Executor, class Observer>
   observer.begin(Stage::render);
   LitScene lit;
   lit.points = out.points;
+  if (size.leaves) {
+    Span<Vec3f> normal;
+    Span<float> lift_m;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, normal));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, lift_m));
+    std::copy(out.points.normal.begin(), out.points.normal.end(), normal.begin());
+    std::copy(out.points.lift_m.begin(), out.points.lift_m.end(), lift_m.begin());
+    turn_leaves(key, refined, mesh, normal, lift_m, executor);
+    lit.points.normal = normal;
+    lit.points.lift_m = lift_m;
+  }
   lit.visible_point = out.visible_point;
   lit.emitters = out.emitters;
   lit.groups = out.groups;
@@ -460,6 +474,7 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   const std::size_t before = workspace.used();
   RelightSize size = relight_size(scene, mesh, variants);
   size.unsure = relight_detail::has_unsure_surfaces(params.unsure_light, refined.source);
+  size.leaves = relight_detail::has_leaf_normals(scene, size.unsure);
   NPSIM_RETURN_IF_ERROR(workspace.ensure(relight_workspace_bytes(params, traced, scene.shape(), size)));
 
   observer.begin(Stage::lights);
@@ -500,8 +515,7 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
       surface_attributes(params.material, scene, refined, mesh, surface, workspace, executor, observer));
   Span<float> lift_m;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(size.points, lift_m));
-  ray_lifts(mesh, refined.trust.bounded ? refined.noise : DepthNoise{}, refined.ground.up, surface.normal, lift_m,
-            executor);
+  ray_lifts(mesh, noise_of_mesh(refined), refined.ground.up, surface.normal, lift_m, executor);
   observer.end(Stage::material);
 
   out.points = SurfacePoints{mesh.mesh.vertices, surface.normal, surface.albedo, surface.alpha, lift_m,

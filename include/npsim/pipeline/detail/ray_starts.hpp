@@ -25,6 +25,7 @@
 #include "npsim/core/span.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/depth/depth_source.hpp"
+#include "npsim/depth/refine_depth_params.hpp"
 #include "npsim/geometry/triangle_mesh.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/simd/batch.hpp"
@@ -112,30 +113,34 @@ template <class F>
 
 }  // namespace ray_start_detail
 
-// noise: of the depth that the mesh was made of. up: of the ground. lift_m: of every vertex of the mesh, in metres.
+// Of the depth that the mesh was made of.
+[[nodiscard]] inline DepthNoise noise_of_mesh(const RefinedDepth& refined) noexcept {
+  return refined.trust.bounded ? refined.noise : DepthNoise{};
+}
+
+// Of vertex v of the mesh, in metres. noise: of the depth that the mesh was made of. up: of the ground.
+[[nodiscard]] inline float ray_lift(const SceneMesh& mesh, const DepthNoise& noise, const Vec3f& up, std::size_t v,
+                                    const Vec3f& normal) noexcept {
+  using namespace ray_start_detail;  // NOLINT(google-build-using-namespace)
+  const Vec3f& p = mesh.mesh.vertices[v];
+  if (v >= mesh.sheet_vertices) return rounding_lift(p);  // an object's back is ours, and smooth
+  const auto width = static_cast<std::uint32_t>(mesh.visible_vertex.width());
+  const bool standing = v >= mesh.background_vertices;
+  const SheetLayer& layer = standing ? mesh.foreground : mesh.background;
+  const ImageView<const std::uint32_t> object = standing ? mesh.object : ImageView<const std::uint32_t>();
+  const float noise_m = p.z > 0.0F ? noise.deviation(1.0F / p.z) * p.z * p.z : 0.0F;
+  const float lift =
+      lift_over_neighbours<simd::F32>(layer.vertices, object, static_cast<int>(mesh.vertex_pixel[v] % width),
+                                      static_cast<int>(mesh.vertex_pixel[v] / width), p, normal, noise_m);
+  return standing ? lift_above_ground(mesh.camera, mesh.background.vertices, up, p, normal, lift) : lift;
+}
+
+// The same of every vertex.
 template <class Executor>
 void ray_lifts(const SceneMesh& mesh, const DepthNoise& noise, const Vec3f& up, Span<const Vec3f> normal,
                Span<float> lift_m, Executor& executor) noexcept {
-  using namespace ray_start_detail;
-  const auto width = static_cast<std::uint32_t>(mesh.visible_vertex.width());
   executor.for_chunks(lift_m.size(), 4096, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t v = begin; v < end; ++v) {
-      const Vec3f& p = mesh.mesh.vertices[v];
-      if (v >= mesh.sheet_vertices) {
-        lift_m[v] = rounding_lift(p);  // an object's back is ours, and smooth
-        continue;
-      }
-      const bool standing = v >= mesh.background_vertices;
-      const SheetLayer& layer = standing ? mesh.foreground : mesh.background;
-      const ImageView<const std::uint32_t> object = standing ? mesh.object : ImageView<const std::uint32_t>();
-      const float noise_m = p.z > 0.0F ? noise.deviation(1.0F / p.z) * p.z * p.z : 0.0F;
-      lift_m[v] =
-          lift_over_neighbours<simd::F32>(layer.vertices, object, static_cast<int>(mesh.vertex_pixel[v] % width),
-                                          static_cast<int>(mesh.vertex_pixel[v] / width), p, normal[v], noise_m);
-      if (standing) {
-        lift_m[v] = lift_above_ground(mesh.camera, mesh.background.vertices, up, p, normal[v], lift_m[v]);
-      }
-    }
+    for (std::size_t v = begin; v < end; ++v) lift_m[v] = ray_lift(mesh, noise, up, v, normal[v]);
   });
 }
 

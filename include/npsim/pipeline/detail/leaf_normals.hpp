@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Normals of leaves, where the shape of plants is measured with noise.
+//
+// Leaves lie in all directions, whatever the crown is like around them; and of a measured crown not even that is known:
+// planes fitted to it turn to and fro over metres, and a lamp lights what happens to turn to it, like smoke. So each
+// pixel of a plant shows a leaf of its own. Of leaves in all directions those that a camera sees have normals n with
+// the density (n . v)_+ / pi about the direction v to it, and under light from l, at the angle a from v, they get
+//   mean of (n . l)_+ = 2 / (3 pi) (sin a + (pi - a) cos a)
+// of the light that comes: Lambert's sphere. The light that may be expected (render/unsure_light.hpp) is that mean.
+// Invariant: unit length, facing the camera; the same for every night, every lamp and any order of work.
+// Cost: two random numbers per pixel of a plant, and its ray_lift(). Memory: none.
+#ifndef NPSIM_PIPELINE_DETAIL_LEAF_NORMALS_HPP
+#define NPSIM_PIPELINE_DETAIL_LEAF_NORMALS_HPP
+
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/config.hpp"
+#include "npsim/core/random.hpp"
+#include "npsim/core/scene_view.hpp"
+#include "npsim/core/span.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/depth/refine_depth_params.hpp"
+#include "npsim/labels/cityscapes.hpp"
+#include "npsim/material/bsdf.hpp"
+#include "npsim/pipeline/detail/ray_starts.hpp"
+#include "npsim/pipeline/reconstruct.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+namespace relight_detail {
+
+// Given normals know more.
+[[nodiscard]] constexpr bool has_leaf_normals(const SceneView& scene, bool unsure) noexcept {
+  return unsure && scene.normals.empty();
+}
+
+// normal and lift_m, of all points: those that pixels of plants show are replaced.
+template <class Executor>
+void turn_leaves(std::uint64_t key, const RefinedDepth& refined, const SceneMesh& mesh, Span<Vec3f> normal,
+                 Span<float> lift_m, Executor& executor) noexcept {
+  const Shape shape = mesh.visible_vertex.shape();
+  for_rows(executor, shape.height, [&](int y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const std::uint32_t v = mesh.visible_vertex(x, y);
+      if (v == kNoVertex || refined.labels(x, y) != label::vegetation) continue;
+      const auto width = static_cast<std::uint32_t>(shape.width);
+      const std::uint32_t pixel = static_cast<std::uint32_t>(y) * width + static_cast<std::uint32_t>(x);
+      if (mesh.vertex_pixel[v] != pixel) continue;  // borrowed from its neighbour
+      RandomStream random(key, RandomPurpose::leaves, 0, 0, pixel, 0);
+      const float a = random.uniform();
+      const float b = random.uniform();
+      normal[v] = sample_cosine(-normalized(mesh.mesh.vertices[v]), a, b);
+      lift_m[v] = ray_lift(mesh, noise_of_mesh(refined), refined.ground.up, v, normal[v]);
+    }
+  });
+}
+
+}  // namespace relight_detail
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_PIPELINE_DETAIL_LEAF_NORMALS_HPP
