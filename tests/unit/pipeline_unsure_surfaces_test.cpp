@@ -23,6 +23,7 @@ TEST_CASE(
   for (const int x : {kRoad, kBarrier, kLeaning}) known.labels(x, 0) = label::road;
   known.labels(kKerb, 0) = label::sidewalk;
   RefinedDepth refined = known.refined();
+  refined.source = DepthSource::stereo;
   refined.noise.width_px = 2;
   refined.ground.up = {0, -1, 0};
   refined.ground.camera_height_m = 1.5F;
@@ -49,4 +50,31 @@ TEST_CASE(
   CHECK(labels[kWall] == static_cast<float>(label::building));
   CHECK(guides.planes[kShape.pixels() + kWall] == doctest::Approx(std::log(0.2)));
   CHECK(guides.planes[2 * kShape.pixels() + kWall] == doctest::Approx(std::log(1e-3)));
+
+  // Estimated depth is smooth: of it the light on plants alone is spread.
+  refined.source = DepthSource::network;
+  known.labels(kBarrier, 0) = label::vegetation;
+  npsim_test::Scratch more(allocation_bytes<float>(UnsureLightGuides::floats(kShape)) + kWorkspaceAlignment);
+  REQUIRE(relight_detail::find_unsure_surfaces({}, refined, points, visible.cview(), more.workspace(), guides).ok());
+  CHECK(guides.iterations == 3);
+  const float* const of_estimate = guides.planes.data() + 3 * kShape.pixels();
+  for (int x = 0; x < kShape.width; ++x) {
+    CHECK(of_estimate[x] == (x == kBarrier ? static_cast<float>(label::vegetation) : -1.0F));
+  }
+}
+
+TEST_CASE("unsure surfaces: measured depth has some, exact none, estimated where it has labels but no normals") {
+  const UnsureLightParams params;
+  Image<Label> labels({4, 3}, label::vegetation);
+  Image<Vec3f> normals({4, 3});
+  SceneView scene;
+  const auto unsure = [&](DepthSource source) { return relight_detail::has_unsure_surfaces(params, scene, source); };
+  CHECK_FALSE(unsure(DepthSource::network));
+  CHECK(unsure(DepthSource::lidar));
+  scene.labels = labels.cview();
+  CHECK(unsure(DepthSource::network));
+  CHECK_FALSE(unsure(DepthSource::exact));
+  scene.normals = normals.cview();
+  CHECK_FALSE(unsure(DepthSource::network));
+  CHECK(unsure(DepthSource::stereo));
 }

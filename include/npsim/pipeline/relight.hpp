@@ -473,7 +473,7 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   if (variants < 1) return Status(StatusCode::invalid_argument, "at least one variant is needed");
   const std::size_t before = workspace.used();
   RelightSize size = relight_size(scene, mesh, variants);
-  size.unsure = relight_detail::has_unsure_surfaces(params.unsure_light, refined.source);
+  size.unsure = relight_detail::has_unsure_surfaces(params.unsure_light, scene, refined.source);
   size.leaves = relight_detail::has_leaf_normals(scene, size.unsure);
   NPSIM_RETURN_IF_ERROR(workspace.ensure(relight_workspace_bytes(params, traced, scene.shape(), size)));
 
