@@ -223,7 +223,6 @@ class StageJudge {
   params.relight.unseen.share = 0.0F;  // of which the reference knows nothing
   params.relight.veils = VeilParams::none();
   params.relight.bodies = LabelSet();
-  params.relight.flat.classes = LabelSet();
   io::Image<Vec3f> own;
   TrueNight night;
   NPSIM_RETURN_IF_ERROR(transport_alone(params, scene, depth.refined(), samples, pool, console, own, night.luminance));

@@ -26,10 +26,8 @@ struct Street {
   Image<std::uint32_t> object{kShape};
   Image<std::uint32_t> vertex{kShape};
   std::vector<Vec3f> vertices = std::vector<Vec3f>(2 * kShape.pixels(), Vec3f{0, 0, 10});
-  std::vector<Vec3f> normals = std::vector<Vec3f>(2 * kShape.pixels(), Vec3f{0, 0, -1});
   std::vector<Emitter> emitters;
-  bool across = false;                // faces reach to the next pixel
-  bool vertex_of_box_behind = false;  // (5, 1) shows the background's
+  bool vertex_behind = false;  // (5, 1) shows the background's
   npsim_test::Scratch memory{300000};
   Bodies bodies;
 
@@ -42,7 +40,7 @@ struct Street {
       }
     }
   }
-  void find(LabelSet classes = kBodyLabels, LabelSet flat = {}) {
+  void find(LabelSet classes = kBodyLabels) {
     scene.image = image.cview();
     scene.labels = labels.cview();
     scene.instances = instances.cview();
@@ -53,26 +51,19 @@ struct Street {
     for (int y = 0; y < kShape.height; ++y) {
       for (int x = 0; x < kShape.width; ++x, ++pixel) vertex(x, y) = pixel + (object(x, y) != 0 ? pixels : 0);
     }
-    if (vertex_of_box_behind) vertex(5, 1) = kShape.width + 5;
+    if (vertex_behind) vertex(5, 1) = kShape.width + 5;
     mesh.visible_vertex = vertex.cview();
     mesh.background_vertices = pixels;
     mesh.mesh.vertices = {vertices.data(), vertices.size()};
     const auto each = [&](const auto& f) {
       const Vec3f corners[3] = {};
       for (std::uint32_t p = 0; p < 2 * pixels; ++p) {
-        const std::uint32_t next = across && p % pixels + 1 < pixels ? p % pixels + 1 : p % pixels;
-        const std::uint32_t of[3] = {p % pixels, next, p % pixels};
+        const std::uint32_t of[3] = {p % pixels, p % pixels, p % pixels};
         f(p, corners, of, p >= pixels);
       }
     };
-    SurfacePoints points;
-    points.position = mesh.mesh.vertices;
-    points.normal = {normals.data(), normals.size()};
-    FlatParams pieces;
-    pieces.classes = flat;
-    pieces.least_px = 2;
-    REQUIRE(find_bodies(classes, pieces, scene, mesh, points, {emitters.data(), emitters.size()}, 2 * pixels, each,
-                        memory.workspace(), bodies)
+    REQUIRE(find_bodies(classes, scene, mesh, {emitters.data(), emitters.size()}, 2 * pixels, each, memory.workspace(),
+                        bodies)
                 .ok());
   }
   [[nodiscard]] std::uint16_t of_pixel(int x, int y) const { return bodies.of_point[vertex(x, y)]; }
@@ -136,6 +127,15 @@ TEST_CASE("bodies: two cars stay two where one is widened over a pixel of the ot
   CHECK(s.of_pixel(4, 1) == s.of_pixel(0, 1));
 }
 
+TEST_CASE("bodies: a point of the background that a car's pixel shows is not the car's") {
+  Street s;
+  s.thing(4, 7, label::car, 7, 1);
+  s.vertex_behind = true;
+  s.find();
+  CHECK(s.bodies.of_point[s.vertex(5, 1)] == 0);
+  CHECK(s.of_pixel(4, 1) != 0);
+}
+
 TEST_CASE("bodies: a lamp is part of the body that its mark lies on") {
   Street s;
   s.thing(0, 3, label::car, 7, 1);
@@ -149,40 +149,6 @@ TEST_CASE("bodies: a lamp is part of the body that its mark lies on") {
   CHECK(s.bodies.of_lamp[0] == 0);
   CHECK(s.bodies.of_lamp[1] == s.of_pixel(0, 1));
   CHECK(s.bodies.of_lamp[2] == 0);
-}
-
-TEST_CASE(
-    "bodies: what is flat is one beside the cars; the wall behind a flat box, and a box behind nothing, are others") {
-  Street s;
-  s.labels = Image<Label>(kShape, label::building);
-  s.thing(0, 3, label::car, 7, 1);
-  s.thing(4, 7, label::static_object, 0, 2);
-  s.marks(9, 0) = 1;
-  s.emitters.resize(1);
-  s.emitters[0].mark = 1;  // a window's
-  s.find(kBodyLabels, kFlatLabels);
-  const std::uint16_t car = s.of_pixel(0, 1);
-  const std::uint16_t box = s.of_pixel(4, 1);
-  const std::uint16_t wall = s.of_pixel(9, 1);
-  CHECK(car != 0);
-  CHECK(box > car);
-  CHECK(wall > car);
-  CHECK(wall != box);
-  CHECK(s.bodies.of_lamp[0] == 0);  // lanterns hang before walls, and a wall is even beside its windows
-  CHECK(s.of_face(9, 1, false) == wall);
-  CHECK(s.of_face(9, 1, true) == 0);
-  CHECK(s.of_face(5, 1, true) == box);
-  CHECK(s.of_face(5, 1, false) == 0);
-  CHECK(s.of_face(1, 1, true) == car);
-  CHECK(s.of_face(1, 1, false) == 0);
-  // A face across the border of two pieces is of neither; a point of the background that a box's pixel shows is not the
-  // box's.
-  s.across = true;
-  s.vertex_of_box_behind = true;
-  s.find(kBodyLabels, kFlatLabels);
-  CHECK(s.of_face(6, 1, true) == 0);
-  CHECK(s.of_face(8, 1, false) == wall);
-  CHECK(s.bodies.of_point[s.vertex(5, 1)] == 0);
 }
 
 TEST_CASE("bodies: none and no memory for them without labels, without such things, or where no class is asked for") {

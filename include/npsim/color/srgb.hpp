@@ -236,9 +236,6 @@ template <class F>
 
 [[nodiscard]] inline Vec3f srgb8_to_lab(const Rgb8& c) noexcept { return linear_rgb_to_lab(srgb_decode8(c)); }
 
-// Colour difference Delta E of 1976: the distance in CIELAB.
-[[nodiscard]] inline float delta_e_1976(const Vec3f& a, const Vec3f& b) noexcept { return length(a - b); }
-
 namespace color_detail {
 
 // Rows of pixels of any kind to Lab: `load(pixels, n)` makes batches of linear light of n of them.

@@ -112,9 +112,6 @@ struct Context {
     return l < kLabelCount ? l : label::unlabeled;
   }
   // Of a working pixel.
-  [[nodiscard]] Label working_label(int x, int y) const noexcept {
-    return label_at(picture.middle_x(x, scene.image.width()), picture.middle_y(y, scene.image.height()));
-  }
   [[nodiscard]] Vec3f working_normal(int x, int y) const noexcept {
     if (scene.normals.empty()) return {};
     return scene.normals(picture.middle_x(x, scene.image.width()), picture.middle_y(y, scene.image.height()));

@@ -73,7 +73,6 @@ struct NightParams {
   params.relight.material.matt_if_guessed = {};
   params.relight.veils = VeilParams::none();
   params.relight.bodies = LabelSet();
-  params.relight.flat.classes = LabelSet();
   return params;
 }
 
@@ -107,6 +106,7 @@ struct Night {
                           0,
                           pixels,
                           most_unseen_lamps(params.relight.rows, marks),
+                          params.relight.unsure_light.reach > 0.0F,
                           params.relight.unsure_light.reach > 0.0F};
   const std::size_t mesh = mesh_workspace_bytes(params.mesh, shape, most);
   const std::size_t nights = allocation_bytes<Rgb8>(pixels) + allocation_bytes<std::uint16_t>(params.raw ? pixels : 0) +

@@ -69,12 +69,11 @@ struct RelightParams {
   MirrorParams mirror;        // where the ground is wet (material.film)
   UnseenStreetParams unseen;  // what rays see that leave the picture's street
   DenoiseParams denoise;
-  UnsureLightParams unsure_light;  // of stereo and lasers
+  UnsureLightParams unsure_light;  // of stereo and lasers, and of guessed leaves
   SkyParams sky;
   MaterialParams material;
   VeilParams veils;
   LabelSet bodies = kBodyLabels;  // of things that do not shade themselves
-  FlatParams flat;                // nor does what is flat
   int bounces = 2;                // diffuse bounces after the direct light, 1..16
   // Tiles of a light's image stay out that it nowhere brings to this luminance, at its strongest.
   float least_cd_m2 = 2e-4F;  // the darkest sky over a city makes a grey surface 20 times as bright
@@ -102,7 +101,6 @@ struct RelightParams {
   NPSIM_RETURN_IF_ERROR(validate(p.material.film));
   NPSIM_RETURN_IF_ERROR(validate(p.material.retroreflection));
   NPSIM_RETURN_IF_ERROR(validate(p.veils));
-  NPSIM_RETURN_IF_ERROR(validate(p.flat));
   NPSIM_RETURN_IF_ERROR(validate(p.ego));
   if (!(p.following_car_m == 0.0F ||
         (p.following_car_m >= kNearestFollower_m && p.following_car_m <= kFarthestFollower_m))) {
@@ -334,8 +332,8 @@ inline constexpr float kInversePi = 0.31830989F;
 // What they are is known by what the pixels of the faces show.
 template <class Rays>
 [[nodiscard]] Status find_occluders(const RelightParams& params, const SceneView& scene, const SceneMesh& mesh,
-                                    const SurfacePoints& points, DepthSource source, const Rays& rays,
-                                    Span<const Emitter> emitters, Workspace& workspace, Occluders& out) {
+                                    DepthSource source, const Rays& rays, Span<const Emitter> emitters,
+                                    Workspace& workspace, Occluders& out) {
   const auto for_each_face = [&rays](const auto& f) { rays.for_each_face(f); };
   Span<std::uint16_t> lamp_mark;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(rays.face_count(), lamp_mark));
@@ -344,8 +342,7 @@ template <class Rays>
   NPSIM_RETURN_IF_ERROR(
       find_veils(params.veils, scene.labels, mesh.object, rays.face_count(), for_each_face, workspace, out.veils));
   if (source == DepthSource::exact) return {};  // has no dents, and shows what a body does shade of itself
-  return find_bodies(params.bodies, params.flat, scene, mesh, points, emitters, rays.face_count(), for_each_face,
-                     workspace, out.bodies);
+  return find_bodies(params.bodies, scene, mesh, emitters, rays.face_count(), for_each_face, workspace, out.bodies);
 }
 
 // Every ray, and the images of all lights. The structure that rays are traced through is built here and gone
@@ -360,8 +357,7 @@ template <class Rays, class Executor, class Observer>
   Rays rays;
   NPSIM_RETURN_IF_ERROR(Rays::make(scene, mesh, workspace, executor, rays));
   Occluders occluders;
-  NPSIM_RETURN_IF_ERROR(
-      find_occluders(params, scene, mesh, out.points, refined.source, rays, out.emitters, workspace, occluders));
+  NPSIM_RETURN_IF_ERROR(find_occluders(params, scene, mesh, refined.source, rays, out.emitters, workspace, occluders));
   observer.end(Stage::build_trace);
 
   observer.begin(Stage::render);

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which faces and points of the scene mesh belong to which body: a thing that bulges or is flat, and does not shade
-// itself.
+// Which faces and points of the scene mesh belong to which body: a thing that bulges, and does not shade itself.
 //
 // The outside of a car turns away from every lamp that it hides from itself: its normals say where its own shadow is.
 // Its mesh says it worse. Measured depth is uneven by more than a car's relief, and each dent would lie in the shadow
 // of its rim. A body is what has one number among the instances, else an object, of the class and the number of most of
 // its pixels: thin ones lie on their neighbours' too. The lamps of such a body are shaded by it as by anything: a bonnet
-// hides headlamps from the windscreen. Each flat piece of a surface (flat_pieces.hpp) is a body as well, of no lamp.
-// Cost: eight passes over the pixels and one over the faces. Memory: 2 bytes a face, a point and a lamp where there are
-// any, else none; 12 bytes a pixel and 128 KiB for the search. Error: what a body does shade of itself, under a wheel
+// hides headlamps from the windscreen.
+// Cost: five passes over the pixels and one over the faces. Memory: 2 bytes a face, a point and a lamp where there are
+// any, else none; 8 bytes a pixel and 128 KiB for the search. Error: what a body does shade of itself, under a wheel
 // arch or behind a mirror, is lit.
 #ifndef NPSIM_PIPELINE_DETAIL_BODY_FACES_HPP
 #define NPSIM_PIPELINE_DETAIL_BODY_FACES_HPP
@@ -27,7 +26,6 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/light/emitter.hpp"
-#include "npsim/pipeline/detail/flat_pieces.hpp"
 #include "npsim/pipeline/detail/traced_faces.hpp"
 #include "npsim/render/surface_points.hpp"
 #include "npsim/render/visibility.hpp"
@@ -40,11 +38,8 @@ inline constexpr LabelSet kBodyLabels =
 
 // On top of what is kept: 2 bytes a face, a point and a lamp.
 [[nodiscard]] constexpr std::size_t find_bodies_workspace_bytes(Shape shape) noexcept {
-  return allocation_bytes<std::uint16_t>(shape.pixels() + 1) + allocation_bytes<std::uint16_t>(shape.pixels()) +
-         max_of(allocation_bytes<std::uint16_t>(shape.pixels() + 1) +
-                    allocation_bytes<std::int32_t>(shape.pixels() + 1) + allocation_bytes<std::uint16_t>(65536),
-                number_flat_pieces_workspace_bytes(shape)) +
-         kWorkspaceAlignment;
+  return 2 * allocation_bytes<std::uint16_t>(shape.pixels() + 1) + allocation_bytes<std::int32_t>(shape.pixels() + 1) +
+         allocation_bytes<std::uint16_t>(65536) + kWorkspaceAlignment;
 }
 
 namespace body_detail {
@@ -56,10 +51,10 @@ void for_pixels(Shape shape, const F& f) {
   }
 }
 
-// of_object: the body of each object, 0 for none. count: of bodies.
+// of_object: the body of each object, 0 for none.
 [[nodiscard]] inline Status number_bodies(LabelSet classes, const SceneView& scene,
                                           ImageView<const std::uint32_t> object, Workspace& workspace,
-                                          Span<std::uint16_t> of_object, std::uint16_t& count) {
+                                          Span<std::uint16_t> of_object) {
   const WorkspaceScope scope(workspace);
   const Shape shape = scene.shape();
   const auto is_body = [&](int x, int y) { return classes.contains(scene.labels(x, y)); };
@@ -72,7 +67,7 @@ void for_pixels(Shape shape, const F& f) {
   std::fill(of_instance.begin(), of_instance.end(), std::uint16_t{0});
   std::fill(of_object.begin(), of_object.end(), std::uint16_t{0});
   for_pixels(shape, [&](int x, int y) { votes[object(x, y)] += is_body(x, y) ? 1 : -1; });
-  count = 0;
+  std::uint16_t count = 0;
   for (std::size_t o = 1; o < votes.size() && count < 65535; ++o) {
     if (votes[o] > 0) of_object[o] = ++count;
   }
@@ -96,20 +91,18 @@ void for_pixels(Shape shape, const F& f) {
 
 }  // namespace body_detail
 
-// for_each: see traced_faces.hpp, over `faces` faces. points: of the mesh's vertices. The workspace holds what `out`
-// points at. Without labels, or anything of these classes, there are none.
+// for_each: see traced_faces.hpp, over `faces` faces. The workspace holds what `out` points at. Without labels, or
+// anything of these classes, there are none.
 template <class ForEachFace>
-[[nodiscard]] Status find_bodies(LabelSet classes, const FlatParams& flat, const SceneView& scene,
-                                 const SceneMesh& mesh, const SurfacePoints& points, Span<const Emitter> emitters,
-                                 std::size_t faces, const ForEachFace& for_each, Workspace& workspace, Bodies& out) {
+[[nodiscard]] Status find_bodies(LabelSet classes, const SceneView& scene, const SceneMesh& mesh,
+                                 Span<const Emitter> emitters, std::size_t faces, const ForEachFace& for_each,
+                                 Workspace& workspace, Bodies& out) {
   out = Bodies{};
   const ImageView<const std::uint32_t> object = mesh.object;
   bool any = false;
   if (!scene.labels.empty()) {
-    body_detail::for_pixels(scene.shape(), [&](int x, int y) {
-      const Label label = scene.labels(x, y);
-      any = any || (object(x, y) != 0 && classes.contains(label)) || flat.classes.contains(label);
-    });
+    body_detail::for_pixels(
+        scene.shape(), [&](int x, int y) { any = any || (object(x, y) != 0 && classes.contains(scene.labels(x, y))); });
   }
   if (!any) return {};
   Span<std::uint16_t> of_face, of_point, of_lamp;
@@ -121,32 +114,20 @@ template <class ForEachFace>
   }
   const WorkspaceScope scope(workspace);
   Span<std::uint16_t> of_object;
-  ImageView<std::uint16_t> of_piece;
-  std::uint16_t count = 0;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(scene.shape().pixels() + 1, of_object));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), of_piece));
-  NPSIM_RETURN_IF_ERROR(body_detail::number_bodies(classes, scene, object, workspace, of_object, count));
-  NPSIM_RETURN_IF_ERROR(
-      number_flat_pieces(flat, scene.labels, mesh, points, std::uint32_t{count} + 1, workspace, of_piece));
+  NPSIM_RETURN_IF_ERROR(body_detail::number_bodies(classes, scene, object, workspace, of_object));
   body_detail::for_pixels(scene.shape(), [&](int x, int y) {
-    const std::uint16_t of_whole = of_object[object(x, y)];
-    const std::uint16_t body = of_whole != 0 ? of_whole : of_piece(x, y);
+    const std::uint16_t body = of_object[object(x, y)];
     if (body == 0) return;
     const std::uint32_t vertex = mesh.visible_vertex(x, y);
-    if (vertex != kNoVertex && (vertex >= mesh.background_vertices) == (object(x, y) != 0)) of_point[vertex] = body;
-    if (of_whole == 0) return;
+    if (vertex != kNoVertex && vertex >= mesh.background_vertices) of_point[vertex] = body;
     const std::uint16_t mark = scene.light_index.empty() ? std::uint16_t{0} : scene.light_index(x, y);
     for (std::size_t e = 0; mark != 0 && e < emitters.size(); ++e) {
       if (emitters[e].mark == mark && of_lamp[e] == 0) of_lamp[e] = body;
     }
   });
   for_each([&](std::size_t face, const Vec3f(&)[3], const std::uint32_t(&pixels)[3], bool is_object) {
-    const std::uint32_t of = at_pixel(object, pixels[0]);
-    if (is_object) of_face[face] = of_object[of];
-    if (of_face[face] != 0 || is_object != (of != 0)) return;
-    const ImageView<const std::uint16_t> pieces = of_piece;
-    const std::uint16_t piece = at_pixel(pieces, pixels[0]);
-    if (at_pixel(pieces, pixels[1]) == piece && at_pixel(pieces, pixels[2]) == piece) of_face[face] = piece;
+    if (is_object) of_face[face] = of_object[at_pixel(object, pixels[0])];
   });
   out = {of_face, of_point, of_lamp};
   return {};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the sensor kernels share: how they read a sample, how they divide the rows, how they add up.
+// What the sensor kernels share: how they read a sample, how they divide the rows.
 //
 // A sample that is NaN or negative reads as 0, one above kMaxSample (infinity included) as kMaxSample: light is never
 // negative, and one broken pixel must not spread through a blur or a mean.
@@ -9,14 +9,13 @@
 #include <cstddef>
 
 #include "npsim/core/image_view.hpp"
-#include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
 
-inline constexpr std::size_t kSensorRowChunk = 16;  // rows per task and per partial sum
+inline constexpr std::size_t kSensorRowChunk = 16;  // rows per task
 inline constexpr float kMaxSample = 1e12F;          // the sun's disc is 2e9 cd/m2
 
 [[nodiscard]] constexpr float sane_sample(float x) noexcept {
@@ -44,24 +43,6 @@ template <class Out>
     return Status(StatusCode::shape_mismatch, "input and output image must have the same size");
   }
   return {};
-}
-
-// Sum of f(rgb) over all pixels: by chunks of rows, then over the chunks in their order. partial: one element per
-// chunk.
-template <class Sum, class Executor, class F>
-[[nodiscard]] Sum sum_pixels(ImageView<const Vec3f> image, Span<Sum> partial, Executor& executor, const F& f) {
-  executor.for_chunks(static_cast<std::size_t>(image.height()), kSensorRowChunk,
-                      [&](std::size_t begin, std::size_t end) {
-                        Sum sum{};
-                        for (std::size_t y = begin; y < end; ++y) {
-                          const Vec3f* row = image.row(static_cast<int>(y));
-                          for (int x = 0; x < image.width(); ++x) sum += f(row[x]);
-                        }
-                        partial[begin / kSensorRowChunk] = sum;
-                      });
-  Sum sum{};
-  for (const Sum& part : partial) sum += part;
-  return sum;
 }
 
 // A batch of which the first n lanes count. Whole ones go the common way: masked stores are slow on some processors.

@@ -63,7 +63,6 @@ enum FillLink : std::uint16_t {
   kOtherUp = 16384,
   kOtherDown = 32768  // of another object
 };
-inline constexpr unsigned kOwnLinks = 4095;
 
 enum FillKind : std::uint8_t { kNothing, kGiven, kFree, kOrphan };  // orphan: free, and takes from any object
 

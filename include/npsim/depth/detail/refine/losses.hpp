@@ -106,11 +106,6 @@ template <class T>
          3 * allocation_bytes<double>(static_cast<std::size_t>(shape.height));
 }
 
-template <class T>
-[[nodiscard]] bool has_depth(T z_m) noexcept {
-  return z_m >= T(kLossMinDepth_m) && z_m <= T(kLossMaxDepth_m);  // false for NaN
-}
-
 template <class T, class V>
 [[nodiscard]] typename V::MaskType usable_depth(V z_m) noexcept {
   return (z_m >= V(T(kLossMinDepth_m))) & (z_m <= V(T(kLossMaxDepth_m)));
