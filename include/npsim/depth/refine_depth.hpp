@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Section 3.4: the depth refinement kernel, from the depth as given to one that a mesh can be built on.
 //
-//   clear outlines of plants, signs -> find the source -> fit the ground plane -> drop outliers, fill
+//   clear outlines of plants, signs -> find the source -> fit the ground plane -> drop outliers, lay markings, fill
 //     -> sharpen edges -> anchor ground -> cross-bilateral filter (3.2) -> uncertain map (3.3)
 //     -> normal-guided refinement (3.6 - 3.9)
 //     -> faces of kerbs, or surfaces without the noise that was measured
@@ -134,11 +134,11 @@ template <class Executor>
   return drop_spill(params, scene, objects, taken_for(params, out), out.ground, measured, executor);
 }
 
-// drawn: the labels as given.
+// drawn: the labels as given. labels: those of scene and objects, which change where a marking was taken for a thing.
 template <class Executor>
 [[nodiscard]] Status complete_depth(const RefineDepthParams& params, const SceneView& scene,
-                                    ImageView<const Label> drawn, const ObjectMap& objects, Workspace& workspace,
-                                    Executor& executor, RefinedDepth& out) {
+                                    ImageView<const Label> drawn, ImageView<Label> labels, const ObjectMap& objects,
+                                    Workspace& workspace, Executor& executor, RefinedDepth& out) {
   const Shape shape = scene.shape();
   ImageView<float> measured;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
@@ -146,6 +146,10 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, objects, out, measured, executor));
   if (!drawn.empty()) {
     drop_depth_of_outlines(params.outlines, drawn, scene.labels, scene.depth, measured, executor);
+    if (params.ground_markings) {  // after that, to which their depth would be one of cut outlines
+      NPSIM_RETURN_IF_ERROR(
+          lay_markings(scene.depth, scene.camera, out.ground, scene.instances, scene.light_index, labels, workspace));
+    }
   }
   const bool continued = scene.labels.empty() && out.ground.inlier_share > 0.0F;
   FillParams fill = params.fill;
@@ -439,7 +443,9 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& given, Wor
 
   NPSIM_RETURN_IF_ERROR(step(
       Stage::fill,
-      [&] { return refine_detail::complete_depth(params, scene, given.labels, objects, workspace, executor, out); },
+      [&] {
+        return refine_detail::complete_depth(params, scene, given.labels, labels, objects, workspace, executor, out);
+      },
       true));
   if (!labelled && params.guess_ground) {
     refine_detail::guess_ground(out.depth, scene.camera, out.ground, !out.trust.bounded, labels);

@@ -16,6 +16,7 @@
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/detail/estimated/anchor_ground.hpp"
 #include "npsim/depth/detail/estimated/sharpen_edges.hpp"
+#include "npsim/depth/detail/given/ground_markings.hpp"
 #include "npsim/depth/detail/given/outliers.hpp"
 #include "npsim/depth/detail/given/plant_outlines.hpp"
 #include "npsim/depth/detail/given/sign_outlines.hpp"
@@ -75,6 +76,7 @@ struct RefineDepthParams {
   DepthSourceParams source;
   PlantOutlinesParams outlines;
   bool sign_outlines = true;
+  bool ground_markings = true;
   bool drop_outliers = true;
   OutlierParams outliers;
   FillParams fill;
@@ -126,6 +128,7 @@ struct RefineDepthParams {
     params.use_source = false;
     params.outlines.reach_px = 0;
     params.sign_outlines = false;
+    params.ground_markings = false;
     params.drop_outliers = false;
     params.sharpen.radius_px = 0;
     params.anchor.enabled = false;
@@ -159,8 +162,8 @@ struct RefinedDepth {
   ImageView<float> mesh_depth;        // what a mesh is made of, where it is not that: of measured depth without its
                                       // sensor's noise, of a network's with plants as they were given, of all with
                                       // feet above the ground
-  ImageView<const Label> labels;      // the scene's, plants and signs without what is behind them; without any,
-                                      // ground near its plane, else one class
+  ImageView<const Label> labels;      // the scene's, plants and signs without what is behind them, markings of the
+                                      // ground its own; without any, ground near its plane, else one class
   ImageView<std::uint8_t> surface;    // 1 where the pixel shows a surface of the scene
   ImageView<std::uint8_t> uncertain;  // U of (3.3)
   ImageView<Vec3f> normals;           // that guided the refinement: given or derived, smoothed, the ground's made plain
@@ -298,7 +301,7 @@ namespace refine_detail {
   const std::size_t steps = max_of(
       allocation_bytes<float>(pixels) +
           max_of(fill_workspace_bytes(params.fill, shape) +
-                     max_of(ground_workspace_bytes(params.ground, shape),
+                     max_of(ground_workspace_bytes(params.ground, shape), ground_markings_workspace_bytes(shape),
                             allocation_bytes<float>(static_cast<std::size_t>(shape.width))),
                  find_sky_workspace_bytes(shape)),
       sharpen_edges_workspace_bytes(params.sharpen, shape) + allocation_bytes<float>(pixels),
