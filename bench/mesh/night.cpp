@@ -31,7 +31,7 @@ using namespace npsim;
 using tool::KeptNight;
 
 // Wall time of each stage, all calls together.
-struct Clock {
+struct Clock : NullObserver {
   std::array<double, static_cast<std::size_t>(Stage::count_)> seconds{};
   std::chrono::steady_clock::time_point started;
   void begin(Stage) { started = std::chrono::steady_clock::now(); }
@@ -39,9 +39,6 @@ struct Clock {
     seconds[static_cast<std::size_t>(stage)] +=
         std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
   }
-  void progress(std::size_t, std::size_t) {}
-  void depth(Stage, const ImageView<const float>&) {}
-  [[nodiscard]] bool cancelled() const { return false; }
   [[nodiscard]] double of(Stage stage) const { return seconds[static_cast<std::size_t>(stage)]; }
 };
 

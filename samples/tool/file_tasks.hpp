@@ -21,13 +21,15 @@ struct FileTask {
 
 // Tries all of them; the error is that of the first in the list that failed.
 [[nodiscard]] inline io::Outcome write_files(const std::vector<FileTask>& tasks, ThreadPool& pool) {
-  std::vector<io::Outcome> outcomes(tasks.size(), io::Outcome(io::Done{}));
+  std::vector<io::Outcome> outcomes;
+  for (const FileTask& task : tasks) {  // written down while there is memory for it
+    outcomes.emplace_back(io::Error{task.path, "", "could not be made: expected more free memory"});
+  }
   pool.for_chunks(tasks.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       try {
         outcomes[i] = tasks[i].write();
-      } catch (const std::bad_alloc&) {
-        outcomes[i] = io::Error{tasks[i].path, "", "could not be made: expected more free memory"};
+      } catch (const std::bad_alloc&) {  // what stands there says so
       }
     }
   });

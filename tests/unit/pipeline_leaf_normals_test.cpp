@@ -123,3 +123,24 @@ TEST_CASE(
   other.turn(serial, 2);
   CHECK(other.normals != a.normals);
 }
+
+TEST_CASE(
+    "leaf normals: where plants are seen whose normals are guessed, unless depth is exact or light is not spread") {
+  Image<Label> labels({4, 3}, label::building);
+  Image<Vec3f> normals({4, 3});
+  SceneView scene;
+  UnsureLightParams params;
+  const auto has = [&](DepthSource source) { return relight_detail::has_leaf_normals(params, scene, source); };
+  CHECK_FALSE(has(DepthSource::stereo));
+  scene.labels = labels.cview();
+  CHECK_FALSE(has(DepthSource::stereo));
+  labels(3, 2) = label::vegetation;
+  CHECK(has(DepthSource::stereo));
+  CHECK(has(DepthSource::network));
+  CHECK_FALSE(has(DepthSource::exact));
+  scene.normals = normals.cview();
+  CHECK_FALSE(has(DepthSource::stereo));
+  scene.normals = {};
+  params.reach = 0;
+  CHECK_FALSE(has(DepthSource::stereo));
+}

@@ -63,18 +63,14 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("unsure surfaces: measured depth has some, exact none, estimated where it has labels but no normals") {
+TEST_CASE("unsure surfaces: measured depth has some, exact none, estimated where leaves' normals are drawn") {
   const UnsureLightParams params;
-  Image<Label> labels({4, 3}, label::vegetation);
-  Image<Vec3f> normals({4, 3});
-  SceneView scene;
-  const auto unsure = [&](DepthSource source) { return relight_detail::has_unsure_surfaces(params, scene, source); };
-  CHECK_FALSE(unsure(DepthSource::network));
-  CHECK(unsure(DepthSource::lidar));
-  scene.labels = labels.cview();
-  CHECK(unsure(DepthSource::network));
-  CHECK_FALSE(unsure(DepthSource::exact));
-  scene.normals = normals.cview();
-  CHECK_FALSE(unsure(DepthSource::network));
-  CHECK(unsure(DepthSource::stereo));
+  UnsureLightParams off;
+  off.reach = 0;
+  for (const bool leaves : {false, true}) {
+    CHECK(relight_detail::has_unsure_surfaces(params, DepthSource::lidar, leaves));
+    CHECK(relight_detail::has_unsure_surfaces(params, DepthSource::network, leaves) == leaves);
+    CHECK_FALSE(relight_detail::has_unsure_surfaces(off, DepthSource::stereo, leaves));
+  }
+  CHECK_FALSE(relight_detail::has_unsure_surfaces(params, DepthSource::exact, false));
 }

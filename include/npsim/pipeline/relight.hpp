@@ -12,7 +12,7 @@
 // expected night asks for; what was reached is in Relighting either way.
 // Memory (workspace): relight_workspace_bytes(), from the sizes of the mesh: 36 bytes a point that are kept, and while
 // lights are made 4 a gather ray and receiver, what rays are traced through, what detail/light_transport.hpp takes, and
-// 16 a pixel where depth is measured with noise;
+// 16 a pixel where light is spread for an unsure shape, 16 a point where plants have leaves' normals;
 // then the images of the lights (LightImages::bytes()), for which the workspace is asked image by image.
 #ifndef NPSIM_PIPELINE_RELIGHT_HPP
 #define NPSIM_PIPELINE_RELIGHT_HPP
@@ -362,7 +362,7 @@ template <class Rays, class Executor, class Observer>
 
   observer.begin(Stage::render);
   LitScene lit;
-  lit.points = out.points;
+  lit.points = lit.lit_points = out.points;
   if (size.leaves) {
     Span<Vec3f> normal;
     Span<float> lift_m;
@@ -371,8 +371,8 @@ template <class Rays, class Executor, class Observer>
     std::copy(out.points.normal.begin(), out.points.normal.end(), normal.begin());
     std::copy(out.points.lift_m.begin(), out.points.lift_m.end(), lift_m.begin());
     turn_leaves(key, refined, mesh, normal, lift_m, executor);
-    lit.points.normal = normal;
-    lit.points.lift_m = lift_m;
+    lit.lit_points.normal = normal;
+    lit.lit_points.lift_m = lift_m;
   }
   lit.visible_point = out.visible_point;
   lit.emitters = out.emitters;
@@ -432,9 +432,10 @@ template <class Rays, class Executor, class Observer>
       }
     }
     for (const std::uint32_t point : lit.receivers) hidden[point] = 0;
-    NPSIM_RETURN_IF_ERROR(make_point_blocks(lit.points, lit.visible_point, hidden, workspace, executor, lit.blocks));
+    NPSIM_RETURN_IF_ERROR(
+        make_point_blocks(lit.lit_points, lit.visible_point, hidden, workspace, executor, lit.blocks));
     const auto light_of = [&](std::size_t e, Span<float> certain_lx, Span<float> untraced_lx, const auto& each_block) {
-      return light_blocks(params.visibility, key, rays.scene, lit.points, lit.blocks, certain_lx, lit.emitters[e],
+      return light_blocks(params.visibility, key, rays.scene, lit.lit_points, lit.blocks, certain_lx, lit.emitters[e],
                           static_cast<std::uint32_t>(e), lit.groups.peak_cd[e], occluders, untraced_lx, executor,
                           observer, each_block);
     };
@@ -469,8 +470,8 @@ Status prepare_relighting(const RelightParams& params, TracedFaces traced, std::
   if (variants < 1) return Status(StatusCode::invalid_argument, "at least one variant is needed");
   const std::size_t before = workspace.used();
   RelightSize size = relight_size(scene, mesh, variants);
-  size.unsure = relight_detail::has_unsure_surfaces(params.unsure_light, scene, refined.source);
-  size.leaves = relight_detail::has_leaf_normals(scene, size.unsure);
+  size.leaves = relight_detail::has_leaf_normals(params.unsure_light, scene, refined.source);
+  size.unsure = relight_detail::has_unsure_surfaces(params.unsure_light, refined.source, size.leaves);
   NPSIM_RETURN_IF_ERROR(workspace.ensure(relight_workspace_bytes(params, traced, scene.shape(), size)));
 
   observer.begin(Stage::lights);

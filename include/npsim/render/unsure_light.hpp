@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light on surfaces whose shape is measured with noise, or at samples far apart: what may be expected of it.
+// Light on surfaces whose shape is measured with noise, at samples far apart or drawn: what may be expected of it.
 //
 // Dents, steps and outlines that noise makes, or that are made up between samples, turn light away or shade it: a night
 // shows them as black and as glaring scraps. What the shape may be with equal right differs over some widths of the

@@ -16,7 +16,6 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/scene_view.hpp"
@@ -27,7 +26,7 @@
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/light/emitter.hpp"
 #include "npsim/pipeline/detail/traced_faces.hpp"
-#include "npsim/render/surface_points.hpp"
+#include "npsim/pipeline/reconstruct.hpp"
 #include "npsim/render/visibility.hpp"
 
 namespace npsim {

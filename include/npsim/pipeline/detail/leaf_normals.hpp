@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Normals of leaves, where the shape of plants is measured with noise.
+// Normals of leaves, as lamps find them, where those of plants are guessed: of measured and of estimated depth.
 //
-// Leaves lie in all directions, whatever the crown is like around them; and of a measured crown not even that is known:
+// Leaves lie in all directions, whatever the crown is like around them; and not even that is known of a guessed crown:
 // planes fitted to it turn to and fro over metres, and a lamp lights what happens to turn to it, like smoke. So each
 // pixel of a plant shows a leaf of its own. Of leaves in all directions those that a camera sees have normals n with
 // the density (n . v)_+ / pi about the direction v to it, and under light from l, at the angle a from v, they get
 //   mean of (n . l)_+ = 2 / (3 pi) (sin a + (pi - a) cos a)
 // of the light that comes: Lambert's sphere. The light that may be expected (render/unsure_light.hpp) is that mean.
+// What leaves hand on to others, and the denoiser, go by the fitted normals.
 // Invariant: unit length, facing the camera; the same for every night, every lamp and any order of work.
 // Cost: two random numbers per pixel of a plant, and its ray_lift(). Memory: none.
 #ifndef NPSIM_PIPELINE_DETAIL_LEAF_NORMALS_HPP
@@ -16,6 +17,8 @@
 #include <cstdint>
 
 #include "npsim/core/config.hpp"
+#include "npsim/core/executor.hpp"
+#include "npsim/core/image_view.hpp"
 #include "npsim/core/random.hpp"
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/span.hpp"
@@ -25,14 +28,22 @@
 #include "npsim/material/bsdf.hpp"
 #include "npsim/pipeline/detail/ray_starts.hpp"
 #include "npsim/pipeline/reconstruct.hpp"
+#include "npsim/render/unsure_light.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
 namespace relight_detail {
 
-// Given normals know more.
-[[nodiscard]] constexpr bool has_leaf_normals(const SceneView& scene, bool unsure) noexcept {
-  return unsure && scene.normals.empty();
+// Given normals and exact depth know more.
+[[nodiscard]] inline bool has_leaf_normals(const UnsureLightParams& params, const SceneView& scene,
+                                           DepthSource source) noexcept {
+  if (!(params.reach > 0.0F) || !scene.normals.empty() || source == DepthSource::exact) return false;
+  for (int y = 0; y < scene.labels.height(); ++y) {
+    for (int x = 0; x < scene.labels.width(); ++x) {
+      if (scene.labels(x, y) == label::vegetation) return true;
+    }
+  }
+  return false;
 }
 
 // normal and lift_m, of all points: those that pixels of plants show are replaced.

@@ -51,6 +51,7 @@ static_assert(kPlanes <= kMostDenoisedPlanes && kPlanes == kLightLanes);
 // What all groups have in common.
 struct LitScene {
   SurfacePoints points;
+  SurfacePoints lit_points;  // as lamps find them: of plants each a leaf of its own
   ImageView<const std::uint32_t> visible_point;
   Span<const Emitter> emitters;
   LightGroups groups;
@@ -222,7 +223,7 @@ class LightTransport {
   Status direct(const LightBlocks& light_blocks, LightImageBuilder& images, Workspace& workspace, Executor& executor,
                 Observer& observer) {
     for (float& m : exitance_) m = 0.0F;
-    const SurfacePoints& points = scene_.points;
+    const SurfacePoints& points = scene_.lit_points;
     const std::size_t count = scene_.emitters.size();
     for (std::size_t i = 0; i < 2 * count; ++i) {
       const std::size_t e = i % count;

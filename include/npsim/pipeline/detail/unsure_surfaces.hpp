@@ -27,10 +27,9 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 namespace relight_detail {
 
-// Exact depth has no noise. That of networks is smooth, and knows no leaves unless normals tell of them.
-[[nodiscard]] constexpr bool has_unsure_surfaces(const UnsureLightParams& params, const SceneView& scene,
-                                                 DepthSource source) noexcept {
-  const bool leaves = source == DepthSource::network && scene.normals.empty() && !scene.labels.empty();
+// leaves: whether plants have leaves' normals. Exact depth has no noise, that of networks is smooth.
+[[nodiscard]] constexpr bool has_unsure_surfaces(const UnsureLightParams& params, DepthSource source,
+                                                 bool leaves) noexcept {
   return params.reach > 0.0F && (is_noisy(source) || leaves);
 }
 

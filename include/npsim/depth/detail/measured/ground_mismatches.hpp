@@ -7,7 +7,7 @@
 // and the wide plane takes its place.
 // Ground: by label; without labels what lies within height_m of the ground plane.
 // Invariant: all other depth is not touched.
-// Cost: 2 x 81 samples per pixel of ground. Memory: a number a pixel.
+// Cost: 81 samples per pixel of ground. Memory: a number a pixel.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_GROUND_MISMATCHES_HPP
 #define NPSIM_DEPTH_DETAIL_MEASURED_GROUND_MISMATCHES_HPP
 

@@ -13,7 +13,7 @@
 //   the samples of the first fit stand further apart than noise is wide, as on far ground, neighbours have not seen the
 //   same ones, and what is left would change from pixel to pixel.
 // Error: |1/smooth - 1/depth| is at most that many deviations, but for bulges.
-// Cost: 2 x 81 samples per pixel that lies on no plane, on the ground twice that. Memory: a number a pixel.
+// Cost: 81 samples per pixel that lies on no plane, on the ground twice that. Memory: a number a pixel.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_SMOOTH_SURFACES_HPP
 #define NPSIM_DEPTH_DETAIL_MEASURED_SMOOTH_SURFACES_HPP
 

@@ -11,7 +11,7 @@
 // them, so a step to another surface is not bridged.
 // Invariant: unit length, facing the camera, or zero where there is no depth.
 // Cost: 81 samples a pixel that is asked for, read one by one, and two fits to them, eight samples at a time. Memory:
-// none. Error: 1e-5 rad from the same formulas in double precision (2e-6 seen).
+// none. Error: 1e-4 rad from the same formulas in double precision (7e-5 seen, 100 m away at 1000 px of focal length).
 #ifndef NPSIM_DEPTH_DETAIL_NORMALS_FITTED_NORMALS_HPP
 #define NPSIM_DEPTH_DETAIL_NORMALS_FITTED_NORMALS_HPP
 
