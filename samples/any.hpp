@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any executor, any observer and any sink, each behind one type, so that what takes them is compiled once: the generated
-// street (street/) and the pipeline (tool/engine.hpp).
+// Any executor, any observer and any sink, each behind one type, so that what takes them is compiled once: the
+// generated street (street/) and the pipeline (tool/engine.hpp).
 //
 // Each refers to an object that has to outlive it. Cost: one indirect call for each chunk of work and for each message;
 // results are the same bits as without.

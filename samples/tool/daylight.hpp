@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files of what was estimated of materials and of the day's light, where the scene gives no albedo.
 //
-// albedo.png: sRGB, 255 is albedo 1. shadow.png: share of the direct sun, 255 in full sun. As a texture of the mesh
-// albedo.png is the same picture.
+// albedo.png: sRGB, 255 is albedo 1. shadow.png: share of the direct sun, 255 in full sun. Where the mesh wears its
+// albedo, albedo.png is that texture.
 #ifndef NPSIM_SAMPLES_TOOL_DAYLIGHT_HPP
 #define NPSIM_SAMPLES_TOOL_DAYLIGHT_HPP
 

@@ -24,8 +24,24 @@ inline namespace NPSIM_ABI {
 struct DaylightReport;  // of material/albedo.hpp
 
 enum class Stage : std::uint8_t {
-  fill, sharpen, ground, cross_bilateral, planes, uncertainty, refine, sheet, prune, complete, mesh, material, lights, build_trace,
-  render, add_lights, camera, count_
+  fill,
+  sharpen,
+  ground,
+  cross_bilateral,
+  planes,
+  uncertainty,
+  refine,
+  sheet,
+  prune,
+  complete,
+  mesh,
+  material,
+  lights,
+  build_trace,
+  render,
+  add_lights,
+  camera,
+  count_
 };
 
 [[nodiscard]] constexpr const char* stage_name(Stage stage) noexcept {

@@ -144,7 +144,8 @@ inline constexpr std::size_t kMostHeadlamps = 2 * kEgoHeadlampCount;  // the own
 
 }  // namespace relight_detail
 
-// What relight_workspace_bytes() goes by.
+// What relight_workspace_bytes() goes by; `unsure` and `leaves`, which depend on the depth's source, are of
+// prepare_relighting().
 struct RelightSize {
   std::size_t marks = 0;  // lamps that are marked
   int variants = 1;

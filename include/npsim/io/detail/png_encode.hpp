@@ -45,8 +45,8 @@ inline void append_chunk(Bytes& out, const char* name, const unsigned char* data
   return b <= c ? above : above_left;
 }
 
-// One filtered row. `above` is that of zeros for the first row; both have pixel_bytes zeros before them. Returns the sum
-// of absolute (signed) differences.
+// One filtered row. `above` is that of zeros for the first row; both have pixel_bytes zeros before them. Returns the
+// sum of absolute (signed) differences.
 template <class Predict>
 std::size_t filter_row(const unsigned char* row, const unsigned char* above, std::size_t bytes, std::size_t pixel_bytes,
                        unsigned char* out, const Predict& predict) {

@@ -4,8 +4,8 @@
 // The outside of a car turns away from every lamp that it hides from itself: its normals say where its own shadow is.
 // Its mesh says it worse. Measured depth is uneven by more than a car's relief, and each dent would lie in the shadow
 // of its rim. A body is what has one number among the instances, else an object, of the class and the number of most of
-// its pixels: thin ones lie on their neighbours' too. The lamps of such a body are shaded by it as by anything: a bonnet
-// hides headlamps from the windscreen.
+// its pixels: thin ones lie on their neighbours' too. The lamps of such a body are shaded by it as by anything: a
+// bonnet hides headlamps from the windscreen.
 // Cost: five passes over the pixels and one over the faces. Memory: 2 bytes a face, a point and a lamp where there are
 // any, else none; 8 bytes a pixel and 128 KiB for the search. Error: what a body does shade of itself, under a wheel
 // arch or behind a mirror, is lit.

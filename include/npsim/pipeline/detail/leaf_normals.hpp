@@ -7,7 +7,7 @@
 // the density (n . v)_+ / pi about the direction v to it, and under light from l, at the angle a from v, they get
 //   mean of (n . l)_+ = 2 / (3 pi) (sin a + (pi - a) cos a)
 // of the light that comes: Lambert's sphere. The light that may be expected (render/unsure_light.hpp) is that mean.
-// What leaves hand on to others, and the denoiser, go by the fitted normals.
+// Bounces, what meets a plant, and the denoiser go by the fitted normals.
 // Invariant: unit length, facing the camera; the same for every night, every lamp and any order of work.
 // Cost: two random numbers per pixel of a plant, and its ray_lift(). Memory: none.
 #ifndef NPSIM_PIPELINE_DETAIL_LEAF_NORMALS_HPP

@@ -5,8 +5,8 @@
 //   exitance of every point, lm/m2: albedo times the direct illuminance of the group's lamps at their strongest
 //   indirect irradiance of every pixel, lx: the mean exitance that its rays meet, the sky, the street that is not seen
 //   exitance of what pixels show += albedo times that; gather again, `bounces` times in all
-// and the image is albedo / pi times the denoised irradiance. Direct light of each lamp has an image of its own, without
-// noise to remove. On surfaces of unsure shape both are what may be expected there (render/unsure_light.hpp).
+// and the image is albedo / pi times the denoised irradiance. Direct light of each lamp has an image of its own,
+// without noise to remove. On surfaces of unsure shape both are what may be expected there (render/unsure_light.hpp).
 // The last gather is made with even and with odd rays apart. Half of what they differ by, weighted as in the night that
 // is expected (every lamp at its mean intensity) and denoised like everything else, has the noise of the images: its
 // size is error (LightTransport). It knows neither the denoiser's bias nor that of guesses about the scene.
@@ -183,7 +183,7 @@ class LightTransport {
     return {};
   }
 
-  // Of what pixels show, the mean illuminance that lamps below the cut-off could bring, at their strongest and unhidden.
+  // Of what pixels show, the mean illuminance that lamps below the cut-off could bring, strongest and unhidden.
   [[nodiscard]] double mean_untraced_lx() const noexcept {
     double sum = 0;
     for (const float lx : untraced_lx_.sub(0, scene_.blocks.tiles)) sum += static_cast<double>(lx);

@@ -4,7 +4,7 @@
 // A visible vertex takes what its pixel shows. Behind objects the same row-wise interpolation as for the geometry
 // (Algorithm 1) continues normals and albedo from the background on both sides; roughness there is that of
 // `hidden_alpha`. The back of an object has the paint of its front, and the normal of its own faces.
-// Cost: two passes over the image. Memory: two images and two planes.
+// Cost: two passes over the image. Memory: two images, four planes, and what the estimate of albedo takes.
 #ifndef NPSIM_PIPELINE_DETAIL_SURFACE_ATTRIBUTES_HPP
 #define NPSIM_PIPELINE_DETAIL_SURFACE_ATTRIBUTES_HPP
 
@@ -44,9 +44,9 @@ struct MaterialParams {
   AlbedoParams albedo;
   WetFilmParams film;
   RetroreflectionParams retroreflection;
-  // Without gloss where neither roughness nor normals are given and depth is not exact. Clear coat mirrors a lamp within
-  // some degrees, which normals of a sensor's or a network's depth do not resolve, and a car's back or flank would glare
-  // like chrome in the headlamps.
+  // Without gloss where neither roughness nor normals are given and depth is not exact. Clear coat mirrors a lamp
+  // within some degrees, which normals of a sensor's or a network's depth do not resolve, and a car's back or flank
+  // would glare like chrome in the headlamps.
   LabelSet matt_if_guessed = kVehicleLabels;
 };
 

@@ -2,9 +2,9 @@
 // Wrong matches of stereo on the ground.
 //
 // Asphalt has little texture, and matching goes wrong there in patches that fill and filters take for shape. But the
-// ground is a plane over metres: what was measured further than `mismatch` deviations off the plane in 1/z that fits far
-// wider surroundings (detail/normals/fitted_normals.hpp), which outvotes such a patch, and further off the ground plane too, is wrong,
-// and the wide plane takes its place.
+// ground is a plane over metres: what was measured further than `mismatch` deviations off the plane in 1/z that fits
+// far wider surroundings (detail/normals/fitted_normals.hpp), which outvotes such a patch, and further off the ground
+// plane too, is wrong, and the wide plane takes its place.
 // Ground: by label; without labels what lies within height_m of the ground plane.
 // Invariant: all other depth is not touched.
 // Cost: 81 samples per pixel of ground. Memory: a number a pixel.

@@ -5,13 +5,13 @@
 // makes it worse. As a surface it is not. Light of headlamps and street lamps comes in within a few degrees of roads
 // and walls, where noise between neighbours throws shadows that are not there. So each depth is drawn, by at most some
 // deviations of its noise, to
-//   the plane of its facade (detail/planes/planar_segments.hpp), by at most plane_deviations: relief beyond that stays, less high,
-//   but for bulges of bulge_m, which no facade has: they are the plane's;
-//   else the middle of the plane in 1/z that fits its surroundings (detail/normals/fitted_normals.hpp), by at most `deviations`, on the
-//   ground ground_deviations. A kerb is another plane to such a fit, and stays, and so do the gaps of a crown that is
-//   near enough to have been measured with them. Ground is fitted once more, over as little as a fit may take in: where
-//   the samples of the first fit stand further apart than noise is wide, as on far ground, neighbours have not seen the
-//   same ones, and what is left would change from pixel to pixel.
+//   the plane of its facade (detail/planes/planar_segments.hpp), by at most plane_deviations: relief beyond that stays,
+//   less high, but for bulges of bulge_m, which no facade has: they are the plane's;
+//   else the middle of the plane in 1/z that fits its surroundings (detail/normals/fitted_normals.hpp), by at most
+//   `deviations`, on the ground ground_deviations. A kerb is another plane to such a fit, and stays, and so do the gaps
+//   of a crown that is near enough to have been measured with them. Ground is fitted once more, over as little as a fit
+//   may take in: where the samples of the first fit stand further apart than noise is wide, as on far ground,
+//   neighbours have not seen the same ones, and what is left would change from pixel to pixel.
 // Error: |1/smooth - 1/depth| is at most that many deviations, but for bulges.
 // Cost: 81 samples per pixel that lies on no plane, on the ground twice that. Memory: a number a pixel.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_SMOOTH_SURFACES_HPP

@@ -11,8 +11,8 @@
 // noise of more stays, as does that of normals that are derived from noisy depth. The sum is normalised.
 // Invariant: unit length, or zero where there is no surface. Of the smoothing: equal normals stay equal; nothing
 // crosses a label border; a pixel without a normal gets none and gives none.
-// Cost: 25 taps per pixel and iteration of smoothing. Memory: an image for the smoothing, another for the ground. Error:
-// of the smoothing 1e-5 from the same formulas in double precision.
+// Cost: 25 taps per pixel and iteration of smoothing. Memory: an image for the smoothing, another for the ground.
+// Error: of the smoothing 1e-5 from the same formulas in double precision.
 #ifndef NPSIM_DEPTH_DETAIL_NORMALS_GUIDING_NORMALS_HPP
 #define NPSIM_DEPTH_DETAIL_NORMALS_GUIDING_NORMALS_HPP
 
