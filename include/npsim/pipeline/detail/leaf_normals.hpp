@@ -9,7 +9,8 @@
 // of the light that comes: Lambert's sphere. The light that may be expected (render/unsure_light.hpp) is that mean.
 // Bounces, what meets a plant, and the denoiser go by the fitted normals.
 // Invariant: unit length, facing the camera; the same for every night, every lamp and any order of work.
-// Cost: two random numbers per pixel of a plant, and its ray_lift(). Memory: none.
+// Cost: two random numbers per pixel of a plant, and its ray_lift(); and since no leaf's shadow can be taken from its
+// neighbours', light takes up to a third longer where crowns fill much of a picture. Memory: none.
 #ifndef NPSIM_PIPELINE_DETAIL_LEAF_NORMALS_HPP
 #define NPSIM_PIPELINE_DETAIL_LEAF_NORMALS_HPP
 
