@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "npsim/color/srgb.hpp"
+#include "mesh_textures.hpp"
 
 namespace npsim::tool {
 
@@ -28,8 +28,7 @@ void DaylightRecorder::daylight(const ImageView<const Vec3f>& albedo, const Imag
   shadow_ = io::Image<std::uint8_t>(sun.shape());
   for (int y = 0; y < albedo.height(); ++y) {
     for (int x = 0; x < albedo.width(); ++x) {
-      const Vec3f a = albedo(x, y);
-      albedo_(x, y) = {srgb_encode8(a.x), srgb_encode8(a.y), srgb_encode8(a.z)};
+      albedo_(x, y) = encoded(albedo(x, y));
       shadow_(x, y) = static_cast<std::uint8_t>(255.0F * sun(x, y) + 0.5F);
     }
   }

@@ -52,18 +52,19 @@ template <class Executor>
 void turn_leaves(std::uint64_t key, const RefinedDepth& refined, const SceneMesh& mesh, Span<Vec3f> normal,
                  Span<float> lift_m, Executor& executor) noexcept {
   const Shape shape = mesh.visible_vertex.shape();
+  const auto width = static_cast<std::uint32_t>(shape.width);
+  const DepthNoise noise = noise_of_mesh(refined);
   for_rows(executor, shape.height, [&](int y) {
     for (int x = 0; x < shape.width; ++x) {
       const std::uint32_t v = mesh.visible_vertex(x, y);
       if (v == kNoVertex || refined.labels(x, y) != label::vegetation) continue;
-      const auto width = static_cast<std::uint32_t>(shape.width);
       const std::uint32_t pixel = static_cast<std::uint32_t>(y) * width + static_cast<std::uint32_t>(x);
       if (mesh.vertex_pixel[v] != pixel) continue;  // borrowed from its neighbour
       RandomStream random(key, RandomPurpose::leaves, 0, 0, pixel, 0);
       const float a = random.uniform();
       const float b = random.uniform();
       normal[v] = sample_cosine(-normalized(mesh.mesh.vertices[v]), a, b);
-      lift_m[v] = ray_lift(mesh, noise_of_mesh(refined), refined.ground.up, v, normal[v]);
+      lift_m[v] = ray_lift(mesh, noise, refined.ground.up, v, normal[v]);
     }
   });
 }
