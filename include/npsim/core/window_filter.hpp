@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Means over square windows of planes where only some pixels count, and the guided filter made of them (He, Sun and
-// Tang, "Guided image filtering", IEEE Trans. Pattern Analysis and Machine Intelligence 35(6), 2013).
+// Means over square windows of planes where only some pixels count, the guided filter made of them (He, Sun and Tang,
+// "Guided image filtering", IEEE Trans. Pattern Analysis and Machine Intelligence 35(6), 2013), and quantiles.
 //
 // Planes that are read are functions of the pixel, so that products and masks need no image of their own.
 // Running sums in double, one row or one strip of columns at a time: cost per pixel is the same for every radius, and
@@ -10,15 +10,49 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
+
+// f(x, y) of every pixel.
+template <class F, class Executor>
+void for_pixels(Shape shape, Executor& executor, F&& f) {
+  for_rows(executor, shape.height, [&](int y) {
+    for (int x = 0; x < shape.width; ++x) f(x, y);
+  });
+}
+
+// Quantile of a plane's values where inside(x, y); the histogram is over [-16, 16).
+template <class Inside, class Value>
+[[nodiscard]] float plane_quantile(Shape shape, const Inside& inside, const Value& value, float quantile,
+                                   Span<std::uint32_t> histogram) {
+  for (std::uint32_t& h : histogram) h = 0;
+  const auto bins = static_cast<float>(histogram.size());
+  std::uint64_t n = 0;
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (!inside(x, y)) continue;
+      ++histogram[static_cast<std::size_t>(clamp_to((value(x, y) + 16.0F) * bins / 32.0F, 0.0F, bins - 1.0F))];
+      ++n;
+    }
+  }
+  const auto wanted = static_cast<std::uint64_t>(quantile * static_cast<float>(n));
+  std::uint64_t below = 0;
+  for (std::size_t i = 0; i < histogram.size(); ++i) {
+    below += histogram[i];
+    if (below > wanted) return (static_cast<float>(i) + 0.5F) * 32.0F / bins - 16.0F;
+  }
+  return 0.0F;
+}
 
 inline constexpr std::size_t kWindowColumns = 64;  // of a strip
 
@@ -92,12 +126,8 @@ Status guided_lines(const Inside& inside, const Guide& guide, const Value& value
   window_sum(masked(value), radius, rows, offset, executor);
   window_sum(masked([&](int x, int y) { return guide(x, y) * guide(x, y); }), radius, rows, gg, executor);
   window_sum(masked([&](int x, int y) { return guide(x, y) * value(x, y); }), radius, rows, gv, executor);
-  const auto for_pixels = [&](auto&& f) {
-    for_rows(executor, shape.height, [&](int y) {
-      for (int x = 0; x < shape.width; ++x) f(x, y, std::max(count(x, y), 1.0F));
-    });
-  };
-  for_pixels([&](int x, int y, float n) {
+  for_pixels(shape, executor, [&](int x, int y) {
+    const float n = std::max(count(x, y), 1.0F);
     const float mg = slope(x, y) / n;
     const float mv = offset(x, y) / n;
     const float variance = std::max(gg(x, y) / n - mg * mg, 0.0F);
@@ -107,7 +137,8 @@ Status guided_lines(const Inside& inside, const Guide& guide, const Value& value
   });
   window_sum(masked([&](int x, int y) { return gg(x, y); }), radius, rows, slope, executor);
   window_sum(masked([&](int x, int y) { return gv(x, y); }), radius, rows, offset, executor);
-  for_pixels([&](int x, int y, float n) {
+  for_pixels(shape, executor, [&](int x, int y) {
+    const float n = std::max(count(x, y), 1.0F);
     slope(x, y) /= n;
     offset(x, y) /= n;
   });

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Section 3.4: the depth refinement kernel, from the depth as given to one that a mesh can be built on.
 //
-//   clear outlines of plants, signs -> find the source -> fit the ground plane -> drop outliers, lay markings, fill
-//     -> sharpen edges -> anchor ground -> cross-bilateral filter (3.2) -> uncertain map (3.3)
-//     -> normal-guided refinement (3.6 - 3.9)
+//   find the source -> guess labels where there are none -> clear outlines of plants, signs -> fit the ground plane
+//     -> drop outliers, lay markings, fill -> sharpen edges -> anchor ground -> cross-bilateral filter (3.2)
+//     -> uncertain map (3.3) -> normal-guided refinement (3.6 - 3.9)
 //     -> faces of kerbs, or surfaces without the noise that was measured
 // The thesis has neither sharpening nor anchoring, and no kerbs. The first two, and the filter, mend what networks do
 // wrong and harm what was measured (docs/evaluation.md), so they are left out for stereo, laser and exact depth
 // (depth/depth_source.hpp), and what refinement does to such depth is held within what its source leaves open. The
-// uncertain map is of the filtered depth: refinement moves surfaces, not the edges between them. Without labels there
-// is the ground and all else, and nothing is uncertain. Without given normals those of the filtered depth, smoothed
-// within each class, guide the refinement: it then flattens noise rather than correcting shape. What each default is
-// worth on generated streets stands in docs/evaluation.md.
+// uncertain map is of the filtered depth: refinement moves surfaces, not the edges between them. Labels that are guessed
+// (depth/detail/given/guessed_labels.hpp) have no say in what is dropped and filled, nor in the filter. Without given
+// normals those of the filtered depth, smoothed within each class, guide the refinement: it then flattens noise rather
+// than correcting shape. What each default is worth on generated streets stands in docs/evaluation.md.
 // Cost: that of the steps. Memory: see refine_depth_workspace_bytes(); the planes of RefinedDepth stay in the
 // workspace.
 #ifndef NPSIM_DEPTH_REFINE_DEPTH_HPP
@@ -34,6 +34,7 @@
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/detail/estimated/surface_jumps.hpp"
 #include "npsim/depth/detail/fill/fill_confidence.hpp"
+#include "npsim/depth/detail/given/guessed_labels.hpp"
 #include "npsim/depth/detail/given/unlabelled_ground.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/depth/refine_depth_params.hpp"
@@ -50,21 +51,14 @@ namespace refine_detail {
   return params.planes.enabled && scene.normals.empty() && !scene.labels.empty();
 }
 
-// labels: those of the scene with plants cut to their leaves and signs to their plates, or of one class where the scene
-// has none.
+// labels: those of the scene with plants cut to their leaves and signs to their plates.
 template <class Executor>
 [[nodiscard]] Status own_labels(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace,
-                                Executor& executor, ImageView<Label>& labels) {
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), labels));
-  if (!scene.labels.empty()) {
-    NPSIM_RETURN_IF_ERROR(clear_plant_outlines(params.outlines, scene.image, scene.labels, scene.light_index, labels,
-                                               workspace, executor));
-    return params.sign_outlines
-               ? clear_sign_outlines(scene.image, scene.instances, scene.light_index, labels, workspace)
-               : Status();
-  }
-  for (Label& l : labels.pixels()) l = label::unlabeled;
-  return {};
+                                Executor& executor, ImageView<Label> labels) {
+  NPSIM_RETURN_IF_ERROR(
+      clear_plant_outlines(params.outlines, scene.image, scene.labels, scene.light_index, labels, workspace, executor));
+  return params.sign_outlines ? clear_sign_outlines(scene.image, scene.instances, scene.light_index, labels, workspace)
+                              : Status();
 }
 
 [[nodiscard]] inline Status allocate_planes(const RefineDepthParams& params, const SceneView& scene,
@@ -82,21 +76,13 @@ template <class Executor>
   return finds_planes(params, scene) ? allocate_planar_map(params.planes, shape, workspace, out.planes) : Status();
 }
 
-// The sky is what is labelled so, without labels what depth/detail/given/sky.hpp finds.
-[[nodiscard]] inline Status mark_surface(const SceneView& scene, DepthSource source, ImageView<const float> depth,
-                                         ImageView<std::uint8_t> surface, Workspace& workspace) noexcept {
-  const Shape shape = surface.shape();
-  const bool labelled = !scene.labels.empty();
-  if (!labelled) {
-    NPSIM_RETURN_IF_ERROR(find_sky(scene.image, scene.depth, source, surface, workspace));
-  }
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      const bool there = labelled ? !kNoSurfaceLabels.contains(scene.labels(x, y)) : surface(x, y) != 0;
-      surface(x, y) = there && is_valid_depth(depth(x, y)) ? 1 : 0;
+inline void mark_surface(const SceneView& scene, ImageView<const float> depth,
+                         ImageView<std::uint8_t> surface) noexcept {
+  for (int y = 0; y < surface.height(); ++y) {
+    for (int x = 0; x < surface.width(); ++x) {
+      surface(x, y) = !kNoSurfaceLabels.contains(scene.labels(x, y)) && is_valid_depth(depth(x, y)) ? 1 : 0;
     }
   }
-  return {};
 }
 
 // What the depth is taken for.
@@ -134,43 +120,70 @@ template <class Executor>
   return drop_spill(params, scene, objects, taken_for(params, out), out.ground, measured, executor);
 }
 
-// drawn: the labels as given. labels: those of scene and objects, which change where a marking was taken for a thing.
+// Of a scene without labels. Where none shall be guessed there is the sky and all else.
+template <class Executor>
+[[nodiscard]] Status guess_scene_labels(const RefineDepthParams& params, const SceneView& scene,
+                                        const RefinedDepth& out, ImageView<Label> labels, Workspace& workspace,
+                                        Executor& executor) {
+  const WorkspaceScope scope(workspace);
+  const Shape shape = scene.shape();
+  ImageView<float> measured;
+  ImageView<std::uint8_t> surface;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, surface));
+  NPSIM_RETURN_IF_ERROR(find_sky(scene.image, scene.depth, out.source, surface, workspace));
+  if (!params.guess_labels) {
+    for_pixels(shape, executor,
+               [&](int x, int y) { labels(x, y) = surface(x, y) == 0 ? label::sky : label::unlabeled; });
+    return {};
+  }
+  RefinedDepth first = out;
+  NPSIM_RETURN_IF_ERROR(
+      estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, first.ground));
+  NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, ObjectMap{}, first, measured, executor));
+  return guess_labels(scene.image, measured, scene.camera, first.ground, out.noise, is_laser(params, out), surface,
+                      labels, workspace, executor);
+}
+
+// drawn: the labels before they were cut to outlines. labels: those of scene and objects, which change where a marking
+// was taken for a thing. A guess of labels has no say: where it is wrong it would part what hangs together.
 template <class Executor>
 [[nodiscard]] Status complete_depth(const RefineDepthParams& params, const SceneView& scene,
                                     ImageView<const Label> drawn, ImageView<Label> labels, const ObjectMap& objects,
                                     Workspace& workspace, Executor& executor, RefinedDepth& out) {
   const Shape shape = scene.shape();
+  const ObjectMap given = out.labels_guessed ? ObjectMap{} : objects;
   ImageView<float> measured;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
-  NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, out.ground));
-  NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, objects, out, measured, executor));
-  if (!drawn.empty()) {
+  NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, given.labels, scene.camera, workspace, out.ground));
+  NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, given, out, measured, executor));
+  if (!out.labels_guessed) {
     drop_depth_of_outlines(params.outlines, drawn, scene.labels, scene.depth, measured, executor);
     if (params.ground_markings) {  // after that, to which their depth would be one of cut outlines
       NPSIM_RETURN_IF_ERROR(
           lay_markings(scene.depth, scene.camera, out.ground, scene.instances, scene.light_index, labels, workspace));
     }
   }
-  const bool continued = scene.labels.empty() && out.ground.inlier_share > 0.0F;
   FillParams fill = params.fill;
   if (out.noise.power == 0) fill.edge_inverse += 1.2F * out.noise.amplitude;
   fill.laser = fill.laser || is_laser(params, out);
+  const bool continued = out.labels_guessed && out.ground.inlier_share > 0.0F;
   if (continued) {
     NPSIM_RETURN_IF_ERROR(continue_ground(out.ground, scene.camera, scene.depth, fill.laser ? fill.same_surface : 0.0F,
                                           measured, workspace));
   }
-  NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), objects, out.depth,
-                                   ImageView<std::uint8_t>(), workspace, executor));
-  if (is_laser(params, out)) {
-    NPSIM_RETURN_IF_ERROR(
-        place_beyond_range(params.beyond_range, ImageView<const float>(measured), scene.labels, out.depth, workspace));
-  }
+  NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), given, out.depth, ImageView<std::uint8_t>(),
+                                   workspace, executor));
   for (int y = 0; y < (continued ? shape.height : 0); ++y) {
     for (int x = 0; x < shape.width; ++x) {
       if (!is_valid_depth(scene.depth(x, y))) measured(x, y) = 0.0F;
     }
   }
-  NPSIM_RETURN_IF_ERROR(mark_surface(scene, out.source, out.depth, out.surface, workspace));
+  if (is_laser(params, out)) {
+    NPSIM_RETURN_IF_ERROR(
+        place_beyond_range(params.beyond_range, ImageView<const float>(measured), scene.labels, out.depth, workspace));
+  }
+  mark_surface(scene, out.depth, out.surface);
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       if (out.surface(x, y) == 0) out.depth(x, y) = 0.0F;
@@ -227,7 +240,7 @@ template <class Executor>
 [[nodiscard]] Status filter(const RefineDepthParams& params, const SceneView& scene, Workspace& workspace,
                             Executor& executor, RefinedDepth& out) {
   const Shape shape = scene.shape();
-  const bool labelled = !scene.labels.empty();
+  const bool labelled = !out.labels_guessed;  // a guess says nothing of what stands before what
   ImageView<Vec3f> lab;
   ImageView<float> filtered;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, lab));
@@ -292,14 +305,8 @@ template <class Executor>
 template <class Executor>
 [[nodiscard]] Status refine(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
                             Workspace& workspace, Executor& executor, RefinedDepth& out) {
-  GuidingNormalsParams guiding = params.normals;
-  // Rows of a scanner cross the face of a kerb here and there, and make a bump of it at each crossing; without labels
-  // nothing says where it runs between them.
-  if (is_laser(params, out) && scene.normals.empty() && scene.labels.empty()) {
-    guiding.ground.keep_steep = guiding.ground.keep_steep && params.steep_ground_of_laser;
-  }
-  NPSIM_RETURN_IF_ERROR(guiding_normals(guiding, scene.normals, out.depth, out.labels, objects, out.noise, out.planes,
-                                        scene.camera, out.ground, out.normals, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(guiding_normals(params.normals, scene.normals, out.depth, out.labels, objects, out.noise,
+                                        out.planes, scene.camera, out.ground, out.normals, workspace, executor));
   // Normals of measured depth know nothing that it does not.
   out.refinement = RefineResult{};
   if (out.trust.bounded && scene.normals.empty()) return {};
@@ -390,7 +397,6 @@ template <class Executor>
   const bool noisy = out.trust.bounded && out.source != DepthSource::exact;
   NPSIM_RETURN_IF_ERROR(noisy ? smooth_measured(params, scene, objects, workspace, executor, out)
                               : complete_steps(params, scene, workspace, executor, out));
-  if (out.mesh_depth.empty()) return {};  // of an estimate without labels
   if (taken_for(params, out) != DepthSource::exact) {
     NPSIM_RETURN_IF_ERROR(shape_things(params, scene, objects, workspace, executor, out));
   }
@@ -421,35 +427,43 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& given, Wor
     return observer.cancelled() ? Status(StatusCode::cancelled, "cancelled while refining depth") : Status();
   };
   NPSIM_RETURN_IF_ERROR(workspace.ensure(refine_depth_workspace_bytes(params, scene.shape())));
-  ImageView<Label> labels;
-  NPSIM_RETURN_IF_ERROR(refine_detail::own_labels(params, given, workspace, executor, labels));
-  out.labels = labels;
-  const bool labelled = !given.labels.empty();
-  if (labelled) scene.labels = labels;
+  const Shape shape = scene.shape();
   out.source = scene.depth_source;
   if (out.source == DepthSource::unknown) out.source = find_depth_source(params.source, scene.depth, scene.labels);
+  const auto judge_depth = [&](const ObjectMap& objects) {
+    out.noise = depth_noise(out.source, scene.stereo_baseline_m, scene.depth, objects, scene.camera);
+    out.trust = depth_trust(params.source, refine_detail::taken_for(params, out), out.noise,
+                            stereo_focal_baseline_px_m(params.source, scene));
+  };
+  ImageView<Label> labels;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, labels));
+  out.labels = labels;
+  out.labels_guessed = given.labels.empty();
+  if (out.labels_guessed) {
+    ImageView<Label> guess;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, guess));
+    judge_depth(ObjectMap{});
+    NPSIM_RETURN_IF_ERROR(refine_detail::guess_scene_labels(params, given, out, guess, workspace, executor));
+    scene.labels = guess;
+    scene.instances = {};
+  }
+  const ImageView<const Label> drawn = scene.labels;
+  NPSIM_RETURN_IF_ERROR(refine_detail::own_labels(params, scene, workspace, executor, labels));
+  scene.labels = labels;
   out.filled = {};
   out.confidence = {};
   out.mesh_depth = {};
-  const ObjectMap objects{scene.labels, labelled ? scene.instances : ImageView<const std::uint16_t>()};
-  out.noise = depth_noise(out.source, scene.stereo_baseline_m, scene.depth, objects, scene.camera);
-  out.trust = depth_trust(params.source, refine_detail::taken_for(params, out), out.noise,
-                          stereo_focal_baseline_px_m(params.source, scene));
-  if (labelled && refine_detail::is_laser(params, out)) {
-    NPSIM_RETURN_IF_ERROR(
-        keep_measured_plants(params.outlines, given.labels, scene.depth, labels, workspace, executor));
+  const ObjectMap objects{scene.labels, scene.instances};
+  judge_depth(objects);
+  if (refine_detail::is_laser(params, out)) {
+    NPSIM_RETURN_IF_ERROR(keep_measured_plants(params.outlines, drawn, scene.depth, labels, workspace, executor));
   }
   NPSIM_RETURN_IF_ERROR(refine_detail::allocate_planes(params, scene, workspace, out));
 
   NPSIM_RETURN_IF_ERROR(step(
       Stage::fill,
-      [&] {
-        return refine_detail::complete_depth(params, scene, given.labels, labels, objects, workspace, executor, out);
-      },
+      [&] { return refine_detail::complete_depth(params, scene, drawn, labels, objects, workspace, executor, out); },
       true));
-  if (!labelled && params.guess_ground) {
-    refine_detail::guess_ground(out.depth, scene.camera, out.ground, !out.trust.bounded, labels);
-  }
   if (params.sharpen.radius_px > 0.0F && !out.trust.bounded) {
     NPSIM_RETURN_IF_ERROR(step(
         Stage::sharpen, [&] { return refine_detail::sharpen(params, objects, workspace, executor, out); }, true));
@@ -458,10 +472,8 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& given, Wor
     NPSIM_RETURN_IF_ERROR(step(
         Stage::ground, [&] { return refine_detail::anchor(params, scene, workspace, executor, out); },
         params.anchor.enabled));
-    if (labelled) {
-      NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), out.mesh_depth));
-      copy_pixels(ImageView<const float>(out.depth), out.mesh_depth);
-    }
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, out.mesh_depth));
+    copy_pixels(ImageView<const float>(out.depth), out.mesh_depth);
     NPSIM_RETURN_IF_ERROR(step(
         Stage::cross_bilateral, [&] { return refine_detail::filter(params, scene, workspace, executor, out); }, true));
   }

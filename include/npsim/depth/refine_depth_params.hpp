@@ -17,6 +17,7 @@
 #include "npsim/depth/detail/estimated/anchor_ground.hpp"
 #include "npsim/depth/detail/estimated/sharpen_edges.hpp"
 #include "npsim/depth/detail/given/ground_markings.hpp"
+#include "npsim/depth/detail/given/guessed_labels.hpp"
 #include "npsim/depth/detail/given/outliers.hpp"
 #include "npsim/depth/detail/given/plant_outlines.hpp"
 #include "npsim/depth/detail/given/sign_outlines.hpp"
@@ -89,12 +90,11 @@ struct RefineDepthParams {
   int reference_width_px = 960;
   bool filter_inverse_depth = true;
   // Labels (instances where there are any) alone, as the method's successor does: the colours of road and pavement are
-  // too alike to hold a kerb. Without labels colour alone. false: both, as (3.2) has it.
+  // too alike to hold a kerb. Without given labels colour alone. false: both, as (3.2) has it.
   bool filter_one_reference = true;
   PlanarSegmentsParams planes;  // of a depth without given normals
   UncertaintyParams uncertainty;
   GuidingNormalsParams normals;
-  bool steep_ground_of_laser = false;                             // without labels: steep normals on the ground stay
   RefineParams refine = default_depth_refinement();               // its loss with given normals
   LossParams own_normals_loss = default_losses_of_own_normals();  // in place of refine.loss without given normals
   // Without given normals: by how much of itself depth may leave its surface from pixel to pixel, in an image one pixel
@@ -118,7 +118,7 @@ struct RefineDepthParams {
   StandingPolesParams masts;        // likewise
   StandBeforeParams stand_before;   // of estimated depth without normals
   GroundContactParams contact;
-  bool guess_ground = true;  // without labels
+  bool guess_labels = true;  // of scenes without any: depth/detail/given/guessed_labels.hpp
   // The caller's memory for the losses before each step of the refinement and at its end (figure 4.4), at most
   // refine_max_steps() + 1 of them; RefinedDepth::refinement says how many there were. Empty: none are kept.
   Span<LossValues> loss_curve;
@@ -152,18 +152,19 @@ struct RefineDepthParams {
     params.masts.enabled = false;
     params.stand_before.enabled = false;
     params.contact.most_share = 0;
-    params.guess_ground = false;
+    params.guess_labels = false;
     return params;
   }
 };
 
 struct RefinedDepth {
-  ImageView<float> depth;             // m; 0 where there is no surface
-  ImageView<float> mesh_depth;        // what a mesh is made of, where it is not that: of measured depth without its
-                                      // sensor's noise, of a network's with plants as they were given, of all with
-                                      // feet above the ground
-  ImageView<const Label> labels;      // the scene's, plants and signs without what is behind them, markings of the
-                                      // ground its own; without any, ground near its plane, else one class
+  ImageView<float> depth;         // m; 0 where there is no surface
+  ImageView<float> mesh_depth;    // what a mesh is made of, where it is not that: of measured depth without its
+                                  // sensor's noise, of a network's with plants as they were given, of all with
+                                  // feet above the ground
+  ImageView<const Label> labels;  // the scene's, plants and signs without what is behind them, markings of the
+                                  // ground its own; without any, a guess
+  bool labels_guessed = false;
   ImageView<std::uint8_t> surface;    // 1 where the pixel shows a surface of the scene
   ImageView<std::uint8_t> uncertain;  // U of (3.3)
   ImageView<Vec3f> normals;           // that guided the refinement: given or derived, smoothed, the ground's made plain
@@ -299,11 +300,12 @@ namespace refine_detail {
                                                                  Shape shape) noexcept {
   const std::size_t pixels = shape.pixels();
   const std::size_t steps = max_of(
-      allocation_bytes<float>(pixels) +
-          max_of(fill_workspace_bytes(params.fill, shape) +
-                     max_of(ground_workspace_bytes(params.ground, shape), ground_markings_workspace_bytes(shape),
-                            allocation_bytes<float>(static_cast<std::size_t>(shape.width))),
-                 find_sky_workspace_bytes(shape)),
+      allocation_bytes<float>(pixels) + fill_workspace_bytes(params.fill, shape) +
+          max_of(ground_workspace_bytes(params.ground, shape), ground_markings_workspace_bytes(shape),
+                 allocation_bytes<float>(static_cast<std::size_t>(shape.width))),
+      allocation_bytes<float>(pixels) + allocation_bytes<std::uint8_t>(pixels) +
+          max_of(find_sky_workspace_bytes(shape), ground_workspace_bytes(params.ground, shape),
+                 refine_detail::guess_labels_workspace_bytes(shape)),
       sharpen_edges_workspace_bytes(params.sharpen, shape) + allocation_bytes<float>(pixels),
       anchor_ground_workspace_bytes(shape),
       allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(pixels) + allocation_bytes<std::uint16_t>(pixels) +
@@ -316,7 +318,7 @@ namespace refine_detail {
       kerb_faces_workspace_bytes(shape), ground_mismatches_workspace_bytes(shape),
       smooth_surfaces_workspace_bytes(shape), stand_poles_workspace_bytes(shape), stand_before_workspace_bytes(shape),
       shape_cars_workspace_bytes(params.cars, shape));
-  return 3 * allocation_bytes<float>(pixels) + 3 * allocation_bytes<std::uint8_t>(pixels) +
+  return 3 * allocation_bytes<float>(pixels) + 4 * allocation_bytes<std::uint8_t>(pixels) +
          allocation_bytes<Vec3f>(pixels) + planar_map_bytes(params.planes, shape) + steps + kWorkspaceAlignment;
 }
 

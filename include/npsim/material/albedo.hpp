@@ -128,7 +128,7 @@ Status read_ground(float contrast, Context& c, Span<std::uint32_t>& histogram, W
   c.picture.set_contrast(contrast);
   c.ground = {};
   NPSIM_RETURN_IF_ERROR(workspace.allocate(std::size_t{4096}, histogram));
-  NPSIM_RETURN_IF_ERROR(read_picture(c.scene, histogram, workspace, c.picture, executor));
+  NPSIM_RETURN_IF_ERROR(read_picture(c.scene, workspace, c.picture, executor));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.light));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.sun));
   GroundLightParams ground;

@@ -146,7 +146,7 @@ Status make_nights_of_depth(const NightParams& params, const SceneView& given, c
     return {StatusCode::shape_mismatch, "refined depth: every plane must have the scene's shape"};
   }
   SceneView scene = given;
-  if (!given.labels.empty()) scene.labels = refined.labels;
+  scene.labels = refined.labels;
   const WorkspaceScope scope(workspace);
   const std::uint64_t key = random_key(params);
   SceneLayers layers;

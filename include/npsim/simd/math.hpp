@@ -210,6 +210,11 @@ template <class F>
 }
 
 }  // namespace simd
+
+// Of one number, with the same bits everywhere. log2_of(0) is minus infinity.
+[[nodiscard]] inline float log2_of(float x) noexcept { return simd::log2(simd::scalar::F32(x)).value; }
+[[nodiscard]] inline float exp2_of(float x) noexcept { return simd::exp2(simd::scalar::F32(x)).value; }
+
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 

@@ -200,10 +200,6 @@ void weigh_rows(const PairRows& s) noexcept {
   });
 }
 
-[[nodiscard]] inline float log2_of(float x) noexcept {
-  return simd::log2(simd::scalar::F32(x)).value;  // minus infinity at 0; the same bits everywhere
-}
-
 // A pixel without colour stands where no other colour is, alone.
 inline constexpr float kNoColour = 1e10F;
 inline constexpr float kMaxColour = 1e9F;

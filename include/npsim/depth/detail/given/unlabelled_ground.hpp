@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ground of scenes without labels: which pixels show it, and where it goes on that a laser does not see.
+// Where the ground goes on that a laser does not see, in scenes without labels.
 //
-// Both go by the ground plane of the depth. Virtual measurements are for the fill alone; they lie only where nothing
-// was measured.
+// It goes by the ground plane of the depth. Virtual measurements are for the fill alone; they lie only where nothing was
+// measured.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_UNLABELLED_GROUND_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_UNLABELLED_GROUND_HPP
 
@@ -19,64 +19,12 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/detail/fill/scan_lines.hpp"
 #include "npsim/depth/detail/ground_level.hpp"
-#include "npsim/depth/detail/grow.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/geometry/ground.hpp"
-#include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
 namespace refine_detail {
-
-// Whether the surface rises by less than 20 degrees along its column, both from a few pixels below to (x, y) and from
-// there to a few pixels above.
-[[nodiscard]] inline bool lies_flat(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
-                                    int x, int y) noexcept {
-  constexpr float kSlope = 0.36F;
-  const int reach = std::max(1, depth.width() / 256);
-  const auto flat = [&](int from, int to) {
-    if (!is_valid_depth(depth(x, from)) || !is_valid_depth(depth(x, to))) return false;
-    const Vec3f along = unproject_pixel(camera, x, to, depth(x, to)) - unproject_pixel(camera, x, from, depth(x, from));
-    const float rise = dot(along, ground.up);
-    return std::fabs(rise) <= kSlope * length(along - ground.up * rise);
-  };
-  return flat(y, std::min(depth.height() - 1, y + reach)) && flat(y, std::max(0, y - reach));
-}
-
-// Of an image without labels, all of which is unlabelled: what lies within ground_within_m() of the plane is ground. A
-// network's depth drifts: what lies flat within two and a half times that, and whose neighbour in the picture is ground
-// of its height, is ground too.
-inline void guess_ground(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground, bool drifts,
-                         ImageView<Label> labels) noexcept {
-  constexpr Label kPerhaps = 255;
-  constexpr float kDrift = 2.5F;
-  constexpr float kStep = 0.25F;  // of a neighbour, of what is tolerated
-  if (!(ground.inlier_share > 0.0F)) return;
-  const float most_m = depth_detail::ground_within_m(ground);
-  const auto height_m = [&](int x, int y) {
-    return height_above_ground(ground, unproject_pixel(camera, x, y, depth(x, y)));
-  };
-  for (int y = 0; y < labels.height(); ++y) {
-    for (int x = 0; x < labels.width(); ++x) {
-      if (!is_valid_depth(depth(x, y))) continue;
-      const float off_m = std::fabs(height_m(x, y));
-      if (off_m < most_m) {
-        labels(x, y) = label::ground;
-      } else if (drifts && off_m < kDrift * most_m && lies_flat(depth, camera, ground, x, y)) {
-        labels(x, y) = kPerhaps;
-      }
-    }
-  }
-  if (!drifts) return;
-  depth_detail::grow_from(labels, label::ground, [&](int x, int y, int from_x, int from_y) {
-    return labels(x, y) == kPerhaps && std::fabs(height_m(x, y) - height_m(from_x, from_y)) < kStep * most_m;
-  });
-  for (int y = 0; y < labels.height(); ++y) {
-    for (int x = 0; x < labels.width(); ++x) {
-      if (labels(x, y) == kPerhaps) labels(x, y) = label::unlabeled;
-    }
-  }
-}
 
 // Joins neighbouring points along a laser's lines (detail/fill/scan_lines.hpp), which lie farther apart than pixels do:
 // in the columns between them nothing would bar what is asked for. Gaps of a fence narrower than that are closed too.

@@ -119,98 +119,8 @@ inline constexpr std::size_t kPicturePlanes = 5;
   return dot(s.normals(x, y), s.ground.up) > 0.85F ? kRoad : kOther;
 }
 
-// Ground of an unlabelled scene is of several materials. Asphalt is smooth, but for edges: a pixel counts as rough where
-// every window near it is.
 template <class Executor>
-Status split_ground(Workspace& workspace, const Picture& picture, Span<std::uint32_t> histogram, Executor& executor) {
-  constexpr float kRough = 0.2F;   // mean |log2| about the local mean; asphalt at .1, ballast at .6
-  constexpr float kGreen = 0.15F;  // log2 of green over the mean of red and blue, above the camera's cast
-  constexpr float kGrey = 0.05F;   // the share of the ground that tells the cast: the least green is no lawn
-  constexpr float kCast = 0.55F;   // at most; raw-like pictures show asphalt at .5, and grass at 1
-  const WorkspaceScope scope(workspace);
-  const Shape shape = picture.shape();
-  Plane mean, rough, least, green;
-  for (Plane* p : {&mean, &rough, &least, &green}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *p));
-  const auto one = [](int, int) { return 1.0F; };
-  const int radius = picture.radius(4.0F);
-  NPSIM_RETURN_IF_ERROR(window_mean(one, picture.log_y, radius, 0.0F, 0.0F, workspace, mean, executor));
-  const auto off = [&](int x, int y) { return std::fabs(picture.log_y(x, y) - mean(x, y)); };
-  NPSIM_RETURN_IF_ERROR(window_mean(one, off, radius, 0.0F, 0.0F, workspace, rough, executor));
-  const auto greenness = [&](int x, int y) {
-    return picture.log_rgb[1](x, y) - 0.5F * (picture.log_rgb[0](x, y) + picture.log_rgb[2](x, y));
-  };
-  NPSIM_RETURN_IF_ERROR(window_mean(one, greenness, radius, 0.0F, 0.0F, workspace, green, executor));
-  const int reach = picture.radius(20.0F);
-  for_pixels(shape, executor, [&](int x, int y) {
-    float low = rough(x, y);
-    for (int u = std::max(x - reach, 0); u <= std::min(x + reach, shape.width - 1); ++u)
-      low = std::min(low, rough(u, y));
-    least(x, y) = low;
-  });
-  const auto on_ground = [&](int x, int y) { return picture.region(x, y) == kRoad; };
-  const float cast = clamp_to(plane_quantile(shape, on_ground, green, kGrey, histogram), 0.0F, kCast);
-  for_pixels(shape, executor, [&](int x, int y) {
-    if (picture.region(x, y) != kRoad) return;
-    float low = least(x, y);
-    for (int v = std::max(y - reach, 0); v <= std::min(y + reach, shape.height - 1); ++v)
-      low = std::min(low, least(x, v));
-    if (green(x, y) > cast + kGreen) {
-      picture.region(x, y) = kSoil;
-    } else if (low > kRough) {
-      picture.region(x, y) = kRails;
-    }
-  });
-  return {};
-}
-
-// Far away a pixel covers more of the ground than a stone, and what is rough there may be flecks of sun as well. There
-// rough ground is what other ground before it is, as if the street went straight on.
-template <class Executor>
-void continue_ground(const AlbedoScene& s, const Picture& picture, Executor& executor) {
-  constexpr float kStonesSeen_m = 0.2F;  // of the ground in one working pixel, away from the camera
-  constexpr float kHorizon = -1e-3F;
-  constexpr float kJustNearer = 0.95F;
-  if (s.depth.empty() || !(s.ground.inlier_share > 0.0F)) return;
-  const Shape from = s.image.shape();
-  const auto factor = static_cast<float>(picture.factor);
-  const float height = s.ground.camera_height_m;
-  const Vec3f ahead = forward_on_ground(s.ground);
-  if (!(ahead.z > 0.5F && height > 0.0F)) return;
-  // A row of working pixels at depth z covers z * z * factor / (fy * height).
-  const float far_m = std::sqrt(kStonesSeen_m * s.camera.fy / factor * height);
-  const auto ground_at = [&](int x, int y) {
-    const Vec3f ray =
-        unproject_pixel(s.camera, picture.middle_x(x, from.width), picture.middle_y(y, from.height), 1.0F);
-    const float down = dot(s.ground.up, ray);
-    return down < kHorizon ? ray * (height / -down) : Vec3f{};
-  };
-  for_pixels(picture.shape(), executor, [&](int x, int y) {
-    if (picture.region(x, y) != kRails) return;
-    const Vec3f point = ground_at(x, y);
-    if (!(point.z > far_m)) return;
-    for (const float share : {kJustNearer, 0.8F, 0.65F, 0.5F}) {
-      const Vec3f before = point - ahead * ((point.z - share * far_m) / ahead.z);
-      const Vec2f at = project(s.camera, before);
-      const float u = at.x / factor;
-      const float v = at.y / factor;
-      const float last = static_cast<float>(picture.shape().width - 1);
-      if (!(std::isfinite(u) && v >= 0.0F && v < static_cast<float>(picture.shape().height))) continue;
-      // What never was in the picture is like its border, as far away as can be told.
-      if (!(u >= 0.0F && u < last + 1.0F) && share < kJustNearer) continue;
-      const int i = static_cast<int>(clamp_to(u, 0.0F, last));
-      const int j = static_cast<int>(v);
-      if (ground_at(i, j).z > far_m) continue;  // what is written is not read
-      const std::uint8_t before_it = picture.region(i, j);
-      if (before_it >= kGroundRegions || before_it == kRails) continue;
-      picture.region(x, y) = before_it;
-      return;
-    }
-  });
-}
-
-template <class Executor>
-Status read_picture(const AlbedoScene& s, Span<std::uint32_t> histogram, Workspace& workspace, Picture& out,
-                    Executor& executor) {
+Status read_picture(const AlbedoScene& s, Workspace& workspace, Picture& out, Executor& executor) {
   const Shape from = s.image.shape();
   const Shape shape = working_shape(from);
   out.factor = working_factor(from);
@@ -241,9 +151,6 @@ Status read_picture(const AlbedoScene& s, Span<std::uint32_t> histogram, Workspa
     out.log_y(x, y) = log2_of(luminance(mean));
     out.colour(x, y) = log2_of(mean.z + 1e-3F) - log2_of(mean.x + 1e-3F);
   });
-  if (!s.labels.empty()) return {};
-  NPSIM_RETURN_IF_ERROR(split_ground(workspace, out, histogram, executor));
-  continue_ground(s, out, executor);
   return {};
 }
 

@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+// Labels of scenes that have none: ground, plants, sky, and what else stands.
+//
+// Every later step asks labels where a surface ends and what it is like. The four that can be guessed are worth most of
+// them: on eleven frames whose labels are known the night then differs from theirs by .0 to .3 of a binary order in the
+// median, by .3 to .9 where there is one class (docs/evaluation.md).
+//   sky      depth/detail/given/sky.hpp.
+//   ground   of what was measured, that within ground_within_m() of the ground plane and twice what depth noise does to
+//            heights; of a map without gaps also what lies flat beside it (a street rises and falls). What stands is
+//            measured twice as far above the plane, or in rays that do not fall. A seed with less than a tenth of its
+//            kind in a window of a 160th of the width around it is a mismatch. All else takes the label of the seed that
+//            is nearest along a path where each step counts as a pixel and half the codes by which colours differ: a
+//            laser's lines are far apart, and things end where colours do. By kind: given/ground_kinds.hpp.
+//   plants   of what stands, where it looks like leaves (given/plant_look.hpp): what is likely to, and what may and
+//            hangs together with it.
+//   building all else. Cars, poles and people too: the planes that belong to that label are fitted to what is plane.
+// Cost: some 20 passes over the picture and those of the looks. Memory: guess_labels_workspace_bytes().
+#ifndef NPSIM_DEPTH_DETAIL_GIVEN_GUESSED_LABELS_HPP
+#define NPSIM_DEPTH_DETAIL_GIVEN_GUESSED_LABELS_HPP
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "npsim/core/algorithm.hpp"
+#include "npsim/core/camera.hpp"
+#include "npsim/core/image_view.hpp"
+#include "npsim/core/status.hpp"
+#include "npsim/core/vec.hpp"
+#include "npsim/core/window_filter.hpp"
+#include "npsim/core/workspace.hpp"
+#include "npsim/depth/depth_source.hpp"
+#include "npsim/depth/detail/given/ground_kinds.hpp"
+#include "npsim/depth/detail/given/plant_look.hpp"
+#include "npsim/depth/detail/given/sky_map.hpp"
+#include "npsim/depth/detail/ground_level.hpp"
+#include "npsim/depth/detail/grow.hpp"
+#include "npsim/geometry/ground.hpp"
+#include "npsim/labels/cityscapes.hpp"
+
+namespace npsim {
+inline namespace NPSIM_ABI {
+namespace refine_detail {
+
+// Whether the surface rises by less than 20 degrees along its column, both from what was measured some pixels below to
+// (x, y) and from there to what was measured above.
+[[nodiscard]] inline bool lies_flat(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
+                                    int x, int y) noexcept {
+  constexpr float kSlope = 0.36F;
+  const int reach = std::max(1, depth.width() / 256);
+  const int last = 8 * reach;  // lines of a scanner lie apart
+  const Vec3f here = unproject_pixel(camera, x, y, depth(x, y));
+  const auto flat = [&](int sign) {
+    for (int way = reach; way <= last; ++way) {
+      const int v = y + sign * way;
+      if (v < 0 || v >= depth.height()) break;
+      for (int u = std::max(0, x - 1); u <= std::min(x + 1, depth.width() - 1); ++u) {
+        if (!is_valid_depth(depth(u, v))) continue;
+        const Vec3f along = unproject_pixel(camera, u, v, depth(u, v)) - here;
+        const float rise = dot(along, ground.up);
+        return std::fabs(rise) <= kSlope * length(along - ground.up * rise);
+      }
+    }
+    return sign > 0;  // nothing below it
+  };
+  return flat(1) && flat(-1);
+}
+
+// labels: what is unlabelled, measured and known by its height becomes road or building.
+// lines: of a scanner, whose points have no neighbours.
+inline void mark_by_height(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
+                           const DepthNoise& noise, bool lines, ImageView<Label> labels) noexcept {
+  constexpr Label kPerhaps = 255;
+  constexpr float kFarGround_m = 300.0F;
+  constexpr float kFlatWithin = 2.5F;  // of what ground may be off, that which lies flat may
+  constexpr float kFlatSlope = 0.01F;  // and of its depth
+  constexpr float kStep = 0.25F;       // of a neighbour, of what ground may be off
+  const float within_m = depth_detail::ground_within_m(ground);
+  const auto height_m = [&](int x, int y) {
+    return height_above_ground(ground, unproject_pixel(camera, x, y, depth(x, y)));
+  };
+  for (int y = 0; y < labels.height(); ++y) {
+    for (int x = 0; x < labels.width(); ++x) {
+      if (labels(x, y) != label::unlabeled) continue;
+      const float fall = depth_detail::fall_of_ray(ground, camera, x, y);
+      if (!(fall * kFarGround_m > ground.camera_height_m)) {
+        labels(x, y) = label::building;
+        continue;
+      }
+      const float z = depth(x, y);
+      if (!is_valid_depth(z)) continue;
+      const float high_m = height_m(x, y);
+      const float noise_m = 2.0F * fall * z * z * noise.deviation(1.0F / z);
+      if (std::fabs(high_m) < within_m + std::min(noise_m, within_m)) {
+        labels(x, y) = label::road;
+      } else if (std::fabs(high_m) < kFlatWithin * within_m + kFlatSlope * z &&
+                 lies_flat(depth, camera, ground, x, y)) {
+        labels(x, y) = lines ? label::road : kPerhaps;
+      } else if (high_m > 2.0F * within_m + noise_m) {
+        labels(x, y) = label::building;
+      }
+    }
+  }
+  depth_detail::grow_from(labels, label::road, [&](int x, int y, int from_x, int from_y) {
+    return labels(x, y) == kPerhaps && std::fabs(height_m(x, y) - height_m(from_x, from_y)) < kStep * within_m;
+  });
+  for (Label& l : labels.pixels()) l = l == kPerhaps ? label::unlabeled : l;
+}
+
+// Seeds with few of their kind around them are seeds no more.
+template <class Executor>
+[[nodiscard]] Status drop_lone_seeds(ImageView<Label> labels, Workspace& workspace, Executor& executor) {
+  constexpr int kInWidth = 160;
+  constexpr float kFew = 0.2F;
+  const WorkspaceScope scope(workspace);
+  ImageView<float> share;  // of buildings
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(labels.shape(), share));
+  const auto seeds = [&](int x, int y) {
+    return labels(x, y) == label::road || labels(x, y) == label::building ? 1.0F : 0.0F;
+  };
+  const auto stands = [&](int x, int y) { return labels(x, y) == label::building ? 1.0F : 0.0F; };
+  NPSIM_RETURN_IF_ERROR(
+      window_mean(seeds, stands, std::max(1, labels.width() / kInWidth), 0.0F, 0.0F, workspace, share, executor));
+  for_pixels(labels.shape(), executor, [&](int x, int y) {
+    Label& l = labels(x, y);
+    if ((l == label::building && share(x, y) < kFew) || (l == label::road && share(x, y) > 1.0F - kFew)) {
+      l = label::unlabeled;
+    }
+  });
+  return {};
+}
+
+// What is unlabelled takes the label of the seed that is nearest by path and colour, but for the sky.
+[[nodiscard]] inline Status spread_seeds(ImageView<const Rgb8> image, ImageView<Label> labels, Workspace& workspace) {
+  constexpr float kPerCode = 0.5F;
+  constexpr float kFar = 3e38F;
+  const WorkspaceScope scope(workspace);
+  ImageView<float> way;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(labels.shape(), way));
+  for (int y = 0; y < labels.height(); ++y) {
+    for (int x = 0; x < labels.width(); ++x) way(x, y) = labels(x, y) == label::unlabeled ? kFar : 0.0F;
+  }
+  depth_detail::settle(labels.shape(), [&](int x, int y, int from_x, int from_y) {
+    if (way(x, y) == 0.0F || labels(from_x, from_y) == label::sky || !(way(from_x, from_y) < way(x, y))) return false;
+    const auto codes = static_cast<float>(depth_detail::difference(image(x, y), image(from_x, from_y)));
+    const float by_here = way(from_x, from_y) + 1.0F + kPerCode * codes;
+    if (!(by_here < way(x, y))) return false;
+    way(x, y) = by_here;
+    labels(x, y) = labels(from_x, from_y);
+    return true;
+  });
+  for (Label& l : labels.pixels()) l = l == label::unlabeled ? label::building : l;
+  return {};
+}
+
+// Pieces of other values than 0 and `value` of fewer pixels than `small` take `value` where most of what is around them
+// has it.
+[[nodiscard]] inline Status close_pieces(ImageView<std::uint8_t> map, std::uint8_t value, std::size_t small,
+                                         Workspace& workspace) {
+  const WorkspaceScope scope(workspace);
+  ImageView<std::uint8_t> open;
+  Span<std::uint32_t> piece;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(map.shape(), open));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(map.shape().pixels(), piece));
+  for (int y = 0; y < map.height(); ++y) {
+    for (int x = 0; x < map.width(); ++x) open(x, y) = map(x, y) != 0 && map(x, y) != value ? 1 : 0;
+  }
+  for (int y = 0; y < map.height(); ++y) {
+    for (int x = 0; x < map.width(); ++x) {
+      if (open(x, y) == 0) continue;
+      const std::size_t count = take_piece(open, x, y, piece);
+      if (count >= small) continue;
+      int around = 0;
+      int alike = 0;
+      const auto look = [&](int u, int v) {
+        if (!map.contains(u, v) || (map(u, v) != 0 && map(u, v) != value)) return;
+        ++around;
+        alike += map(u, v) == value ? 1 : 0;
+      };
+      for (std::size_t i = 0; i < count; ++i) {
+        const auto [u, v] = place_of(piece[i], map.width());
+        look(u - 1, v);
+        look(u + 1, v);
+        look(u, v - 1);
+        look(u, v + 1);
+      }
+      for (std::size_t i = 0; 2 * alike > around && i < count; ++i) {
+        const auto [u, v] = place_of(piece[i], map.width());
+        map(u, v) = value;
+      }
+    }
+  }
+  return {};
+}
+
+// labels: of what is building, plants become vegetation.
+template <class Executor>
+[[nodiscard]] Status tell_plants(ImageView<const Rgb8> image, const Intrinsics& camera, ImageView<Label> labels,
+                                 Workspace& workspace, Executor& executor) {
+  constexpr float kLikely = 0.9F;  // logarithm of the odds
+  constexpr std::uint8_t kThing = 1, kMaybe = 2, kPlant = 3;
+  constexpr std::size_t kSmall = 400;  // that many pieces fill the picture
+  const WorkspaceScope scope(workspace);
+  const int factor = plant_look_factor(camera);
+  const Shape shape = reduced_shape(labels.shape(), factor);
+  ImageView<float> odds;
+  ImageView<std::uint8_t> plants;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, odds));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, plants));
+  const auto stands = [&](int x, int y) { return labels(x, y) == label::building; };
+  NPSIM_RETURN_IF_ERROR(plant_look(image, camera, stands, odds, workspace, executor));
+  for_pixels(shape, executor, [&](int x, int y) {
+    const bool there = stands(middle_of(x, factor, labels.width()), middle_of(y, factor, labels.height()));
+    plants(x, y) = !there ? 0 : (odds(x, y) < 0.0F ? kThing : (odds(x, y) > kLikely ? kPlant : kMaybe));
+  });
+  depth_detail::grow(plants, kPlant, [](std::uint8_t p) { return p == kMaybe; });
+  NPSIM_RETURN_IF_ERROR(close_pieces(plants, kPlant, shape.pixels() / kSmall, workspace));
+  for_pixels(labels.shape(), executor, [&](int x, int y) {
+    const bool plant = plants(std::min(x / factor, shape.width - 1), std::min(y / factor, shape.height - 1)) == kPlant;
+    if (plant && stands(x, y)) labels(x, y) = label::vegetation;
+  });
+  return {};
+}
+
+[[nodiscard]] constexpr std::size_t guess_labels_workspace_bytes(Shape shape) noexcept {
+  const std::size_t pixels = shape.pixels();
+  return max_of((1 + kWindowMeanPlanes) * allocation_bytes<float>(pixels), ground_kinds_workspace_bytes(shape),
+                allocation_bytes<float>(pixels) + allocation_bytes<std::uint8_t>(pixels) +
+                    max_of(plant_look_workspace_bytes(shape),
+                           allocation_bytes<std::uint8_t>(pixels) + allocation_bytes<std::uint32_t>(pixels))) +
+         kWorkspaceAlignment;
+}
+
+// depth: as measured, without what cannot be. surface: 0 in the sky.
+template <class Executor>
+[[nodiscard]] Status guess_labels(ImageView<const Rgb8> image, ImageView<const float> depth, const Intrinsics& camera,
+                                  const GroundPlane& ground, const DepthNoise& noise, bool lines,
+                                  ImageView<const std::uint8_t> surface, ImageView<Label> labels, Workspace& workspace,
+                                  Executor& executor) {
+  const bool has_ground = ground.inlier_share > 0.0F;
+  for_pixels(labels.shape(), executor, [&](int x, int y) {
+    labels(x, y) = surface(x, y) == 0 ? label::sky : (has_ground ? label::unlabeled : label::building);
+  });
+  if (has_ground) {
+    mark_by_height(depth, camera, ground, noise, lines, labels);
+    NPSIM_RETURN_IF_ERROR(drop_lone_seeds(labels, workspace, executor));
+    NPSIM_RETURN_IF_ERROR(spread_seeds(image, labels, workspace));
+    NPSIM_RETURN_IF_ERROR(tell_ground_kinds(image, camera, ground, labels, workspace, executor));
+  }
+  return tell_plants(image, camera, labels, workspace, executor);
+}
+
+}  // namespace refine_detail
+}  // namespace NPSIM_ABI
+}  // namespace npsim
+
+#endif  // NPSIM_DEPTH_DETAIL_GIVEN_GUESSED_LABELS_HPP

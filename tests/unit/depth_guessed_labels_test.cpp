@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "npsim/depth/detail/given/guessed_labels.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+
+#include "day_picture.hpp"
+#include "fixture.hpp"
+#include "npsim/core/random.hpp"
+
+using namespace npsim;
+using npsim_test::encode;
+using npsim_test::Image;
+
+namespace {
+
+constexpr Shape kShape{480, 270};
+constexpr Intrinsics kCamera{400, 400, 240, 120};
+constexpr GroundPlane kGround{{0, -1, 0}, 1.5F, 0.9F};
+
+[[nodiscard]] float draw(int x, int y) {
+  RandomStream r(9, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * kShape.width + x), 0);
+  return r.uniform();
+}
+[[nodiscard]] Rgb8 photographed(const Vec3f& light) { return {encode(light.x), encode(light.y), encode(light.z)}; }
+[[nodiscard]] float fall(int y) { return (static_cast<float>(y) + 0.5F - kCamera.cy) / kCamera.fy; }
+[[nodiscard]] float road_m(int y) { return fall(y) > 0.0F ? 1.5F / fall(y) : 1e9F; }
+
+// A road before a wall 20 m away; neither has a look of its own.
+struct Street {
+  Image<Rgb8> image{kShape, Rgb8{120, 120, 120}};
+  Image<float> depth{kShape, 0.0F};
+  Image<std::uint8_t> surface{kShape, 1};
+  Image<Label> labels{kShape, label::unlabeled};
+  GroundPlane ground = kGround;
+  bool lines = false;
+
+  Street() {
+    paint([](int, int) { return Vec3f{0.2F, 0.2F, 0.2F}; });
+    measure([](int, int y) { return std::fmin(20.0F, road_m(y)); });
+  }
+  template <class F>
+  void paint(const F& f) {
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) image(x, y) = photographed(f(x, y));
+    }
+  }
+  template <class F>
+  void measure(const F& f) {
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) depth(x, y) = f(x, y);
+    }
+  }
+  template <class Executor = SerialExecutor>
+  void guess(Executor executor = {}) {
+    npsim_test::Scratch scratch(refine_detail::guess_labels_workspace_bytes(kShape));
+    REQUIRE(refine_detail::guess_labels(image.cview(), depth.cview(), kCamera, ground, DepthNoise{}, lines,
+                                        surface.cview(), labels.view(), scratch.workspace(), executor)
+                .ok());
+  }
+  [[nodiscard]] double share(Label l, int x0, int x1, int y0, int y1) const {
+    int n = 0;
+    for (int y = y0; y < y1; ++y) {
+      for (int x = x0; x < x1; ++x) n += labels(x, y) == l ? 1 : 0;
+    }
+    return static_cast<double>(n) / static_cast<double>((x1 - x0) * (y1 - y0));
+  }
+};
+
+// Bright and dark in the finest detail, in no direction.
+[[nodiscard]] Vec3f leaf(int x, int y) { return Vec3f{0.05F, 0.09F, 0.03F} * std::exp2(4.0F * (draw(x, y) - 0.6F)); }
+
+}  // namespace
+
+TEST_CASE("guessed labels: a wall without texture is a building down to its foot, the road before it a road") {
+  Street s;
+  s.guess();
+  const int foot = static_cast<int>(kCamera.cy + 1.5F * kCamera.fy / 20.0F);
+  CHECK(s.share(label::building, 0, 480, 0, foot - 4) == 1.0);
+  CHECK(s.share(label::road, 0, 480, foot + 4, 270) == 1.0);
+}
+
+TEST_CASE("guessed labels: between a laser's lines things end where their colour does, a car's foot included") {
+  Street s;
+  s.lines = true;
+  const auto car = [](int x, int y) { return x >= 200 && x < 280 && y >= 110 && fall(y) * 10.0F < 1.5F; };
+  s.paint([&](int x, int y) { return car(x, y) ? Vec3f{0.4F, 0.02F, 0.02F} : Vec3f{0.2F, 0.2F, 0.2F}; });
+  s.measure([&](int x, int y) {
+    if (y % 9 != 0 || x % 3 != 0) return 0.0F;
+    return car(x, y) ? 10.0F : std::fmin(20.0F, road_m(y));
+  });
+  s.guess();
+  int wrong = 0;
+  for (int y = 160; y < 230; ++y) {  // 9 rows hold its foot and the road before it
+    for (int x = 190; x < 290; ++x) wrong += (s.labels(x, y) == label::building) != car(x, y) ? 1 : 0;
+  }
+  CHECK(wrong < 30);
+}
+
+TEST_CASE(
+    "guessed labels: mismatches in the road and in a wall are neither, and rays that do not fall meet no ground") {
+  Street s;
+  s.measure([](int x, int y) {
+    const bool speck = (x / 3) % 40 == 0 && (y / 3) % 10 == 0;
+    if (speck && y > 200) return 0.5F * road_m(y);
+    if (speck && y > 130 && y < 145) return road_m(y);
+    return y < 100 ? 0.0F : std::fmin(20.0F, road_m(y));
+  });
+  s.guess();
+  CHECK(s.share(label::road, 0, 480, 160, 270) > 0.999);
+  CHECK(s.share(label::building, 0, 480, 0, 140) == 1.0);
+}
+
+TEST_CASE(
+    "guessed labels: ground that a network draws 15 % too far is ground; a car over it and a wall of .5 m are not") {
+  Street s;
+  const auto wall_top = [](int x, int y) { return x >= 300 && x < 360 && 1.5F - fall(y) * 15.0F < 0.5F; };
+  const auto car = [](int x, int y) {
+    const float high_m = 1.5F - fall(y) * 10.0F;
+    return x >= 380 && x < 440 && high_m > 0.0F && high_m < 1.4F;
+  };
+  s.measure([&](int x, int y) {
+    const auto squared = static_cast<float>((x - 140) * (x - 140) + (y - 210) * (y - 210));
+    const float road = std::fmin(80.0F, road_m(y) * (1.0F + 0.15F * std::exp(-0.001F * squared)));
+    if (car(x, y)) return 10.0F;
+    return wall_top(x, y) && road > 15.0F ? 15.0F : road;
+  });
+  s.guess();
+  CHECK(s.labels(140, 210) == label::road);
+  CHECK(s.share(label::building, 390, 430, 130, 170) > 0.95);
+  CHECK(s.share(label::building, 310, 350, 148, 154) > 0.95);
+}
+
+TEST_CASE(
+    "guessed labels: leaves are plants, and neither bricks, stripes, shingle of grey, nor what is flat and green") {
+  Street s;
+  s.paint([](int x, int y) {
+    if (y >= 130) return Vec3f{0.2F, 0.2F, 0.2F};
+    if (x < 120) return leaf(x, y);
+    if (x < 240)
+      return ((x / 8 + (y / 4) % 2 * 4) % 2 == 0 || y % 4 == 0 ? Vec3f{0.3F, 0.2F, 0.15F} : Vec3f{0.15F, 0.06F, 0.04F});
+    if (x < 360) return x % 6 < 3 ? Vec3f{0.4F, 0.4F, 0.4F} : Vec3f{0.05F, 0.05F, 0.05F};
+    return Vec3f{0.1F, 0.13F, 0.1F};
+  });
+  s.guess();
+  CHECK(s.share(label::vegetation, 0, 110, 10, 120) > 0.97);
+  CHECK(s.share(label::vegetation, 135, 480, 10, 120) == 0.0);
+}
+
+TEST_CASE("guessed labels: a crown at any focal length is one, and a pane in it is closed; a house beside it stays") {
+  for (const int factor : {1, 3}) {
+    const Shape shape{480 * factor, 270 * factor};
+    const auto f = static_cast<float>(400 * factor);
+    const Intrinsics camera{f, f, static_cast<float>(shape.width) / 2, static_cast<float>(120 * factor)};
+    Image<Rgb8> image(shape, Rgb8{130, 125, 120});
+    Image<Label> labels(shape, label::building);
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        const int u = x / factor;
+        const int v = y / factor;
+        const bool pane = u > 120 && u < 128 && v > 100 && v < 108;
+        if (u < 240) image(x, y) = pane ? Rgb8{250, 250, 250} : photographed(leaf(u, v));
+      }
+    }
+    npsim_test::Scratch scratch(refine_detail::guess_labels_workspace_bytes(shape));
+    SerialExecutor serial;
+    REQUIRE(refine_detail::tell_plants(image.cview(), camera, labels.view(), scratch.workspace(), serial).ok());
+    CAPTURE(factor);
+    CHECK(labels(60 * factor, 60 * factor) == label::vegetation);
+    CHECK(labels(124 * factor, 104 * factor) == label::vegetation);
+    CHECK(labels(300 * factor, 60 * factor) == label::building);
+  }
+}
+
+TEST_CASE(
+    "guessed labels: under a green cast asphalt is a road beside grass; yellow paint and a green corner are too") {
+  const Vec3f cast{0.75F, 1.05F, 0.75F};
+  Street s;
+  s.paint([&](int x, int y) {
+    const Vec3f light = cast * (0.9F + 0.2F * draw(x, y));
+    if (y < 170) return light * 0.3F;
+    if (x < 120) return Vec3f{0.08F * light.x, 0.16F * light.y, 0.06F * light.z};
+    if (x > 300 && x < 330) return Vec3f{0.5F * light.x, 0.42F * light.y, 0.06F * light.z};
+    const float corner = x > 420 ? 1.12F : 1.0F;
+    return Vec3f{0.12F * light.x, 0.12F * corner * light.y, 0.12F * light.z};
+  });
+  s.guess();
+  CHECK(s.share(label::terrain, 5, 110, 180, 265) > 0.99);
+  CHECK(s.share(label::road, 130, 475, 180, 265) == 1.0);
+}
+
+TEST_CASE("guessed labels: a lawn on four fifths of the ground stays one, and the asphalt beside it a road") {
+  Street s;
+  s.paint([](int x, int y) {
+    return (x < 384 ? Vec3f{0.08F, 0.15F, 0.06F} : Vec3f{0.12F, 0.12F, 0.12F}) * (0.8F + 0.4F * draw(x, y));
+  });
+  s.guess();
+  CHECK(s.share(label::terrain, 5, 370, 180, 265) > 0.99);
+  CHECK(s.share(label::road, 400, 475, 180, 265) == 1.0);
+}
+
+TEST_CASE("guessed labels: flecks of sun far down the road are no ballast, while ballast goes on beside it") {
+  Street s;
+  s.measure([](int, int y) { return y >= 126 ? road_m(y) : 0.0F; });
+  const auto ballast = [](int x, int y) {
+    return static_cast<float>(x - 240) > 2.0F * (static_cast<float>(y) - 119.5F);
+  };
+  s.paint([&](int x, int y) {
+    const bool fleck = y < 172 && (x / 4 + y / 2) % 2 == 0;
+    if (ballast(x, y)) return Vec3f{0.22F, 0.2F, 0.18F} * std::exp2(3.0F * (draw(x, y) - 0.5F));
+    return Vec3f{0.24F, 0.24F, 0.24F} * ((fleck ? 0.15F : 1.0F) * (0.9F + 0.2F * draw(x, y)));
+  });
+  s.guess();
+  CHECK(s.share(label::road, 60, 220, 140, 168) > 0.97);
+  CHECK(s.share(label::rail_track, 400, 470, 145, 160) > 0.97);
+}
+
+TEST_CASE("guessed labels: without a ground plane all that is no sky stands; the order of chunks changes no label") {
+  Street s;
+  s.ground.inlier_share = 0.0F;
+  for (int x = 0; x < kShape.width; ++x) s.surface(x, 0) = 0;
+  s.guess();
+  CHECK(s.share(label::sky, 0, 480, 0, 1) == 1.0);
+  CHECK(s.share(label::building, 0, 480, 1, 270) == 1.0);
+
+  Street forth, back;
+  for (Street* t : {&forth, &back}) t->paint(leaf);
+  forth.guess();
+  back.guess(npsim_test::BackwardExecutor{});
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) REQUIRE(forth.labels(x, y) == back.labels(x, y));
+  }
+}
