@@ -37,6 +37,7 @@ struct Street {
   Image<std::uint8_t> surface{kShape, 1};
   Image<Label> labels{kShape, label::unlabeled};
   GroundPlane ground = kGround;
+  DepthNoise noise;
   bool lines = false;
 
   Street() {
@@ -58,8 +59,8 @@ struct Street {
   template <class Executor = SerialExecutor>
   void guess(Executor executor = {}) {
     npsim_test::Scratch scratch(refine_detail::guess_labels_workspace_bytes(kShape));
-    REQUIRE(refine_detail::guess_labels(image.cview(), depth.cview(), kCamera, ground, DepthNoise{}, lines,
-                                        surface.cview(), labels.view(), scratch.workspace(), executor)
+    REQUIRE(refine_detail::guess_labels(image.cview(), depth.cview(), kCamera, ground, noise, lines, surface.cview(),
+                                        labels.view(), scratch.workspace(), executor)
                 .ok());
   }
   [[nodiscard]] double share(Label l, int x0, int x1, int y0, int y1) const {
@@ -133,6 +134,38 @@ TEST_CASE(
   CHECK(s.labels(140, 210) == label::road);
   CHECK(s.share(label::building, 390, 430, 130, 170) > 0.95);
   CHECK(s.share(label::building, 310, 350, 148, 154) > 0.95);
+}
+
+TEST_CASE("guessed labels: far road that stereo measures half a metre too high and too low is ground, by its noise") {
+  Street s;
+  s.measure([](int x, int y) {
+    const float off_m = road_m(y) < 10.0F || road_m(y) > 20.0F ? 0.0F : 1.1F * (draw(x, y) - 0.5F);
+    return road_m(y) < 20.0F ? (1.5F - off_m) / fall(y) : 20.0F;
+  });
+  s.noise = {0.01F, 0, 1.0F, 1.0F};  // 1/m, which is .15 m of height at 10 m
+  s.guess();
+  CHECK(s.share(label::road, 0, 480, 153, 270) > 0.99);
+  s.noise.amplitude = 0.0F;
+  s.guess();
+  CHECK(s.share(label::road, 0, 480, 153, 270) < 0.98);
+}
+
+TEST_CASE("guessed labels: a ramp under a laser's lines is ground as far as it lies flat, a wall as high is none") {
+  Street s;
+  s.lines = true;
+  const auto wall = [](int x) { return x < 100; };
+  // From 12 m on it rises by 5 cm/m, to .4 m above the plane at 20 m.
+  const auto ramp_m = [](int y) { return (1.5F + 0.05F * 12.0F) / (fall(y) + 0.05F); };
+  s.paint([&](int x, int) { return wall(x) ? Vec3f{0.4F, 0.1F, 0.05F} : Vec3f{0.2F, 0.2F, 0.2F}; });
+  s.measure([&](int x, int y) {
+    if (y % 5 != 0 || x % 3 != 0) return 0.0F;
+    if (wall(x)) return std::fmin(12.0F, road_m(y));
+    return std::fmin(20.0F, road_m(y) < 12.0F ? road_m(y) : ramp_m(y));
+  });
+  s.guess();
+  const int top = 145;  // .4 m above the plane at 20 m lies in row 142
+  CHECK(s.share(label::road, 110, 480, top, 270) > 0.98);
+  CHECK(s.share(label::building, 0, 95, top, 160) > 0.98);
 }
 
 TEST_CASE(

@@ -183,6 +183,66 @@ TEST_CASE("what is proposed for a measured depth is held within its source's noi
   CHECK(!validate(wrong).ok());
 }
 
+TEST_CASE(
+    "sky between leaves that has no depth is no hole of stereo: the source is found with outlines cut to leaves") {
+  constexpr Shape kPark{480, 270};
+  constexpr Intrinsics k{450, 450, 240, 120};
+  Image<Rgb8> image(kPark, Rgb8{90, 90, 95});
+  Image<float> depth(kPark, 0.0F);
+  Image<Label> labels(kPark, label::road);
+  int gaps = 0;
+  for (int y = 0; y < kPark.height; ++y) {
+    const float down = (static_cast<float>(y) + 0.5F - k.cy) / k.fy;
+    for (int x = 0; x < kPark.width; ++x) {
+      depth(x, y) = std::fmin(40.0F, down > 0.0F ? 1.5F / down : 40.0F) * (1.0F + 0.01F * draw(x, y, 6));
+      if (y < 60) {
+        const bool crown = x >= 100 && x < 380;
+        const bool gap = crown && y > 0 && (x / 6) % 2 == 0 && (y / 6) % 2 == 0;
+        labels(x, y) = crown ? label::vegetation : label::sky;
+        image(x, y) = crown && !gap ? Rgb8{30, 60, 20} : Rgb8{230, 235, 240};
+        depth(x, y) = crown && !(gap && gaps++ < 1250) ? 15.0F * (1.0F + 0.01F * draw(x, y, 6)) : 0.0F;
+      } else if (down * 40.0F < 1.5F) {
+        labels(x, y) = label::building;
+        image(x, y) = {150, 120, 100};
+      }
+    }
+  }
+  CHECK(find_depth_source({}, depth.cview(), labels.cview()) == DepthSource::stereo);
+  SceneView scene;
+  scene.camera = k;
+  scene.image = image.cview();
+  scene.depth = depth.cview();
+  scene.labels = labels.cview();
+  npsim_test::Scratch scratch(refine_depth_workspace_bytes({}, kPark));
+  SerialExecutor serial;
+  NullObserver observer;
+  RefinedDepth out;
+  REQUIRE(refine_depth({}, scene, scratch.workspace(), serial, observer, out).ok());
+  CHECK(out.source == DepthSource::network);
+}
+
+TEST_CASE("a guess of labels moves nothing that a laser measured, and parts nothing that is filled") {
+  Image<float> depth = street(0.0001F);
+  thin_out(depth, [](int, int y) { return y > 60 && y % 4 == 0; });
+  RefineDepthParams one_class;
+  one_class.guess_labels = false;
+  one_class.planes.enabled = false;
+  RefineDepthParams guessed = one_class;
+  guessed.guess_labels = true;
+  const Unlabelled a(depth, one_class, 101);
+  const Unlabelled b(depth, guessed, 101);
+  CHECK(b.out.labels(160, 170) != a.out.labels(160, 170));
+  int compared = 0;
+  for (int y = 70; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (!is_valid_depth(a.out.depth(x, y)) || !is_valid_depth(b.out.depth(x, y))) continue;
+      ++compared;
+      REQUIRE(b.out.depth(x, y) == a.out.depth(x, y));
+    }
+  }
+  CHECK(compared > 30000);
+}
+
 TEST_CASE("a network's crown is as rough in the mesh as it was given, its wall as smooth as the depth") {
   Image<Label> labels(kShape, label::building);
   Image<float> depth(kShape);

@@ -8,10 +8,11 @@
 // The thesis has neither sharpening nor anchoring, and no kerbs. The first two, and the filter, mend what networks do
 // wrong and harm what was measured (docs/evaluation.md), so they are left out for stereo, laser and exact depth
 // (depth/depth_source.hpp), and what refinement does to such depth is held within what its source leaves open. The
-// uncertain map is of the filtered depth: refinement moves surfaces, not the edges between them. Labels that are guessed
-// (depth/detail/given/guessed_labels.hpp) have no say in what is dropped and filled, nor in the filter. Without given
-// normals those of the filtered depth, smoothed within each class, guide the refinement: it then flattens noise rather
-// than correcting shape. What each default is worth on generated streets stands in docs/evaluation.md.
+// uncertain map is of the filtered depth: refinement moves surfaces, not the edges between them. Guessed labels
+// (depth/detail/given/guessed_labels.hpp) have no say in what is dropped and filled, nor in the filter where it has one
+// reference. Without given normals those of the filtered depth, smoothed within each class, guide the refinement: it
+// then flattens noise rather than correcting shape. What each default is worth on generated streets stands in
+// docs/evaluation.md.
 // Cost: that of the steps. Memory: see refine_depth_workspace_bytes(); the planes of RefinedDepth stay in the
 // workspace.
 #ifndef NPSIM_DEPTH_REFINE_DEPTH_HPP
@@ -46,9 +47,9 @@ namespace refine_detail {
 
 // The steps, each from and to the planes of RefinedDepth.
 
-// Given normals know more than planes do; and without labels nothing says where a facade ends.
+// Given normals know more than planes do.
 [[nodiscard]] inline bool finds_planes(const RefineDepthParams& params, const SceneView& scene) noexcept {
-  return params.planes.enabled && scene.normals.empty() && !scene.labels.empty();
+  return params.planes.enabled && scene.normals.empty();
 }
 
 // labels: those of the scene with plants cut to their leaves and signs to their plates.
@@ -179,7 +180,7 @@ template <class Executor>
       if (!is_valid_depth(scene.depth(x, y))) measured(x, y) = 0.0F;
     }
   }
-  if (is_laser(params, out)) {
+  if (is_laser(params, out) && !out.labels_guessed) {
     NPSIM_RETURN_IF_ERROR(
         place_beyond_range(params.beyond_range, ImageView<const float>(measured), scene.labels, out.depth, workspace));
   }
@@ -278,7 +279,7 @@ template <class Executor>
   if (!(out.ground.inlier_share > 0.0F)) planes.plumb = {};  // nothing says what is upright
   NPSIM_RETURN_IF_ERROR(planar_segments(planes, scene.depth, objects, out.noise, out.ground.up, scene.camera, out.depth,
                                         out.planes, workspace, executor));
-  if (is_laser(params, out)) {
+  if (is_laser(params, out) && !out.labels_guessed) {
     const WorkspaceScope scope(workspace);
     ImageView<float> measured;  // what was kept of it
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(out.depth.shape(), measured));
@@ -428,9 +429,9 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& given, Wor
   };
   NPSIM_RETURN_IF_ERROR(workspace.ensure(refine_depth_workspace_bytes(params, scene.shape())));
   const Shape shape = scene.shape();
-  out.source = scene.depth_source;
-  if (out.source == DepthSource::unknown) out.source = find_depth_source(params.source, scene.depth, scene.labels);
   const auto judge_depth = [&](const ObjectMap& objects) {
+    out.source = scene.depth_source;
+    if (out.source == DepthSource::unknown) out.source = find_depth_source(params.source, scene.depth, objects.labels);
     out.noise = depth_noise(out.source, scene.stereo_baseline_m, scene.depth, objects, scene.camera);
     out.trust = depth_trust(params.source, refine_detail::taken_for(params, out), out.noise,
                             stereo_focal_baseline_px_m(params.source, scene));
@@ -446,6 +447,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& given, Wor
     NPSIM_RETURN_IF_ERROR(refine_detail::guess_scene_labels(params, given, out, guess, workspace, executor));
     scene.labels = guess;
     scene.instances = {};
+    scene.depth_source = out.source;
   }
   const ImageView<const Label> drawn = scene.labels;
   NPSIM_RETURN_IF_ERROR(refine_detail::own_labels(params, scene, workspace, executor, labels));

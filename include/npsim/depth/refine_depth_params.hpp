@@ -118,7 +118,8 @@ struct RefineDepthParams {
   StandingPolesParams masts;        // likewise
   StandBeforeParams stand_before;   // of estimated depth without normals
   GroundContactParams contact;
-  bool guess_labels = true;  // of scenes without any: depth/detail/given/guessed_labels.hpp
+  // Of scenes without any (depth/detail/given/guessed_labels.hpp); else there is the sky and one class.
+  bool guess_labels = true;
   // The caller's memory for the losses before each step of the refinement and at its end (figure 4.4), at most
   // refine_max_steps() + 1 of them; RefinedDepth::refinement says how many there were. Empty: none are kept.
   Span<LossValues> loss_curve;
@@ -158,13 +159,13 @@ struct RefineDepthParams {
 };
 
 struct RefinedDepth {
-  ImageView<float> depth;         // m; 0 where there is no surface
-  ImageView<float> mesh_depth;    // what a mesh is made of, where it is not that: of measured depth without its
-                                  // sensor's noise, of a network's with plants as they were given, of all with
-                                  // feet above the ground
-  ImageView<const Label> labels;  // the scene's, plants and signs without what is behind them, markings of the
-                                  // ground its own; without any, a guess
-  bool labels_guessed = false;
+  ImageView<float> depth;             // m; 0 where there is no surface
+  ImageView<float> mesh_depth;        // what a mesh is made of, where it is not that: of measured depth without its
+                                      // sensor's noise, of a network's with plants as they were given, of all with
+                                      // feet above the ground
+  ImageView<const Label> labels;      // the scene's, plants and signs without what is behind them, markings of the
+                                      // ground its own; without any, a guess
+  bool labels_guessed = false;        // the scene has none
   ImageView<std::uint8_t> surface;    // 1 where the pixel shows a surface of the scene
   ImageView<std::uint8_t> uncertain;  // U of (3.3)
   ImageView<Vec3f> normals;           // that guided the refinement: given or derived, smoothed, the ground's made plain

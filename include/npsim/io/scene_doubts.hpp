@@ -11,7 +11,7 @@
 //                        alike. On the real and generated scenes at hand the true way is ahead of turned ones by up to
 //                        5.6, and of the mirrored one by .82 (blurred depth of a network) to 2.2.
 //   indoors              measured depth ends below 12 m and nothing is labelled as sky, road, or pavement
-//   no labels            every cast shadow and every outline then follows from depth and colour alone
+//   no labels            ground, plants and sky are guessed then, and all else is one class
 // Cost: a pass over picture and depth. Memory: a number per pixel.
 #ifndef NPSIM_IO_SCENE_DOUBTS_HPP
 #define NPSIM_IO_SCENE_DOUBTS_HPP
@@ -170,8 +170,8 @@ struct DoubtCells {
         "in metres (mind the scale)");
   }
   if (scene.labels.empty()) {
-    say("there are no labels: objects are told from what is behind them by depth and colour alone; expected labels of "
-        "the Cityscapes definition for good outlines");
+    say("there are no labels: ground, plants and sky are guessed, all else is one class; expected labels of the "
+        "Cityscapes definition for good outlines");
   }
   return doubts;
 }

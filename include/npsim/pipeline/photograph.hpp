@@ -64,8 +64,8 @@ struct FlickerParams {
 
 // What the picture shows, as far as motion needs it; empty planes where it is not known.
 struct PhotographedStreet {
-  ImageView<const float> depth;  // m
-  ImageView<const Label> labels;
+  ImageView<const float> depth;   // m
+  ImageView<const Label> labels;  // guessed where the scene has none
   ImageView<const std::uint16_t> instances;
   ImageView<const std::uint16_t> light_index;  // position + 1 in lights
   Span<const LightMark> lights;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Of what kind the ground is, by its look, for scenes without labels: smooth (road), rough (ballast), or green (soil).
 //
-// Asphalt is smooth, but for edges: ground counts as rough where every window near it is. Green is what is greener than
-// the least green ground: cameras have casts. Far away a pixel covers more of the ground than a stone, and what is rough
-// there may be flecks of sun as well: there rough ground is what other ground before it is, as if the street went
-// straight on.
+// Asphalt is smooth, but for edges: ground counts as rough where every window near it is. Green is what is much greener
+// than the ground usually is, and what is greener and hangs together with it: cameras have casts, which differ over the
+// picture. Far away a pixel covers more of the ground than a stone, and what is rough there may be flecks of sun as
+// well: there rough ground is what other ground before it is, as if the street went straight on.
 // Pixels are those of a picture some 960 px wide; windows scale with the width.
 // Cost: six means over windows of that picture, and two passes over 41 pixels at each. Memory: 8 planes of it.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_GROUND_KINDS_HPP

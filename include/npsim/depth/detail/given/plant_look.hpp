@@ -11,8 +11,8 @@
 //   bright     log2 of luminance, over half the window, above the picture's median
 // Gradients are of log2 of luminance. The logarithm of the odds is linear in these; its coefficients are those of a
 // logistic regression on 170 labelled frames of CamVid and 5 of Cityscapes. On frames of these and of five other data
-// sets, none of which it was fitted to, what is a plant has the higher odds of two pixels in .76 to .98 of the cases
-// (mean .89).
+// sets that it was not fitted to, the pixel of a plant has higher odds than that of another thing in .76 to .98 of the
+// cases (mean .89).
 // Pixels are those of a picture whose focal length is some 560 px: larger ones are averaged to that.
 // Cost: ten means over windows of that picture. Memory: 10 planes of it.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_PLANT_LOOK_HPP
@@ -23,6 +23,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
@@ -59,7 +60,8 @@ template <class Stands, class Executor>
   const WorkspaceScope scope(workspace);
   const int factor = plant_look_factor(camera);
   const Shape shape = odds.shape();
-  const int radius = std::max(1, static_cast<int>(kWindow * camera.fx / static_cast<float>(factor) + 0.5F));
+  const float window_px = kWindow * camera.fx / static_cast<float>(factor) + 0.5F;
+  const int radius = static_cast<int>(clamp_to(window_px, 1.0F, static_cast<float>(image.width())));
   ImageView<float> log_y, green, mean, xx, yy, xy;
   ImageView<std::uint8_t> standing, inner;
   Span<std::uint32_t> histogram;

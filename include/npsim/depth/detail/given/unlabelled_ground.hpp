@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where the ground goes on that a laser does not see, in scenes without labels.
 //
-// It goes by the ground plane of the depth. Virtual measurements are for the fill alone; they lie only where nothing was
+// It goes by the ground plane of the depth. Virtual measurements are for the fill alone, and only where nothing was
 // measured.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_UNLABELLED_GROUND_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_UNLABELLED_GROUND_HPP

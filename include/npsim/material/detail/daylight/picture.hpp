@@ -4,9 +4,7 @@
 //
 // Light changes slowly but for the edges of shadows, so that an image of more than 1440 px is reduced by a whole factor;
 // a working pixel is the mean of those pixels of its block that show what its middle shows.
-// Without labels ground is what lies within kGroundHeight_m of the ground plane and faces up; where it is rough it counts
-// as rails (ballast, gravel), where it is greener than the camera's cast as soil, and elsewhere as road. Far away rough
-// ground is what other ground before it is.
+// Without labels what lies within kGroundHeight_m of the ground plane and faces up is road.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_PICTURE_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_PICTURE_HPP
 
@@ -21,7 +19,6 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
-#include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"

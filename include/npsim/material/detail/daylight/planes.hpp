@@ -3,14 +3,8 @@
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_PLANES_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_PLANES_HPP
 
-#include <cstddef>
-#include <cstdint>
-
-#include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
-#include "npsim/core/executor.hpp"
 #include "npsim/core/image_view.hpp"
-#include "npsim/core/span.hpp"
 #include "npsim/core/window_filter.hpp"
 #include "npsim/simd/math.hpp"
 
