@@ -155,8 +155,8 @@ template <class Executor>
   return {};
 }
 
-// Pieces of other values than 0 and `value` of fewer pixels than `small` take `value` where most of what is around them
-// has it.
+// Pieces of values from 1 on and less than `value` that have fewer pixels than `small` take `value` where most of what is
+// around them has it. 0 is not counted: rims of crowns before the sky are of crowns.
 [[nodiscard]] inline Status close_pieces(ImageView<std::uint8_t> map, std::uint8_t value, std::size_t small,
                                          Workspace& workspace) {
   const WorkspaceScope scope(workspace);
@@ -165,7 +165,7 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(map.shape(), open));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(map.shape().pixels(), piece));
   for (int y = 0; y < map.height(); ++y) {
-    for (int x = 0; x < map.width(); ++x) open(x, y) = map(x, y) != 0 && map(x, y) != value ? 1 : 0;
+    for (int x = 0; x < map.width(); ++x) open(x, y) = map(x, y) != 0 && map(x, y) < value ? 1 : 0;
   }
   for (int y = 0; y < map.height(); ++y) {
     for (int x = 0; x < map.width(); ++x) {
@@ -175,7 +175,7 @@ template <class Executor>
       int around = 0;
       int alike = 0;
       const auto look = [&](int u, int v) {
-        if (!map.contains(u, v) || (map(u, v) != 0 && map(u, v) != value)) return;
+        if (!map.contains(u, v) || map(u, v) == 0 || map(u, v) < value) return;
         ++around;
         alike += map(u, v) == value ? 1 : 0;
       };
@@ -200,7 +200,7 @@ template <class Executor>
 [[nodiscard]] Status tell_plants(ImageView<const Rgb8> image, const Intrinsics& camera, ImageView<Label> labels,
                                  Workspace& workspace, Executor& executor) {
   constexpr float kLikely = 0.9F;  // logarithm of the odds
-  constexpr std::uint8_t kThing = 1, kMaybe = 2, kPlant = 3;
+  constexpr std::uint8_t kSkyAbove = 0, kThing = 1, kMaybe = 2, kPlant = 3, kGroundBelow = 4;
   constexpr std::size_t kSmall = 400;  // that many pieces fill the picture
   const WorkspaceScope scope(workspace);
   const int factor = plant_look_factor(camera);
@@ -212,8 +212,12 @@ template <class Executor>
   const auto stands = [&](int x, int y) { return labels(x, y) == label::building; };
   NPSIM_RETURN_IF_ERROR(plant_look(image, camera, stands, odds, workspace, executor));
   for_pixels(shape, executor, [&](int x, int y) {
-    const bool there = stands(middle_of(x, factor, labels.width()), middle_of(y, factor, labels.height()));
-    plants(x, y) = !there ? 0 : (odds(x, y) < 0.0F ? kThing : (odds(x, y) > kLikely ? kPlant : kMaybe));
+    const Label l = labels(middle_of(x, factor, labels.width()), middle_of(y, factor, labels.height()));
+    if (l != label::building) {
+      plants(x, y) = l == label::sky ? kSkyAbove : kGroundBelow;
+    } else {
+      plants(x, y) = odds(x, y) < 0.0F ? kThing : (odds(x, y) > kLikely ? kPlant : kMaybe);
+    }
   });
   depth_detail::grow(plants, kPlant, [](std::uint8_t p) { return p == kMaybe; });
   NPSIM_RETURN_IF_ERROR(close_pieces(plants, kPlant, shape.pixels() / kSmall, workspace));
