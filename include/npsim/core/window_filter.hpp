@@ -111,8 +111,8 @@ Status window_mean(const Weight& weight, const Value& value, int radius, float p
 }
 inline constexpr std::size_t kWindowMeanPlanes = 2;
 
-// The lines  slope guide(x, y) + offset  of the guided filter of `value` by `guide` where `inside`: value is smooth where
-// the guide is, and follows its edges, those whose variance exceeds epsilon.
+// The lines  slope guide(x, y) + offset  of the guided filter of `value` by `guide` where `inside`: value is smooth
+// where the guide is, and follows its edges, those whose variance exceeds epsilon.
 template <class Inside, class Guide, class Value, class Executor>
 Status guided_lines(const Inside& inside, const Guide& guide, const Value& value, int radius, float epsilon,
                     Workspace& workspace, ImageView<float> slope, ImageView<float> offset, Executor& executor) {

@@ -34,6 +34,7 @@
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/detail/given/ground_kinds.hpp"
 #include "npsim/depth/detail/given/plant_look.hpp"
+#include "npsim/depth/detail/given/reduced_picture.hpp"
 #include "npsim/depth/detail/given/sky_map.hpp"
 #include "npsim/depth/detail/ground_level.hpp"
 #include "npsim/depth/detail/grow.hpp"
@@ -155,8 +156,8 @@ template <class Executor>
   return {};
 }
 
-// Pieces of values from 1 on and less than `value` that have fewer pixels than `small` take `value` where most of what is
-// around them has it. 0 is not counted: rims of crowns before the sky are of crowns.
+// Pieces of values from 1 on and less than `value` that have fewer pixels than `small` take `value` where most of what
+// is around them has it. 0 is not counted: rims of crowns before the sky are of crowns.
 [[nodiscard]] inline Status close_pieces(ImageView<std::uint8_t> map, std::uint8_t value, std::size_t small,
                                          Workspace& workspace) {
   const WorkspaceScope scope(workspace);

@@ -43,6 +43,7 @@ namespace refine_detail {
   constexpr float kFocal_px = 560.0F;
   return static_cast<int>(clamp_to(camera.fx / kFocal_px + 0.5F, 1.0F, 64.0F));
 }
+
 [[nodiscard]] constexpr std::size_t plant_look_workspace_bytes(Shape shape) noexcept {
   const std::size_t pixels = shape.pixels();  // of the smallest focal length
   return (6 + kWindowMeanPlanes) * allocation_bytes<float>(pixels) + 2 * allocation_bytes<std::uint8_t>(pixels) +

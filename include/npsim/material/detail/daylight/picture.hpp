@@ -2,8 +2,8 @@
 // The photograph as its light is looked for: logarithms of luminance and colour at a working size of about 960 px
 // width, and what kind of surface each pixel shows.
 //
-// Light changes slowly but for the edges of shadows, so that an image of more than 1440 px is reduced by a whole factor;
-// a working pixel is the mean of those pixels of its block that show what its middle shows.
+// Light changes slowly but for the edges of shadows, so that an image of more than 1440 px is reduced by a whole
+// factor; a working pixel is the mean of those pixels of its block that show what its middle shows.
 // Without labels what lies within kGroundHeight_m of the ground plane and faces up is road.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_PICTURE_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_PICTURE_HPP
