@@ -252,6 +252,29 @@ TEST_CASE("guessed labels: flecks of sun far down the road are no ballast, while
   CHECK(s.share(label::rail_track, 400, 470, 145, 160) > 0.97);
 }
 
+TEST_CASE("guessed labels: a blue sky goes on down to what is not blue, was measured, or differs by a step") {
+  Street s;
+  s.paint([](int x, int y) {
+    if (y >= 118) return Vec3f{0.2F, 0.2F, 0.2F};
+    const float light = 0.2F + 0.002F * static_cast<float>(y);
+    if (x < 120 || y < 40) return Vec3f{0.4F * light, 0.7F * light, 2.0F * light};
+    if (x < 240) return Vec3f{light, light, light};
+    if (x < 360) return Vec3f{0.1F * light, 0.2F * light, 0.5F * light};  // a blue wall in the shade
+    return Vec3f{0.4F * light, 0.7F * light, 2.0F * light};
+  });
+  s.measure([](int x, int y) {
+    if (y >= 118) return std::fmin(20.0F, road_m(y));
+    return x >= 360 && y >= 40 ? 20.0F : 0.0F;
+  });
+  for (int y = 0; y < 30; ++y) {
+    for (int x = 0; x < kShape.width; ++x) s.surface(x, y) = 0;
+  }
+  s.guess();
+  CHECK(s.share(label::sky, 0, 120, 0, 118) == 1.0);
+  CHECK(s.share(label::sky, 120, 480, 0, 40) == 1.0);
+  CHECK(s.share(label::sky, 122, 480, 42, 118) == 0.0);
+}
+
 TEST_CASE("guessed labels: without a ground plane all that is no sky stands; the order of chunks changes no label") {
   Street s;
   s.ground.inlier_share = 0.0F;

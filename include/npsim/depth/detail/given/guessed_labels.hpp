@@ -3,7 +3,7 @@
 //
 // Every later step asks labels where a surface ends and what it is like. Four can be guessed: on thirteen street frames
 // whose labels are known 85 to 95 % of the pixels get theirs, of the ground 85 to 100 (docs/evaluation.md).
-//   sky      depth/detail/given/sky.hpp.
+//   sky      depth/detail/given/sky.hpp, and what is blue and goes on from it.
 //   ground   of what was measured, that within ground_within_m() of the ground plane, or twice that where depth noise
 //            moves heights as far, and what lies flat beside it (a street rises and falls), in the lines of a scanner
 //            without a neighbour. What stands is measured twice as far above the plane, or in rays that do not fall. A
@@ -35,6 +35,7 @@
 #include "npsim/depth/detail/given/ground_kinds.hpp"
 #include "npsim/depth/detail/given/plant_look.hpp"
 #include "npsim/depth/detail/given/reduced_picture.hpp"
+#include "npsim/depth/detail/given/sky.hpp"
 #include "npsim/depth/detail/given/sky_map.hpp"
 #include "npsim/depth/detail/ground_level.hpp"
 #include "npsim/depth/detail/grow.hpp"
@@ -108,6 +109,17 @@ inline void mark_by_height(ImageView<const float> depth, const Intrinsics& camer
     return labels(x, y) == kPerhaps && std::fabs(height_m(x, y) - height_m(from_x, from_y)) < kStep * within_m;
   });
   for (Label& l : labels.pixels()) l = l == kPerhaps ? label::unlabeled : l;
+}
+
+// Blue that was not measured, in rays that do not fall, and that the sky leads to in small steps is sky: it gets lighter
+// towards the horizon.
+inline void spread_blue_sky(ImageView<const Rgb8> image, ImageView<const float> depth, const Intrinsics& camera,
+                            const GroundPlane& ground, ImageView<Label> labels) noexcept {
+  depth_detail::grow_from(labels, label::sky, [&](int x, int y, int from_x, int from_y) {
+    return labels(x, y) == label::unlabeled && !is_valid_depth(depth(x, y)) && depth_detail::is_blue(image(x, y)) &&
+           !(depth_detail::fall_of_ray(ground, camera, x, y) > 0.0F) &&
+           2 * depth_detail::difference(image(x, y), image(from_x, from_y)) <= depth_detail::kEvenSky;
+  });
 }
 
 // Seeds with few of their kind around them are seeds no more.
@@ -249,6 +261,7 @@ template <class Executor>
     labels(x, y) = surface(x, y) == 0 ? label::sky : (has_ground ? label::unlabeled : label::building);
   });
   if (has_ground) {
+    spread_blue_sky(image, depth, camera, ground, labels);
     mark_by_height(depth, camera, ground, noise, lines, labels);
     NPSIM_RETURN_IF_ERROR(drop_lone_seeds(labels, workspace, executor));
     NPSIM_RETURN_IF_ERROR(spread_seeds(image, labels, workspace));
