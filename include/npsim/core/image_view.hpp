@@ -109,6 +109,15 @@ constexpr void sweep_to_and_fro(Shape shape, F&& f) {
   }
 }
 
+// f(u, v) for the pixels to the left and right of (x, y), above and below it, be they in an image or not.
+template <class F>
+constexpr void for_neighbours(int x, int y, F&& f) {
+  f(x - 1, y);
+  f(x + 1, y);
+  f(x, y - 1);
+  f(x, y + 1);
+}
+
 // Takes the pixels that hang together with (x, y), along rows and columns, and have its value in `open`, which is not 0:
 // there they become 0, and y * width + x of each goes to `list`, which has room for all. Returns how many there are.
 [[nodiscard]] inline std::size_t take_piece(ImageView<std::uint8_t> open, int x, int y,
@@ -124,10 +133,7 @@ constexpr void sweep_to_and_fro(Shape shape, F&& f) {
   add(x, y);
   for (std::size_t next = 0; next < count; ++next) {
     const auto [u, v] = place_of(list[next], open.width());
-    add(u - 1, v);
-    add(u + 1, v);
-    add(u, v - 1);
-    add(u, v + 1);
+    for_neighbours(u, v, add);
   }
   return count;
 }

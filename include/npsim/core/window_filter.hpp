@@ -31,7 +31,9 @@ void for_pixels(Shape shape, Executor& executor, F&& f) {
   });
 }
 
-// Quantile of a plane's values where inside(x, y); the histogram is over [-16, 16).
+// Quantile of a plane's values where inside(x, y); the histogram is over [-16, 16), and has kQuantileBins where nothing
+// else is wanted.
+inline constexpr std::size_t kQuantileBins = 4096;
 template <class Inside, class Value>
 [[nodiscard]] float plane_quantile(Shape shape, const Inside& inside, const Value& value, float quantile,
                                    Span<std::uint32_t> histogram) {

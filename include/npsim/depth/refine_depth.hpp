@@ -121,28 +121,26 @@ template <class Executor>
   return drop_spill(params, scene, objects, taken_for(params, out), out.ground, measured, executor);
 }
 
-// Of a scene without labels. Where none shall be guessed there is the sky and all else.
+// Of a scene without labels, and its ground. Where none shall be guessed there is the sky and all else.
 template <class Executor>
 [[nodiscard]] Status guess_scene_labels(const RefineDepthParams& params, const SceneView& scene,
-                                        const RefinedDepth& out, ImageView<Label> labels, Workspace& workspace,
-                                        Executor& executor) {
+                                        ImageView<Label> labels, Workspace& workspace, Executor& executor,
+                                        RefinedDepth& out) {
   const WorkspaceScope scope(workspace);
   const Shape shape = scene.shape();
   ImageView<float> measured;
   ImageView<std::uint8_t> surface;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, surface));
+  NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, out.ground));
   NPSIM_RETURN_IF_ERROR(find_sky(scene.image, scene.depth, out.source, surface, workspace));
   if (!params.guess_labels) {
     for_pixels(shape, executor,
                [&](int x, int y) { labels(x, y) = surface(x, y) == 0 ? label::sky : label::unlabeled; });
     return {};
   }
-  RefinedDepth first = out;
-  NPSIM_RETURN_IF_ERROR(
-      estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, first.ground));
-  NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, ObjectMap{}, first, measured, executor));
-  return guess_labels(scene.image, measured, scene.camera, first.ground, out.noise, is_laser(params, out), surface,
+  NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, ObjectMap{}, out, measured, executor));
+  return guess_labels(scene.image, measured, scene.camera, out.ground, out.noise, is_laser(params, out), surface,
                       labels, workspace, executor);
 }
 
@@ -156,7 +154,10 @@ template <class Executor>
   const ObjectMap given = out.labels_guessed ? ObjectMap{} : objects;
   ImageView<float> measured;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
-  NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, given.labels, scene.camera, workspace, out.ground));
+  if (!out.labels_guessed) {  // else the guess has estimated it
+    NPSIM_RETURN_IF_ERROR(
+        estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, out.ground));
+  }
   NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, given, out, measured, executor));
   if (!out.labels_guessed) {
     drop_depth_of_outlines(params.outlines, drawn, scene.labels, scene.depth, measured, executor);
@@ -444,7 +445,7 @@ Status refine_depth(const RefineDepthParams& params, const SceneView& given, Wor
     ImageView<Label> guess;
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, guess));
     judge_depth(ObjectMap{});
-    NPSIM_RETURN_IF_ERROR(refine_detail::guess_scene_labels(params, given, out, guess, workspace, executor));
+    NPSIM_RETURN_IF_ERROR(refine_detail::guess_scene_labels(params, given, guess, workspace, executor, out));
     scene.labels = guess;
     scene.instances = {};
     scene.depth_source = out.source;

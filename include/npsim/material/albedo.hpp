@@ -127,7 +127,7 @@ Status read_ground(float contrast, Context& c, Span<std::uint32_t>& histogram, W
                    Executor& executor) {
   c.picture.set_contrast(contrast);
   c.ground = {};
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(std::size_t{4096}, histogram));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(kQuantileBins, histogram));
   NPSIM_RETURN_IF_ERROR(read_picture(c.scene, workspace, c.picture, executor));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.light));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.sun));
@@ -498,7 +498,8 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
   return kPlanes * allocation_bytes<float>(working.pixels()) + 3 * allocation_bytes<std::uint8_t>(working.pixels()) +
          allocation_bytes<std::uint32_t>(static_cast<std::size_t>(kCellsY * kCellsC)) +
          allocation_bytes<LightCell>(static_cast<std::size_t>(kCellsY * kCellsC)) + kObjectsBytes +
-         allocation_bytes<FaceSample>(kFaceSamples) + allocation_bytes<std::uint32_t>(4096) + kWorkspaceAlignment;
+         allocation_bytes<FaceSample>(kFaceSamples) + allocation_bytes<std::uint32_t>(kQuantileBins) +
+         kWorkspaceAlignment;
 }
 
 // All of `scene` but the photograph may be empty.

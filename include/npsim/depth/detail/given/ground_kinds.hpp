@@ -38,7 +38,7 @@ namespace refine_detail {
 [[nodiscard]] constexpr std::size_t ground_kinds_workspace_bytes(Shape shape) noexcept {
   const std::size_t pixels = reduced_shape(shape, ground_kinds_factor(shape)).pixels();
   return (5 + kWindowMeanPlanes) * allocation_bytes<float>(pixels) + allocation_bytes<Label>(pixels) +
-         allocation_bytes<std::uint32_t>(kHistogramBins) + kWorkspaceAlignment;
+         allocation_bytes<std::uint32_t>(kQuantileBins) + kWorkspaceAlignment;
 }
 
 // Where rough ground is too far to tell, what lies before it. kinds: reduced by `factor`.
@@ -107,7 +107,7 @@ template <class Executor>
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *p));
   }
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, kinds));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(kHistogramBins, histogram));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(kQuantileBins, histogram));
   for_pixels(shape, executor, [&](int x, int y) {
     const Vec3f c = mean_light(image, factor, x, y) + Vec3f{kDark, kDark, kDark};
     log_y(x, y) = log2_of(luminance(c));
@@ -154,7 +154,7 @@ template <class Executor>
   });
   continue_kinds(camera, ground, factor, kinds, executor);
   for_pixels(labels.shape(), executor, [&](int x, int y) {
-    const Label kind = kinds(std::min(x / factor, shape.width - 1), std::min(y / factor, shape.height - 1));
+    const Label kind = reduced_at(kinds, factor, x, y);
     if (labels(x, y) == label::road && (kind == label::terrain || kind == label::rail_track)) labels(x, y) = kind;
   });
   return {};

@@ -194,10 +194,7 @@ template <class Executor>
       };
       for (std::size_t i = 0; i < count; ++i) {
         const auto [u, v] = place_of(piece[i], map.width());
-        look(u - 1, v);
-        look(u + 1, v);
-        look(u, v - 1);
-        look(u, v + 1);
+        for_neighbours(u, v, look);
       }
       for (std::size_t i = 0; 2 * alike > around && i < count; ++i) {
         const auto [u, v] = place_of(piece[i], map.width());
@@ -235,8 +232,7 @@ template <class Executor>
   depth_detail::grow(plants, kPlant, [](std::uint8_t p) { return p == kMaybe; });
   NPSIM_RETURN_IF_ERROR(close_pieces(plants, kPlant, shape.pixels() / kSmall, workspace));
   for_pixels(labels.shape(), executor, [&](int x, int y) {
-    const bool plant = plants(std::min(x / factor, shape.width - 1), std::min(y / factor, shape.height - 1)) == kPlant;
-    if (plant && stands(x, y)) labels(x, y) = label::vegetation;
+    if (stands(x, y) && reduced_at(plants, factor, x, y) == kPlant) labels(x, y) = label::vegetation;
   });
   return {};
 }

@@ -47,7 +47,7 @@ namespace refine_detail {
 [[nodiscard]] constexpr std::size_t plant_look_workspace_bytes(Shape shape) noexcept {
   const std::size_t pixels = shape.pixels();  // of the smallest focal length
   return (6 + kWindowMeanPlanes) * allocation_bytes<float>(pixels) + 2 * allocation_bytes<std::uint8_t>(pixels) +
-         allocation_bytes<std::uint32_t>(kHistogramBins) + kWorkspaceAlignment;
+         allocation_bytes<std::uint32_t>(kQuantileBins) + kWorkspaceAlignment;
 }
 
 // stands(x, y): whether the pixel of the image shows a thing that stands. odds: natural logarithms, an image of
@@ -71,7 +71,7 @@ template <class Stands, class Executor>
   }
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, standing));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, inner));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(kHistogramBins, histogram));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(kQuantileBins, histogram));
   for_pixels(shape, executor, [&](int x, int y) {
     const Vec3f c = mean_light(image, factor, x, y);
     log_y(x, y) = log2_of(luminance(c) + kDark);

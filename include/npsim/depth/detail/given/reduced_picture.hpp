@@ -5,7 +5,6 @@
 #define NPSIM_DEPTH_DETAIL_GIVEN_REDUCED_PICTURE_HPP
 
 #include <algorithm>
-#include <cstddef>
 
 #include "npsim/color/srgb.hpp"
 #include "npsim/core/camera.hpp"
@@ -17,10 +16,14 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 namespace refine_detail {
 
-inline constexpr std::size_t kHistogramBins = 4096;  // of plane_quantile()
-
 [[nodiscard]] constexpr Shape reduced_shape(Shape shape, int factor) noexcept {
   return {std::max(1, shape.width / factor), std::max(1, shape.height / factor)};
+}
+
+// What a plane of the reduced picture says of a pixel.
+template <class T>
+[[nodiscard]] const T& reduced_at(const ImageView<T>& reduced, int factor, int x, int y) noexcept {
+  return reduced(std::min(x / factor, reduced.width() - 1), std::min(y / factor, reduced.height() - 1));
 }
 
 // The pixel in the middle of those that are averaged to one, and their mean light, in linear RGB.
