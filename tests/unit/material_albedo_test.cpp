@@ -698,6 +698,23 @@ TEST_CASE("lines that run askew to the camera's axis on a cloudy day are no sun 
   }
 }
 
+TEST_CASE("white paint on bluish stones is no sun where it is wider than a line: heads of arrows") {
+  // A stem .45 m wide and 3 m long, a head 1.6 m wide and 1.2 m long.
+  const auto arrow = [](float along, float aside) {
+    return (std::fabs(aside) < 0.225F && along > 0.0F && along < 3.0F) ||
+           (along >= 3.0F && std::fabs(aside) < 0.667F * (4.2F - along));
+  };
+  const auto painted = [&](float across, float away) {
+    return arrow(3.4F - across, away - 5.4F) || arrow(across + 6.2F, away - 5.6F) ||
+           arrow(across + 4.0F, away - 7.8F) || arrow(4.4F - across, away - 7.8F);
+  };
+  const Picture p = level_road([&](float across, float away) {
+    return painted(across, away) ? Vec3f{0.9F, 0.9F, 0.88F} : Vec3f{0.14F, 0.15F, 0.17F};
+  });
+  CHECK(!p.report.shadow);
+  CHECK(contrast(p, painted, 170) > 2.5);  // white is bounded
+}
+
 TEST_CASE("strips of sun wider than markings, short flecks, and sun at the picture's lower border are no paint") {
   const auto found = [](const auto& lit) {
     const Picture p = level_road([&](float across, float away) {

@@ -590,12 +590,22 @@ Status find_ground_light(const GroundLightParams& p, const AlbedoScene& scene, c
   ImageView<std::uint8_t> stripe;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, stripe));
   NPSIM_RETURN_IF_ERROR(find_stripes(p.stripes, scene, picture, smooth_y, workspace, stripe, executor));
-  fit_lights(p, picture, stripe, smooth_y, smooth_c, histogram, cells, out);
-  if (out.shadow) {
+  const auto find_lights = [&]() -> Status {
+    fit_lights(p, picture, stripe, smooth_y, smooth_c, histogram, cells, out);
+    if (!out.shadow) return {};
     NPSIM_RETURN_IF_ERROR(shadow_field(p, picture, stripe, smooth_y, smooth_c, workspace, out, executor));
     NPSIM_RETURN_IF_ERROR(measure_ratio(p, picture, stripe, histogram, workspace, out, executor));
     out.shadow = out.ratio_y >= std::min(p.min_edge_drop * out.mixture[out.lead].drop, p.clear_edge_drop) &&
                  out.ratio.x - out.ratio.z >= p.min_edge_bluer;
+    return {};
+  };
+  NPSIM_RETURN_IF_ERROR(find_lights());
+  if (out.shadow) {
+    // What is sunny may be paint as a whole.
+    bool grown = false;
+    const auto sunny_road = [&](int x, int y) { return picture.region(x, y) == kRoad && out.sun(x, y) > 0.5F; };
+    NPSIM_RETURN_IF_ERROR(grow_stripes(p.stripes, picture, sunny_road, workspace, stripe, grown, executor));
+    if (grown) NPSIM_RETURN_IF_ERROR(find_lights());
   }
   if (out.shadow) {
     NPSIM_RETURN_IF_ERROR(soften_edges(p, picture, smooth_y, smooth_c, workspace, out, executor));

@@ -5,10 +5,12 @@
 // flecks of the sun are short as well. Stripes say nothing of the lights that the ground lies in: white paint in one
 // light is as far above asphalt as the sun is above its shadow. The shadow of a pole is taken for a joint where it is
 // as narrow as one.
-// A pixel is a stripe where the span until the ground differs by `step` is at most width_m, across the picture or away
-// from the camera, and at least length_m in some direction on the ground. Beyond the picture nothing is known to
-// differ.
-// Cost: at most 64 samples a pixel of the road, and 600 where it is narrow. The same bits for any thread count.
+// A pixel is a stripe where the span until the ground differs by `step` is at most width_m, across the picture, away
+// from the camera or half-way between, and at least length_m in some direction on the ground. Beyond the picture
+// nothing is known to differ.
+// Heads of arrows and what the ends of crossings leave are wider: a bright piece of the road most of which is stripes
+// is one as a whole (grow_stripes).
+// Cost: at most 128 samples a pixel of the road, and 600 where it is narrow. The same bits for any thread count.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_STRIPES_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_STRIPES_HPP
 
@@ -20,6 +22,7 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
+#include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/window_filter.hpp"
@@ -100,6 +103,55 @@ class GroundAround {
 // Of a pixel: brighter than the ground beside it, darker, or beside one of these; 0: no stripe.
 inline constexpr std::uint8_t kBrightStripe = 1, kDarkStripe = 2, kStripeBorder = 3;
 
+// What is beside a stripe.
+template <class Executor>
+Status mark_stripe_borders(const StripeParams& p, const Picture& picture, Workspace& workspace,
+                           ImageView<std::uint8_t> stripe, Executor& executor) {
+  const WorkspaceScope scope(workspace);
+  Plane rows, near;
+  for (Plane* plane : {&rows, &near}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), *plane));
+  const auto is_stripe = [&](int x, int y) { return stripe(x, y) != 0 && stripe(x, y) != kStripeBorder ? 1.0F : 0.0F; };
+  window_sum(is_stripe, picture.radius(p.border_px), rows, near, executor);
+  for_pixels(picture.shape(), executor, [&](int x, int y) {
+    if (stripe(x, y) == 0 && near(x, y) > 0.5F) stripe(x, y) = kStripeBorder;
+  });
+  return {};
+}
+
+// Makes stripes of the pieces of bright road that have more pixels on bright stripes than on plain ground; becomes true
+// where one has any such. Serial. bright(x, y): of road.
+template <class Bright, class Executor>
+Status grow_stripes(const StripeParams& p, const Picture& picture, const Bright& bright, Workspace& workspace,
+                    ImageView<std::uint8_t> stripe, bool& grown, Executor& executor) {
+  const WorkspaceScope scope(workspace);
+  const Shape shape = picture.shape();
+  ImageView<std::uint8_t> open;
+  Span<std::uint32_t> list;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, open));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), list));
+  for_pixels(shape, executor, [&](int x, int y) { open(x, y) = bright(x, y) ? 1 : 0; });
+  const auto of = [&](std::uint32_t i) -> std::uint8_t& {
+    const auto [u, v] = place_of(i, shape.width);
+    return stripe(u, v);
+  };
+  grown = false;
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (open(x, y) == 0) continue;
+      const Span<const std::uint32_t> piece = list.sub(0, take_piece(open, x, y, list));
+      std::size_t painted = 0, plain = 0;
+      for (const std::uint32_t i : piece) {
+        painted += of(i) == kBrightStripe ? 1U : 0U;
+        plain += of(i) == 0 ? 1U : 0U;
+      }
+      if (painted <= plain || plain == 0) continue;
+      for (const std::uint32_t i : piece) of(i) = kBrightStripe;
+      grown = true;
+    }
+  }
+  return grown ? mark_stripe_borders(p, picture, workspace, stripe, executor) : Status();
+}
+
 // stripe(x, y): of the road; 0 elsewhere and where depth is not known. smooth_y: log2 of luminance without
 // its noise.
 template <class Executor>
@@ -137,15 +189,7 @@ Status find_stripes(const StripeParams& p, const AlbedoScene& s, const Picture& 
       }
     }
   });
-  const WorkspaceScope scope(workspace);
-  Plane rows, near;
-  for (Plane* plane : {&rows, &near}) NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), *plane));
-  const auto is_stripe = [&](int x, int y) { return stripe(x, y) != 0 ? 1.0F : 0.0F; };
-  window_sum(is_stripe, picture.radius(p.border_px), rows, near, executor);
-  for_pixels(picture.shape(), executor, [&](int x, int y) {
-    if (stripe(x, y) == 0 && near(x, y) > 0.5F) stripe(x, y) = kStripeBorder;
-  });
-  return {};
+  return mark_stripe_borders(p, picture, workspace, stripe, executor);
 }
 
 }  // namespace daylight_detail
