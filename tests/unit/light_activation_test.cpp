@@ -114,6 +114,50 @@ TEST_CASE("windows of one floor share p, strength and colour, and are lit one by
   CHECK(chi / 2000 == doctest::Approx(1.0).epsilon(4 * std::sqrt(2.0 / 2000)));
 }
 
+TEST_CASE("shop fronts are lit more often and brighter than flats of their group, all of them together") {
+  std::vector<Emitter> house;
+  for (std::uint16_t i = 0; i < 6; ++i) {
+    house.push_back(make(LightClass::window_building, static_cast<std::uint16_t>(10 + i), 3));
+    house.back().shop_front = i < 3;
+  }
+  int lit = 0;
+  for (int v = 0; v < kVariants; ++v) {
+    const std::vector<Activation> a = draw(house, static_cast<std::uint32_t>(v));
+    for (int i = 0; i < 3; ++i) {
+      const Activation& shop = a[static_cast<std::size_t>(i)];
+      CHECK_UNARY(shop.probability >= 0.7F && shop.probability <= 0.95F);
+      CHECK_UNARY(shop.strength >= 15.0F && shop.strength <= 120.0F);
+      CHECK_UNARY(shop.lit == a[0].lit);
+    }
+    CHECK_UNARY(a[4].probability <= 0.6F && a[4].strength <= 15.0F);
+    lit += a[0].lit ? 1 : 0;
+  }
+  CHECK(static_cast<double>(lit) / kVariants == doctest::Approx(0.825).epsilon(0.01));
+  ActivationParams by_text;
+  by_text.by_text_alone = true;
+  CHECK(draw(house, 0, 1, {}, by_text)[0].probability <= 0.6F);
+}
+
+TEST_CASE("a window that shines by day is lit in every night, as strong as it would be; not so by the text alone") {
+  std::vector<Emitter> window = {make(LightClass::window_building, 5)};
+  std::vector<Emitter> shining = window;
+  shining[0].shines_by_day = true;
+  ActivationParams by_text;
+  by_text.by_text_alone = true;
+  int dark = 0;
+  for (std::uint32_t v = 0; v < 100; ++v) {
+    const Activation a = draw(shining, v)[0];
+    CHECK(a.lit);
+    CHECK(a.probability == 1.0F);
+    CHECK(a.strength == draw(window, v)[0].strength);
+    dark += draw(shining, v, 1, {}, by_text)[0].lit ? 0 : 1;
+  }
+  CHECK(dark > 20);
+  CHECK(certain_intensity_cd({}, shining[0]) > 0.0F);
+  CHECK(certain_intensity_cd({}, window[0]) == 0.0F);
+  CHECK(mean_intensity_cd({}, shining[0]) > 2.0F * mean_intensity_cd({}, window[0]));
+}
+
 TEST_CASE("groups are independent of each other, and so are windows that stand alone") {
   const std::vector<Emitter> pairs[] = {
       {make(LightClass::window_building, 10, 3), make(LightClass::window_building, 11, 4)},

@@ -114,6 +114,26 @@ TEST_CASE("a window in a wall that faces the camera: centre, size and 2 cm in fr
   CHECK(4 * length(cross(e.half_u_m, e.half_v_m)) == doctest::Approx(static_cast<double>(e.area_m2)).epsilon(1e-4));
 }
 
+TEST_CASE(
+    "a large window near the pavement is a shop front; a flat's, one of the first floor and a glazed door are not") {
+  struct Case {
+    int x0, y0, x1, y1;  // 15 px are 1 m, the ground lies at row 72.5
+    bool shop;
+  };
+  for (const Case& c : {Case{20, 25, 64, 64, true}, Case{20, 25, 64, 49, false}, Case{20, 5, 64, 44, false},
+                        Case{20, 39, 33, 71, false}, Case{20, 31, 49, 60, true}}) {
+    CAPTURE(c.y0);
+    CAPTURE(c.y1);
+    Scene s;
+    s.paint(5, 0, 90, 72, label::building, 12);
+    s.mark(LightClass::window_building, c.x0, c.y0, c.x1, c.y1);
+    CHECK(is_shop_front(s.ground, s.only()) == c.shop);
+    Emitter sign = s.only();
+    sign.cls = LightClass::advertisement;
+    CHECK(!is_shop_front(s.ground, sign));
+  }
+}
+
 TEST_CASE("a window in a slanted facade lies in its plane, however many normals are missing") {
   Scene s;
   const Vec3f n = normalized(Vec3f{0.8F, 0, -0.6F});

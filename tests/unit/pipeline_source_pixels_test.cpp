@@ -33,7 +33,7 @@ struct Source {
     SourceBrightness brightness;
     float count = 0;
     source_brightness(scene(), {&emitter, 1}, {&emitter_of_mark, 1}, {&brightness, 1}, {&count, 1});
-    return source_pattern_at(scene(), source_pattern(emitter.cls, emitter.profile), brightness, x, y);
+    return source_pattern_at(scene(), source_pattern(emitter), brightness, x, y);
   }
   [[nodiscard]] float mean() {
     float sum = 0;
@@ -68,6 +68,25 @@ TEST_CASE("a lit window shows its frame, be it brighter or darker than the panes
     CHECK(s.at(9, 4).x > 0.0F);
     CHECK(s.at(9, 4).x == s.at(9, 4).z);
   }
+}
+
+TEST_CASE(
+    "a window that shines by day shows its goods at night, without the cast of its light; what is cut off is white") {
+  Source s;
+  s.emitter.cls = LightClass::window_building;
+  s.emitter.shines_by_day = true;
+  for (Rgb8& c : s.image.view().pixels()) c = {220, 170, 90};  // a wall in warm light
+  for (int y = 2; y < 6; ++y) {
+    for (int x = 2; x < 6; ++x) s.image(x, y) = {200, 30, 15};
+    for (int x = 8; x < 12; ++x) s.image(x, y) = {25, 20, 12};
+  }
+  s.image(15, 5) = {255, 252, 248};
+  CHECK(s.mean() == doctest::Approx(1).epsilon(0.02));
+  const Vec3f wall = s.at(0, 0);
+  CHECK(wall.x == doctest::Approx(static_cast<double>(wall.z)).epsilon(0.1));
+  CHECK(s.at(3, 3).x > 2 * s.at(3, 3).y);
+  CHECK(luminance(s.at(9, 3)) < 0.05F * luminance(wall));
+  CHECK(s.at(15, 5).x == doctest::Approx(static_cast<double>(s.at(15, 5).z)));
 }
 
 TEST_CASE("sources that are even, black or white by day glow evenly") {

@@ -10,9 +10,11 @@
 //     with stop_probability, and show the indicator of one side with indicator_probability;
 //   - street lamps of a class share technology and strength all over the image, with a small jitter per lamp, and low
 //     ones carry less light;
+//   - shop fronts are lit more often than flats, and those of one group together; what shines in the photograph already
+//     (shop windows at dusk, signs) is lit;
 //   - of a traffic light that shows several discs one is on: the annotated one, else one that glows by day, else any.
 //     Unknown states follow the daytime colour, then the place in the panel, then a draw.
-// `by_text_alone` leaves the first two out: every lamp is drawn by itself with the p of its group.
+// `by_text_alone` leaves the first three out: every lamp is drawn by itself with the p of its group.
 // Randomness: streams (seed, activation, variant, key) with key = kind | class | group or mark in disjoint bits, so the
 // order of emitters and the presence of others never change a draw, and each variant is a new night.
 // The seed must differ between photographs; otherwise their windows light up together.
@@ -123,6 +125,14 @@ enum class ActivationKey : std::uint32_t { group, alone, source, technology, veh
   if (c.y >= c.x) return c.y >= 0.8F * c.z ? SignalState::green : SignalState::unknown;
   if (c.z > 0.8F * c.x) return SignalState::unknown;
   return c.y < 0.18F * c.x ? SignalState::red : SignalState::amber;
+}
+
+[[nodiscard]] constexpr LightClassModel model_of(const ActivationParams& p, const Emitter& e) noexcept {
+  return e.shop_front && !p.by_text_alone ? kShopFront : light_class_model(e.cls, e.profile);
+}
+
+[[nodiscard]] constexpr bool is_lit_already(const ActivationParams& p, const Emitter& e) noexcept {
+  return e.shines_by_day && !p.by_text_alone;
 }
 
 struct SignalChoice {
@@ -242,7 +252,7 @@ inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::ui
 // The greatest peak intensity, in cd, that activate_lights() can draw for an emitter in any variant.
 [[nodiscard]] inline float strongest_intensity_cd(const ActivationParams& p, const Emitter& e) noexcept {
   if (is_moon(e)) return peak_intensity_cd(e, moon_luminance_cd_m2(p));
-  const LightClassModel model = light_class_model(e.cls, e.profile);
+  const LightClassModel model = light_detail::model_of(p, e);
   if (model.xy_count == 0) return 0.0F;
   const bool street = is_street_lamp(e.cls);
   float strength = model.strength_high;
@@ -258,9 +268,9 @@ inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::ui
 // What a lamp shines in every night at least, in cd; 0 for one that may be off.
 [[nodiscard]] inline float certain_intensity_cd(const ActivationParams& p, const Emitter& e) noexcept {
   if (is_moon(e)) return peak_intensity_cd(e, moon_luminance_cd_m2(p));
-  const LightClassModel model = light_class_model(e.cls, e.profile);
-  const bool always =
-      model.xy_count > 0 && (is_headlamp_always_on(e) || (is_street_lamp(e.cls) && model.p_low >= 1.0F));
+  const LightClassModel model = light_detail::model_of(p, e);
+  const bool always = model.xy_count > 0 && (is_headlamp_always_on(e) || light_detail::is_lit_already(p, e) ||
+                                             (is_street_lamp(e.cls) && model.p_low >= 1.0F));
   if (!always) return 0.0F;
   float strength = model.strength_low;
   if (is_street_lamp(e.cls)) strength *= light_detail::height_factor(e.mounting_height_m);
@@ -273,11 +283,12 @@ inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::ui
 // The mean peak intensity, in cd, over many nights: where a class has a range, of its middle; without light sets.
 [[nodiscard]] inline float mean_intensity_cd(const ActivationParams& p, const Emitter& e) noexcept {
   if (is_moon(e)) return peak_intensity_cd(e, moon_luminance_cd_m2(p));
-  const LightClassModel model = light_class_model(e.cls, e.profile);
+  const LightClassModel model = light_detail::model_of(p, e);
   if (model.xy_count == 0) return 0.0F;
   float strength = light_detail::draw_strength(model.strength_low, model.strength_high, 0.5F);
   if (is_street_lamp(e.cls)) strength *= light_detail::height_factor(e.mounting_height_m);
-  const float lit = is_headlamp_always_on(e) ? 1.0F : 0.5F * (model.p_low + model.p_high);
+  const bool always = is_headlamp_always_on(e) || light_detail::is_lit_already(p, e);
+  const float lit = always ? 1.0F : 0.5F * (model.p_low + model.p_high);
   return lit * peak_intensity_cd(e, strength);
 }
 
@@ -297,7 +308,7 @@ inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::ui
       out[i] = make_activation(e, true, 1.0F, moon_luminance_cd_m2(p), chromaticity::moon);
       continue;
     }
-    const LightClassModel model = light_class_model(e.cls, e.profile);
+    const LightClassModel model = light_detail::model_of(p, e);
     if (model.xy_count == 0) {
       out[i] = Activation{};
       continue;
@@ -327,6 +338,8 @@ inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::ui
       if (!p.by_text_alone) u_lit = lamps.uniform();
     }
 
+    if (e.shop_front && e.group != 0 && !p.by_text_alone) u_lit = shared.uniform();
+
     float p_low = model.p_low;
     float p_high = model.p_high;
     if (e.group_cls == LightClass::bicycle_group &&
@@ -334,7 +347,8 @@ inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::ui
       p_low = p.bicycle_parked_p[0];
       p_high = p.bicycle_parked_p[1];
     }
-    const float probability = is_headlamp_always_on(e) ? 1.0F : p_low + (p_high - p_low) * u_p;
+    const bool always = is_headlamp_always_on(e) || light_detail::is_lit_already(p, e);
+    const float probability = always ? 1.0F : p_low + (p_high - p_low) * u_p;
     bool lit = u_lit < probability;
 
     float strength = light_detail::draw_strength(model.strength_low, model.strength_high, u_strength);

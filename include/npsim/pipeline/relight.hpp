@@ -43,6 +43,7 @@
 #include "npsim/pipeline/detail/own_car.hpp"
 #include "npsim/pipeline/detail/ray_starts.hpp"
 #include "npsim/pipeline/detail/scene_rays.hpp"
+#include "npsim/pipeline/detail/shining_sources.hpp"
 #include "npsim/pipeline/detail/source_pixels.hpp"
 #include "npsim/pipeline/detail/surface_attributes.hpp"
 #include "npsim/pipeline/detail/unsure_surfaces.hpp"
@@ -222,6 +223,7 @@ struct RelightSize {
       relight_detail::light_transport_workspace_bytes(shape, size.points, params.bounces, wet);
   return shared +
          max_of(size.marks > 0 ? placement_workspace_bytes(params.placement, shape) : std::size_t{0},
+                allocation_bytes<relight_detail::DaySource>(emitters),
                 allocation_bytes<Vec3f>(emitters) + allocation_bytes<float>(emitters),
                 surface_attributes_workspace_bytes(params.material, shape, size.albedo_guessed), light,
                 variant_workspace_bytes(shape, emitters)) +
@@ -285,6 +287,13 @@ inline constexpr float kInversePi = 0.31830989F;
   for (std::uint32_t& e : emitter_of_mark) e = kNoPoint;
   for (std::size_t e = 0; e < count; ++e) {
     if (emitters[e].mark != 0) emitter_of_mark[emitters[e].mark - 1U] = static_cast<std::uint32_t>(e);
+    emitters[e].shop_front = is_shop_front(refined.ground, emitters[e]);
+  }
+  {
+    const WorkspaceScope scope(workspace);
+    Span<DaySource> sources;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate(count, sources));
+    find_shining(scene, emitter_of_mark, sources, emitters.sub(0, count));
   }
   count +=
       place_following_car(params.ego, params.following_car_m, refined.ground, emitters.sub(count, kEgoHeadlampCount));
@@ -559,7 +568,7 @@ inline void add_sources(const SceneView& scene, const Relighting& light, Span<co
     if (emitter != kNoPoint && lit[emitter].lit) {
       const Emitter& e = light.emitters[emitter];
       seen += lit[emitter].luminance_cd_m2 *
-              source_pattern_at(scene, source_pattern(e.cls, e.profile), light.brightness_of_mark[mark - 1U], x, y);
+              source_pattern_at(scene, source_pattern(e), light.brightness_of_mark[mark - 1U], x, y);
     }
     out(x, y) = seen;
   }

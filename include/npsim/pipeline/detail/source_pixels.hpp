@@ -6,11 +6,13 @@
 #ifndef NPSIM_PIPELINE_DETAIL_SOURCE_PIXELS_HPP
 #define NPSIM_PIPELINE_DETAIL_SOURCE_PIXELS_HPP
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 
 #include "npsim/color/srgb.hpp"
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/span.hpp"
@@ -62,17 +64,17 @@ inline void daytime_colours(const SceneView& scene, Span<const std::uint32_t> em
 //                         the brightness [default]
 //   lamp                  half the contrast of the day: its glass scatters, and what reflected light is now the source
 // The mean over a source's pixels is 1 where the pattern allows, so that it shows the luminance that it lights with.
-enum class SourcePattern : std::uint8_t { lamp, sign, window };
+enum class SourcePattern : std::uint8_t { lamp, sign, window, lit_interior };
 
-[[nodiscard]] constexpr SourcePattern source_pattern(LightClass cls, EmissionProfile profile) noexcept {
-  switch (cls) {
+[[nodiscard]] constexpr SourcePattern source_pattern(const Emitter& e) noexcept {
+  switch (e.cls) {
     case LightClass::window_building:
     case LightClass::window_parked:
-    case LightClass::window_transport: return SourcePattern::window;
+    case LightClass::window_transport: return e.shines_by_day ? SourcePattern::lit_interior : SourcePattern::window;
     case LightClass::advertisement:
     case LightClass::clock: return SourcePattern::sign;
     case LightClass::inferred_object:
-      return profile == EmissionProfile::lambert ? SourcePattern::sign : SourcePattern::lamp;
+      return e.profile == EmissionProfile::lambert ? SourcePattern::sign : SourcePattern::lamp;
     default: break;
   }
   return SourcePattern::lamp;
@@ -82,6 +84,7 @@ enum class SourcePattern : std::uint8_t { lamp, sign, window };
 struct SourceBrightness {
   float mean = 0;   // linear luminance; of a window: the squared mean of roots, which its frame moves less
   float scale = 1;  // brings the pattern's mean to 1
+  Vec3f colour;     // linear mean
 };
 
 inline constexpr float kMostBright = 4.0F;     // a highlight of the sun is no part of a sign
@@ -93,6 +96,17 @@ inline constexpr float kPatternFloor = 1e-3F;  // linear; of what is black
   if (!(of.mean > 0.0F)) return {1.0F, 1.0F, 1.0F};
   const Vec3f here = srgb_decode8(scene.image(x, y));
   const auto bounded = [](float v) { return v < kMostBright ? v : kMostBright; };
+  if (pattern == SourcePattern::lit_interior) {
+    // Of what is nearly white or cut off, the hue is not known; and the pane mirrors some of the day.
+    constexpr float kMostHue = 0.6F, kInk = 0.5F, kPale = 0.8F;
+    const Rgb8 seen = scene.image(x, y);
+    const float least = static_cast<float>(std::min(seen.r, std::min(seen.g, seen.b))) / 255.0F;
+    const float hue = kMostHue * clamp_to((kPale - least) / (kPale - kInk), 0.0F, 1.0F);
+    const auto over = [](float v, float mean) { return (v + kPatternFloor) / (mean + kPatternFloor); };
+    const Vec3f plain = {over(here.x, of.colour.x), over(here.y, of.colour.y), over(here.z, of.colour.z)};
+    const float bright = bounded(over(luminance(here), luminance(of.colour)));
+    return (plain * (hue / luminance(plain)) + Vec3f{1.0F, 1.0F, 1.0F} * (1.0F - hue)) * (bright * of.scale);
+  }
   if (pattern == SourcePattern::sign) {
     return Vec3f{bounded(here.x / of.mean), bounded(here.y / of.mean), bounded(here.z / of.mean)} * of.scale;
   }
@@ -120,26 +134,29 @@ inline void source_brightness(const SceneView& scene, Span<const Emitter> emitte
         const std::uint16_t mark = scene.light_index(x, y);
         if (mark == 0 || emitter_of_mark[mark - 1U] == kNoPoint) continue;
         const Emitter& e = emitters[emitter_of_mark[mark - 1U]];
-        f(static_cast<std::size_t>(mark - 1U), source_pattern(e.cls, e.profile), x, y);
+        f(static_cast<std::size_t>(mark - 1U), source_pattern(e), x, y);
       }
     }
   };
-  for (SourceBrightness& b : out) b = {0.0F, 0.0F};
+  for (SourceBrightness& b : out) b = {0.0F, 0.0F, {}};
   for (float& c : count) c = 0.0F;
   for_marks([&](std::size_t m, SourcePattern pattern, int x, int y) {
-    const float brightness = luminance(srgb_decode8(scene.image(x, y)));
+    const Vec3f here = srgb_decode8(scene.image(x, y));
+    const float brightness = luminance(here);
+    out[m].colour += here;
     out[m].mean += pattern == SourcePattern::window ? std::sqrt(brightness + kPatternFloor) : brightness;
     count[m] += 1.0F;
   });
   for (std::size_t m = 0; m < out.size(); ++m) {
     if (!(count[m] > 0.0F)) continue;
     const float mean = out[m].mean / count[m];
+    out[m].colour = out[m].colour / count[m];
     const std::uint32_t e = emitter_of_mark[m];
-    const bool window = e != kNoPoint && source_pattern(emitters[e].cls, emitters[e].profile) == SourcePattern::window;
+    const bool window = e != kNoPoint && source_pattern(emitters[e]) == SourcePattern::window;
     out[m].mean = window ? mean * mean : mean;
   }
   for_marks([&](std::size_t m, SourcePattern pattern, int x, int y) {
-    const SourceBrightness plain{out[m].mean, 1.0F};
+    const SourceBrightness plain{out[m].mean, 1.0F, out[m].colour};
     out[m].scale += luminance(source_pattern_at(scene, pattern, plain, x, y));
   });
   for (std::size_t m = 0; m < out.size(); ++m) {

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which sources shine in the photograph already.
+#include <doctest/doctest.h>
+
+#include <cstdint>
+#include <vector>
+
+#include "fixture.hpp"
+#include "npsim/pipeline/detail/shining_sources.hpp"
+
+namespace {
+
+using namespace npsim;
+using namespace npsim::relight_detail;
+using npsim_test::Image;
+
+// A wall of linear albedo .3 over a road of .1 in bluish light, with one marked source in it; sky above.
+struct Dusk {
+  Image<Rgb8> image{{60, 60}, Rgb8{150, 152, 160}};
+  Image<Label> labels{{60, 60}, label::building};
+  Image<std::uint16_t> index{{60, 60}};
+  std::vector<LightMark> marks = {LightMark{1, LightClass::none, SignalState::unknown, 0}};
+
+  Dusk() {
+    image.fill_rectangle(0, 40, 60, 60, Rgb8{88, 90, 97});
+    labels.fill_rectangle(0, 40, 60, 60, label::road);
+    image.fill_rectangle(0, 0, 60, 8, Rgb8{250, 250, 255});
+    labels.fill_rectangle(0, 0, 60, 8, label::sky);
+  }
+  [[nodiscard]] bool shines(LightClass cls, Rgb8 colour) {
+    image.fill_rectangle(20, 15, 35, 30, colour);
+    index.fill_rectangle(20, 15, 35, 30, std::uint16_t{1});
+    SceneView view;
+    view.image = image.view();
+    view.labels = labels.view();
+    view.light_index = index.view();
+    view.lights = Span<const LightMark>(marks.data(), marks.size());
+    const std::uint32_t emitter_of_mark = 0;
+    Emitter e;
+    e.cls = cls;
+    e.shines_by_day = true;  // replaced
+    DaySource source;
+    find_shining(view, {&emitter_of_mark, 1}, {&source, 1}, {&e, 1});
+    return e.shines_by_day;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("a lit window is warmer than its wall and as bright; panes that mirror the day, and blinds, are not lit") {
+  CHECK(Dusk().shines(LightClass::window_building, {190, 150, 80}));
+  CHECK(!Dusk().shines(LightClass::window_building, {190, 200, 220}));  // the sky
+  CHECK(!Dusk().shines(LightClass::window_building, {170, 160, 145}));  // a cream curtain
+  CHECK(!Dusk().shines(LightClass::window_building, {90, 70, 35}));     // a brown shutter
+  CHECK(!Dusk().shines(LightClass::window_building, {10, 10, 10}));
+}
+
+TEST_CASE("a wall as warm as the window behind which nobody is at home shines no more than it does") {
+  Dusk evening;
+  evening.image.fill_rectangle(0, 8, 60, 40, Rgb8{190, 150, 100});
+  CHECK(!evening.shines(LightClass::window_building, {200, 150, 90}));
+}
+
+TEST_CASE("a sign shines that is brighter than paper could be; lamps, signals and cars are not asked") {
+  Dusk wall_in_shade;
+  wall_in_shade.image.fill_rectangle(0, 8, 60, 60, Rgb8{66, 68, 72});
+  CHECK(wall_in_shade.shines(LightClass::advertisement, {250, 250, 250}));
+  CHECK(!Dusk().shines(LightClass::advertisement, {250, 250, 250}));  // the wall is bright as well
+  CHECK(!wall_in_shade.shines(LightClass::advertisement, {180, 182, 190}));
+  CHECK(!wall_in_shade.shines(LightClass::street_light_ht, {250, 250, 250}));
+  CHECK(!wall_in_shade.shines(LightClass::window_parked, {250, 200, 90}));
+}
+
+TEST_CASE("without a road, labels or marks nothing shines") {
+  Dusk no_road;
+  no_road.labels.fill_rectangle(0, 40, 60, 60, label::terrain);
+  CHECK(!no_road.shines(LightClass::window_building, {190, 150, 80}));
+  Emitter e;
+  e.shines_by_day = true;
+  DaySource source;
+  find_shining(SceneView{}, {}, {&source, 1}, {&e, 1});
+  CHECK(!e.shines_by_day);
+}
