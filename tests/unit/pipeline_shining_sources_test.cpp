@@ -67,6 +67,7 @@ TEST_CASE("a sign shines that is brighter than paper could be; lamps, signals an
   CHECK(wall_in_shade.shines(LightClass::advertisement, {250, 250, 250}));
   CHECK(!Dusk().shines(LightClass::advertisement, {250, 250, 250}));  // the wall is bright as well
   CHECK(!wall_in_shade.shines(LightClass::advertisement, {180, 182, 190}));
+  CHECK(!Dusk().shines(LightClass::advertisement, {220, 170, 40}));  // printed in yellow
   CHECK(!wall_in_shade.shines(LightClass::street_light_ht, {250, 250, 250}));
   CHECK(!wall_in_shade.shines(LightClass::window_parked, {250, 200, 90}));
 }

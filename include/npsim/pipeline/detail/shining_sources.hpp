@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which marked sources shine in the photograph already: shop windows at dusk, lit signs. They are lit at night as well.
 //
-// A window or sign shines if it is
-//   - at least as bright as what is around it and twice as bright as the road, but warmer than both by kWarmer: a pane
+// A source shines if it is
+//   - a window as bright as what is around it and twice as bright as the road, but warmer than both by kWarmer: a pane
 //     that mirrors the day has the day's colours; or
-//   - ten times as bright as the road and four times as bright as what is around it, as no paper is that hangs in the
+//   - a window or sign ten times as bright as the road and four times as bright as what is around it, as no paper is that hangs in the
 //     light that falls on the wall beside it.
 // What is around is what no mark covers within half of the source's size, without the sky. Means of linear light. Where
 // no road is labelled nothing shines. The limits are [default]: of 233 windows in nine photographs by day the rule takes
@@ -65,11 +65,13 @@ struct DaySource {
   }
 };
 
-[[nodiscard]] inline bool shines(const MeanLight& source, const MeanLight& around, const MeanLight& road) noexcept {
+[[nodiscard]] inline bool shines(LightClass cls, const MeanLight& source, const MeanLight& around,
+                                 const MeanLight& road) noexcept {
   constexpr float kWarmer = 1.7F;  // red over blue
   if (!(source.count > 0.0F) || !(around.count > 0.0F) || !(road.count > 0.0F)) return false;
   const float here = source.brightness();
-  const bool is_warm = source.warmth() > kWarmer * std::max(around.warmth(), road.warmth());
+  const bool is_window = cls == LightClass::window_building || cls == LightClass::window_transport;
+  const bool is_warm = is_window && source.warmth() > kWarmer * std::max(around.warmth(), road.warmth());
   if (is_warm) return here > 0.8F * around.brightness() && here > 2.0F * road.brightness();
   return here > 4.0F * around.brightness() && here > 10.0F * road.brightness();
 }
@@ -104,7 +106,7 @@ inline void find_shining(const SceneView& scene, Span<const std::uint32_t> emitt
         if (scene.light_index(x, y) == 0 && scene.labels(x, y) != label::sky) around.add(scene.image(x, y));
       }
     }
-    emitters[e].shines_by_day = shines(s.light, around, road);
+    emitters[e].shines_by_day = shines(emitters[e].cls, s.light, around, road);
   }
 }
 
