@@ -792,6 +792,25 @@ TEST_CASE("what is cut off and nearly white, or dark, becomes grey; ink keeps it
   }
 }
 
+TEST_CASE("of leaves the dark ones, and white sky between them, are green; those whose colour shows keep it") {
+  Picture p = street({1, 1, 1});
+  for (int y = 20; y < 60; ++y) {
+    for (int x = 20; x < 80; ++x) {
+      p.labels[p.i(x, y)] = label::vegetation;
+      p.day[p.i(x, y)] = x < 60 ? Rgb8{9, 9, 10} : x < 70 ? Rgb8{255, 255, 255} : Rgb8{150, 90, 40};
+    }
+  }
+  REQUIRE(p.run().ok());
+  for (const int x : {40, 65}) {
+    CAPTURE(x);
+    const Vec3f a = p.albedo[p.i(x, 40)];
+    CHECK(a.y > 1.2F * a.x);
+    CHECK(a.y > 1.5F * a.z);
+  }
+  const Vec3f autumn = p.albedo[p.i(75, 40)];
+  CHECK(autumn.x > 1.5F * autumn.y);
+}
+
 TEST_CASE("the order of chunks never changes a bit; one row and one column work; unknown labels are one class") {
   Picture a = street({1.1F, 1, 0.9F}, Dark::shadow);
   Picture b = a;

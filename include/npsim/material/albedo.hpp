@@ -14,8 +14,8 @@
 //    brighter than panes_limit times an object's median is half drawn in, because much of it is the sky that paint and
 //    panes show.
 // 5. Colour: the road's cast is divided out to the share that `cast_removal` states. What is dark, or saturated (a
-//    channel at or above saturated_level) and nearly white, has no trustworthy colour and becomes grey; no channel
-//    leaves the bounds of paint.
+//    channel at or above saturated_level) and nearly white, has no trustworthy colour and becomes grey, or as green as
+//    leaves where it is labelled so; no channel leaves the bounds of paint.
 // 6. Bounds: a pixel further from its class's level than a factor of `free_ratio` is drawn in, by a slope, not cut, so
 //    that what differs stays different; values in [min_albedo, max_albedo].
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.
@@ -334,6 +334,10 @@ struct Light {
   return log_albedo + std::max(pane, tyres) * (dark - log_albedo);
 }
 
+// Linear sRGB of luminance 1: leaves reflect half as much of red and blue light as of green (.05, .1, .04), bark and
+// dry ones more of red [default].
+inline constexpr Vec3f kLeaves{0.75F, 1.12F, 0.55F};
+
 // Steps 5 and 6 on one pixel whose luminance is free of light.
 [[nodiscard]] inline Vec3f bounded_albedo(const Context& c, Vec3f a, const Rgb8& seen, float trust, Label label,
                                           std::size_t object, float down, float pane) {
@@ -364,7 +368,10 @@ struct Light {
   const float high = max_of(a.x, a.y, a.z) / lum;
   if (low < kLeastShare) trust = std::min(trust, (1.0F - kLeastShare) / (1.0F - low));
   if (high > kMostShare) trust = std::min(trust, (kMostShare - 1.0F) / (high - 1.0F));
-  a = Vec3f{lum, lum, lum} + (a - Vec3f{lum, lum, lum}) * trust;
+  // What cannot be told from the picture is grey; of plants it is leaves, and sky that shows between them.
+  constexpr Vec3f kGrey{1.0F, 1.0F, 1.0F};
+  const Vec3f usual = (label == label::vegetation ? kLeaves : kGrey) * lum;
+  a = usual + (a - usual) * trust;
 
   const float level = log2_of(surface_prior(label).albedo);
   const float bound = log2_of(p.free_ratio);
