@@ -82,6 +82,7 @@ io::Expected<TrueLamps> read_true_lamps(const io::Scene& scene) {
   for (const auto& [m, lamp] : by_position) {
     Emitter e = emitter_of(*lamp, scene.lights[m], out.ground);
     e.mark = static_cast<std::uint16_t>(m + 1);
+    e.shop_front = is_shop_front(out.ground, e);
     out.emitters.push_back(e);
     out.faces_of.push_back(lamp->id);
   }

@@ -130,12 +130,20 @@ TEST_CASE("shop fronts are lit more often and brighter than flats of their group
       CHECK_UNARY(shop.lit == a[0].lit);
     }
     CHECK_UNARY(a[4].probability <= 0.6F && a[4].strength <= 15.0F);
+    if (v < 100) {  // flats are drawn as they are without shops
+      std::vector<Emitter> flats = house;
+      for (Emitter& e : flats) e.shop_front = false;
+      CHECK(same(a[4], draw(flats, static_cast<std::uint32_t>(v))[4]));
+    }
     lit += a[0].lit ? 1 : 0;
   }
   CHECK(static_cast<double>(lit) / kVariants == doctest::Approx(0.825).epsilon(0.01));
   ActivationParams by_text;
   by_text.by_text_alone = true;
   CHECK(draw(house, 0, 1, {}, by_text)[0].probability <= 0.6F);
+  Emitter sign = make(LightClass::advertisement, 5);
+  sign.shop_front = true;  // of no meaning
+  CHECK(draw({sign}, 0)[0].strength == draw({make(LightClass::advertisement, 5)}, 0)[0].strength);
 }
 
 TEST_CASE("a window that shines by day is lit in every night, as strong as it would be; not so by the text alone") {

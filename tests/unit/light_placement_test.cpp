@@ -121,7 +121,7 @@ TEST_CASE(
     bool shop;
   };
   for (const Case& c : {Case{20, 25, 64, 64, true}, Case{20, 25, 64, 49, false}, Case{20, 5, 64, 44, false},
-                        Case{20, 39, 33, 71, false}, Case{20, 31, 49, 60, true}}) {
+                        Case{20, 36, 39, 71, false}, Case{20, 27, 54, 60, true}}) {
     CAPTURE(c.y0);
     CAPTURE(c.y1);
     Scene s;

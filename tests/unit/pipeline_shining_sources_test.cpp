@@ -35,12 +35,12 @@ struct Dusk {
     view.labels = labels.view();
     view.light_index = index.view();
     view.lights = Span<const LightMark>(marks.data(), marks.size());
-    const std::uint32_t emitter_of_mark = 0;
+    const std::uint32_t emitter_of_mark[] = {0, kNoPoint};
     Emitter e;
     e.cls = cls;
     e.shines_by_day = true;  // replaced
     DaySource source;
-    find_shining(view, {&emitter_of_mark, 1}, {&source, 1}, {&e, 1});
+    find_shining(view, {emitter_of_mark, marks.size()}, {&source, 1}, {&e, 1});
     return e.shines_by_day;
   }
 };
@@ -48,17 +48,32 @@ struct Dusk {
 }  // namespace
 
 TEST_CASE("a lit window is warmer than its wall and as bright; panes that mirror the day, and blinds, are not lit") {
-  CHECK(Dusk().shines(LightClass::window_building, {190, 150, 80}));
+  CHECK(Dusk().shines(LightClass::window_building, {240, 190, 110}));
   CHECK(!Dusk().shines(LightClass::window_building, {190, 200, 220}));  // the sky
   CHECK(!Dusk().shines(LightClass::window_building, {170, 160, 145}));  // a cream curtain
   CHECK(!Dusk().shines(LightClass::window_building, {90, 70, 35}));     // a brown shutter
+  CHECK(!Dusk().shines(LightClass::window_building, {180, 144, 89}));   // an ochre blind, albedo .3
+  CHECK(!Dusk().shines(LightClass::window_building, {190, 160, 124}));  // pine, .38
   CHECK(!Dusk().shines(LightClass::window_building, {10, 10, 10}));
 }
 
 TEST_CASE("a wall as warm as the window behind which nobody is at home shines no more than it does") {
   Dusk evening;
   evening.image.fill_rectangle(0, 8, 60, 40, Rgb8{190, 150, 100});
-  CHECK(!evening.shines(LightClass::window_building, {200, 150, 90}));
+  CHECK(!evening.shines(LightClass::window_building, {240, 190, 110}));
+}
+
+TEST_CASE("a pane in the shade that mirrors a sunny wall does not shine where the picture shows one as well") {
+  Dusk noon;
+  noon.image.fill_rectangle(40, 8, 60, 40, Rgb8{255, 240, 200});
+  CHECK(!noon.shines(LightClass::window_building, {230, 185, 110}));
+}
+
+TEST_CASE("the wall between the windows of a group is marked as the group's, and is around them all the same") {
+  Dusk group;
+  group.marks.push_back(LightMark{2, LightClass::windows_group, SignalState::unknown, 0});
+  group.index.fill_rectangle(5, 9, 55, 39, std::uint16_t{2});
+  CHECK(group.shines(LightClass::window_building, {240, 190, 110}));
 }
 
 TEST_CASE("a sign shines that is brighter than paper could be; lamps, signals and cars are not asked") {
@@ -75,7 +90,7 @@ TEST_CASE("a sign shines that is brighter than paper could be; lamps, signals an
 TEST_CASE("without a road, labels or marks nothing shines") {
   Dusk no_road;
   no_road.labels.fill_rectangle(0, 40, 60, 60, label::terrain);
-  CHECK(!no_road.shines(LightClass::window_building, {190, 150, 80}));
+  CHECK(!no_road.shines(LightClass::window_building, {240, 190, 110}));
   Emitter e;
   e.shines_by_day = true;
   DaySource source;

@@ -43,7 +43,7 @@ inline namespace NPSIM_ABI {
 struct Activation {
   bool lit = false;
   float strength = 0;     // as drawn, in the unit of the profile (strength_unit); also where not lit
-  float probability = 0;  // the p of its (group, class)
+  float probability = 0;  // the p of its (group, class); 1 of what is always lit
   Vec2f xy;
   Vec3f intensity_cd;     // peak luminous intensity times linear RGB of luminance 1; zero where not lit
   Vec3f luminance_cd_m2;  // what the camera at the origin sees on the emitter's pixels; zero where not lit
@@ -128,7 +128,8 @@ enum class ActivationKey : std::uint32_t { group, alone, source, technology, veh
 }
 
 [[nodiscard]] constexpr LightClassModel model_of(const ActivationParams& p, const Emitter& e) noexcept {
-  return e.shop_front && !p.by_text_alone ? kShopFront : light_class_model(e.cls, e.profile);
+  const bool shop = e.shop_front && e.cls == LightClass::window_building && !p.by_text_alone;
+  return shop ? kShopFront : light_class_model(e.cls, e.profile);
 }
 
 [[nodiscard]] constexpr bool is_lit_already(const ActivationParams& p, const Emitter& e) noexcept {

@@ -202,8 +202,8 @@ struct Emitter {
   std::uint16_t group = 0;   // position + 1 of its group's LightMark; 0 = stands alone
   LightClass group_cls = LightClass::none;
   float mounting_height_m = 0;                // of a street lamp above the ground; 0 = unknown
-  bool shop_front = false;                    // a window as large and low as those of shops
-  bool shines_by_day = false;                 // the photograph shows its light
+  bool shop_front = false;                    // a window as large and low as those of shops; set anew by relight.hpp
+  bool shines_by_day = false;                 // the photograph shows its light; set anew by relight.hpp
   const LuminaireTable* luminaire = nullptr;  // of profile measured; the caller's
   // Of a headlamp: what stands before it takes all light whose slope (tangent) to the lamp's right lies between the
   // first two, and whose slope upwards lies below the third; the axis has the slope -kLowBeamAim in that measure. The

@@ -22,8 +22,9 @@ inline namespace NPSIM_ABI {
 // dimmed by night); street lamps: LED 60-100 W at 140-200 lm/W, sodium 70-150 W (6-17 klm), both times 0.8 for the
 // optics. Windows: a room of 30 to 150 lx (EN 12464-1 asks 100 to 500 lx of places of work) on walls of albedo 0.5 has
 // 5 to 25 cd/m2, of which curtains, blinds and the angle leave a tenth to all: two thirds lie at 1 to 8 cd/m2, one in
-// fifty above 13. Shop windows: 300 lx on goods of albedo 0.5 (EN 12464-1, sales area) have 48 cd/m2, what spots are
-// turned to several times that [default]; most stay lit in the evening [default]. Signs: bright enough to be read beside a lit road of 1 cd/m2, far below the 400 cd/m2 that CIE 150
+// fifty above 13. Shop windows: 300 lx (EN 12464-1, sales areas) on goods of albedo 0.5 have 48 cd/m2, what spots are
+// turned to several times that [default]; most stay lit in the evening [default]. Signs: bright enough to be read beside
+// a lit road of 1 cd/m2, far below the 400 cd/m2 that CIE 150
 // allows in towns, because most are dimmed by night [default]. CIE illuminants LED-B1..V2, HP1, HP2 (CIE 015:2018);
 // black-body points for windows. Entries marked [default] are plausible, not measured.
 

@@ -105,11 +105,11 @@ inline constexpr std::size_t kMaxLightMarks = 65535;  // an index plane can name
   return {};
 }
 
-// Shops show what they sell to those who pass: their windows begin below the eyes of a child, and are larger than a
-// door's and than most of a flat's [default].
+// Shops show what they sell to those who pass: their windows begin below the eyes of a child, and are larger than
+// doors and than most of a flat's [default].
 [[nodiscard]] inline bool is_shop_front(const GroundPlane& ground, const Emitter& e) noexcept {
   constexpr float kSill_m = 1.2F;
-  constexpr float kArea_m2 = 3.0F;
+  constexpr float kArea_m2 = 4.0F;
   if (e.cls != LightClass::window_building || !(e.area_m2 > kArea_m2)) return false;
   const float half_height = std::fabs(dot(ground.up, e.half_u_m)) + std::fabs(dot(ground.up, e.half_v_m));
   return height_above_ground(ground, e.centre_m) - half_height < kSill_m;

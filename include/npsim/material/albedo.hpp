@@ -14,8 +14,8 @@
 //    brighter than panes_limit times an object's median is half drawn in, because much of it is the sky that paint and
 //    panes show.
 // 5. Colour: the road's cast is divided out to the share that `cast_removal` states. What is dark, or saturated (a
-//    channel at or above saturated_level) and nearly white, has no trustworthy colour and becomes grey, or as green as
-//    leaves where it is labelled so; no channel leaves the bounds of paint.
+//    channel at or above saturated_level) and nearly white, has no trustworthy colour and becomes grey, or of the
+//    colour of the picture's other plants; no channel leaves the bounds of paint.
 // 6. Bounds: a pixel further from its class's level than a factor of `free_ratio` is drawn in, by a slope, not cut, so
 //    that what differs stays different; values in [min_albedo, max_albedo].
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.
@@ -105,6 +105,7 @@ struct Context {
   Plane light;         // log2 of luminance over albedo
   Plane sun;           // share of the sun
   Plane pane;          // share of panes in what cars show, 0..1
+  Vec3f plants;        // colour of plants that do not show theirs, of luminance 1
 
   [[nodiscard]] Label label_at(int x, int y) const noexcept {
     if (scene.labels.empty()) return label::unlabeled;
@@ -334,9 +335,46 @@ struct Light {
   return log_albedo + std::max(pane, tyres) * (dark - log_albedo);
 }
 
-// Linear sRGB of luminance 1: leaves reflect half as much of red and blue light as of green (.05, .1, .04), bark and
-// dry ones more of red [default].
-inline constexpr Vec3f kLeaves{0.75F, 1.12F, 0.55F};
+// Albedo over the photograph's linear light, where that has the luminance `level` over albedo (log2) and a share of sun.
+[[nodiscard]] inline Vec3f gain_of(const Context& c, float level, float sun) noexcept {
+  const float ratio[3] = {c.ground.ratio.x, c.ground.ratio.y, c.ground.ratio.z};
+  const float common = level - (c.ground.shadow ? log_light(sun, c.ground.ratio_y) : 0.0F);
+  float gain[3];
+  for (int i = 0; i < 3; ++i) {
+    const float own = c.ground.shadow ? log_light(sun, ratio[i]) : 0.0F;
+    gain[i] = exp2_of(-(common + own + c.params.cast_removal * c.cast[i]));
+  }
+  return {gain[0], gain[1], gain[2]};
+}
+
+// The mean colour of the picture's plants, of luminance 1, where it tells one; else that of leaves, which reflect half as
+// much of red and blue light as of green (.05, .04 and .1; bark and dry ones more of red) [default].
+[[nodiscard]] inline Vec3f colour_of_plants(const Context& c) noexcept {
+  constexpr Vec3f kLeaves{0.75F, 1.12F, 0.55F};
+  constexpr float kUntold = 0.1F;                // weight of kLeaves to that of the picture's plants
+  constexpr float kDark = 0.02F, kWhite = 0.6F;  // linear light: colours show between these
+  const Picture& picture = c.picture;
+  double sum[3] = {};
+  double plants = 0.0;
+  for (int y = 0; y < picture.shape().height; ++y) {
+    for (int x = 0; x < picture.shape().width; ++x) {
+      if (picture.region(x, y) != kPlant) continue;
+      plants += 1.0;
+      const float seen = exp2_of(picture.log_y(x, y));
+      if (seen < kDark || seen > kWhite) continue;
+      const Vec3f light{exp2_of(picture.log_rgb[0](x, y)), exp2_of(picture.log_rgb[1](x, y)),
+                        exp2_of(picture.log_rgb[2](x, y))};
+      const Vec3f a = light * gain_of(c, c.light(x, y), c.sun(x, y));
+      const float scale = 1.0F / luminance(a);
+      sum[0] += static_cast<double>(a.x * scale);
+      sum[1] += static_cast<double>(a.y * scale);
+      sum[2] += static_cast<double>(a.z * scale);
+    }
+  }
+  const Vec3f all = Vec3f{static_cast<float>(sum[0]), static_cast<float>(sum[1]), static_cast<float>(sum[2])} +
+                    kLeaves * (kUntold * static_cast<float>(plants));
+  return plants > 0.0 ? all * (1.0F / luminance(all)) : kLeaves;
+}
 
 // Steps 5 and 6 on one pixel whose luminance is free of light.
 [[nodiscard]] inline Vec3f bounded_albedo(const Context& c, Vec3f a, const Rgb8& seen, float trust, Label label,
@@ -368,9 +406,9 @@ inline constexpr Vec3f kLeaves{0.75F, 1.12F, 0.55F};
   const float high = max_of(a.x, a.y, a.z) / lum;
   if (low < kLeastShare) trust = std::min(trust, (1.0F - kLeastShare) / (1.0F - low));
   if (high > kMostShare) trust = std::min(trust, (kMostShare - 1.0F) / (high - 1.0F));
-  // What cannot be told from the picture is grey; of plants it is leaves, and sky that shows between them.
+  // What the pixel does not tell is grey; of plants, and of the sky between their leaves, it is as the others are.
   constexpr Vec3f kGrey{1.0F, 1.0F, 1.0F};
-  const Vec3f usual = (label == label::vegetation ? kLeaves : kGrey) * lum;
+  const Vec3f usual = (label == label::vegetation ? c.plants : kGrey) * lum;
   a = usual + (a - usual) * trust;
 
   const float level = log2_of(surface_prior(label).albedo);
@@ -439,7 +477,6 @@ inline constexpr LabelSet kThinLabels = kPoleLabels | LabelSet::of(label::person
 template <class Executor>
 void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executor) {
   const AlbedoScene& s = c.scene;
-  const float ratio[3] = {c.ground.ratio.x, c.ground.ratio.y, c.ground.ratio.z};
   for_pixels(s.image.shape(), executor, [&](int x, int y) {
     const Label label = c.label_at(x, y);
     const int f = c.picture.factor;
@@ -452,15 +489,9 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
       return;
     }
     const Light light = light_at(c, x, y, region);
-    const float common = light.level - (c.ground.shadow ? log_light(light.sun, c.ground.ratio_y) : 0.0F);
-    float gain[3];
-    for (int i = 0; i < 3; ++i) {
-      const float own = c.ground.shadow ? log_light(light.sun, ratio[i]) : 0.0F;
-      gain[i] = exp2_of(-(common + own + c.params.cast_removal * c.cast[i]));
-    }
     bool at_border = false;
     const Rgb8 seen = region < kGroundRegions ? s.image(x, y) : without_border(c, x, y, at_border);
-    const Vec3f a = c.picture.light_of(seen) * Vec3f{gain[0], gain[1], gain[2]};
+    const Vec3f a = c.picture.light_of(seen) * gain_of(c, light.level, light.sun);
     // In half shade the colour of the light is the least certain; thin things have that of what they stand before.
     constexpr float kTrustAtBorder = 0.3F;
     const float trust =
@@ -553,6 +584,7 @@ Status estimate_albedo(const AlbedoParams& p, const AlbedoScene& scene, Workspac
     c.sun(x, y) = c.ground.sun(x, y);
     c.light(x, y) = c.scale + log_light(c.sun(x, y), c.ground.ratio_y) + c.ground.level(x, y);
   });
+  c.plants = colour_of_plants(c);
   write_albedo(c, out, executor);
   report = daylight_report(c, histogram);
   return {};

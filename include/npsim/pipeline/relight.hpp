@@ -62,8 +62,9 @@ inline namespace NPSIM_ABI {
 
 struct RelightParams {
   PlacementParams placement;
-  ContinuedRowParams rows;    // street lamps that the picture does not show
-  Span<const Emitter> lamps;  // where the lamps are known: these, in place of marked ones that are placed
+  ContinuedRowParams rows;               // street lamps that the picture does not show
+  Span<const Emitter> lamps;             // where the lamps are known: these, in place of marked ones that are placed
+  Span<const std::uint8_t> shop_fronts;  // by mark, 1: is one, where that is known; else size and place of windows tell
   ActivationParams activation;
   VisibilityParams visibility;
   GatherParams gather;
@@ -263,6 +264,9 @@ inline constexpr float kInversePi = 0.31830989F;
 [[nodiscard]] inline Status place_emitters(const RelightParams& params, const SceneView& scene,
                                            const RefinedDepth& refined, Workspace& workspace, Span<Emitter>& emitters,
                                            Span<std::uint32_t>& emitter_of_mark) {
+  if (!params.shop_fronts.empty() && params.shop_fronts.size() != scene.lights.size()) {
+    return {StatusCode::shape_mismatch, "relight: shop fronts are told for every mark or for none"};
+  }
   const std::size_t most = (params.lamps.empty() ? scene.lights.size() : params.lamps.size()) +
                            most_unseen_lamps(params.rows, scene.lights.size());
   NPSIM_RETURN_IF_ERROR(workspace.allocate(most + kMostHeadlamps, emitters));
@@ -287,9 +291,11 @@ inline constexpr float kInversePi = 0.31830989F;
   for (std::uint32_t& e : emitter_of_mark) e = kNoPoint;
   for (std::size_t e = 0; e < count; ++e) {
     if (emitters[e].mark != 0) emitter_of_mark[emitters[e].mark - 1U] = static_cast<std::uint32_t>(e);
-    emitters[e].shop_front = is_shop_front(refined.ground, emitters[e]);
+    const bool told = !params.shop_fronts.empty() && emitters[e].mark != 0;
+    emitters[e].shop_front =
+        told ? params.shop_fronts[emitters[e].mark - 1U] != 0 : is_shop_front(refined.ground, emitters[e]);
   }
-  {
+  if (!params.activation.by_text_alone) {
     const WorkspaceScope scope(workspace);
     Span<DaySource> sources;
     NPSIM_RETURN_IF_ERROR(workspace.allocate(count, sources));

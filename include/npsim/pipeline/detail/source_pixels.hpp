@@ -97,11 +97,13 @@ inline constexpr float kPatternFloor = 1e-3F;  // linear; of what is black
   const Vec3f here = srgb_decode8(scene.image(x, y));
   const auto bounded = [](float v) { return v < kMostBright ? v : kMostBright; };
   if (pattern == SourcePattern::lit_interior) {
-    // Of what is nearly white or cut off, the hue is not known; and the pane mirrors some of the day.
-    constexpr float kMostHue = 0.6F, kInk = 0.5F, kPale = 0.8F;
+    // Of what is nearly white, or cut off and no ink, the hue is not known; and the pane mirrors some of the day.
+    constexpr float kMostHue = 0.6F, kInk = 0.2F, kPale = 0.8F, kCutOffPale = 0.5F;
+    constexpr int kCutOff = 250;
     const Rgb8 seen = scene.image(x, y);
+    const bool cut_off = std::max(seen.r, std::max(seen.g, seen.b)) >= kCutOff;
     const float least = static_cast<float>(std::min(seen.r, std::min(seen.g, seen.b))) / 255.0F;
-    const float hue = kMostHue * clamp_to((kPale - least) / (kPale - kInk), 0.0F, 1.0F);
+    const float hue = kMostHue * clamp_to(((cut_off ? kCutOffPale : kPale) - least) / (kCutOffPale - kInk), 0.0F, 1.0F);
     const auto over = [](float v, float mean) { return (v + kPatternFloor) / (mean + kPatternFloor); };
     const Vec3f plain = {over(here.x, of.colour.x), over(here.y, of.colour.y), over(here.z, of.colour.z)};
     const float bright = bounded(over(luminance(here), luminance(of.colour)));

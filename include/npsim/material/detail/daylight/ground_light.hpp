@@ -8,6 +8,8 @@
 // 2. Posterior of each pixel, then mean field: neighbours that no edge of the picture separates share their light.
 //    Coloured paint says nothing of it, and lies in that of the ground around it; so does a bright stripe that is as
 //    blue as the shadow, in that of the ground beside it: white paint in the shadow is as bright as asphalt in the sun.
+//    Where the sun is hardly yellower than the shadow, most of it may be such paint, wider than a stripe: its pieces
+//    that are stripes for the most part are none of it, and steps 1 to 3 begin again.
 // 3. The ratio of lights, per channel, is measured where it shows best: means on either side of shadows' edges, the
 //    median over all edges of the road.
 // 4. Penumbra: within a few pixels of an edge the share of the sun is the mean of its posterior over nine levels. So it
@@ -71,6 +73,7 @@ struct GroundLightParams {
   float min_edge_drop = 0.85F;        // of the mixture's drop, measured at edges
   float clear_edge_drop = 2.0F;       // log2: as much is enough; kinds of asphalt differ by less
   float min_edge_bluer = 0.05F;       // log2(blue / red), measured at edges
+  float white_bluer = 0.1F;           // of the drop, at most: white paint is hardly yellower than asphalt
   float min_drop_of_pavement = 1.0F;  // pavements are of several materials: weak light is not told from them
 };
 
@@ -600,8 +603,7 @@ Status find_ground_light(const GroundLightParams& p, const AlbedoScene& scene, c
     return {};
   };
   NPSIM_RETURN_IF_ERROR(find_lights());
-  if (out.shadow) {
-    // What is sunny may be paint as a whole.
+  if (out.shadow && out.ratio.x - out.ratio.z < p.white_bluer * out.ratio_y) {
     bool grown = false;
     const auto sunny_road = [&](int x, int y) { return picture.region(x, y) == kRoad && out.sun(x, y) > 0.5F; };
     NPSIM_RETURN_IF_ERROR(grow_stripes(p.stripes, picture, sunny_road, workspace, stripe, grown, executor));

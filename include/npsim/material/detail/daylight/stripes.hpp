@@ -5,12 +5,12 @@
 // flecks of the sun are short as well. Stripes say nothing of the lights that the ground lies in: white paint in one
 // light is as far above asphalt as the sun is above its shadow. The shadow of a pole is taken for a joint where it is
 // as narrow as one.
-// A pixel is a stripe where the span until the ground differs by `step` is at most width_m, across the picture, away
-// from the camera or half-way between, and at least length_m in some direction on the ground. Beyond the picture
-// nothing is known to differ.
-// Heads of arrows and what the ends of crossings leave are wider: a bright piece of the road most of which is stripes
-// is one as a whole (grow_stripes).
-// Cost: at most 128 samples a pixel of the road, and 600 where it is narrow. The same bits for any thread count.
+// A pixel is a stripe where the span until the ground differs by `step` is at most width_m, across the picture or away
+// from the camera, and at least length_m in some direction on the ground. Beyond the picture nothing is known to
+// differ.
+// Heads of arrows and crossings seen askew are wider: a bright piece of the road that is stripes more than plain is
+// one as a whole (grow_stripes).
+// Cost: at most 64 samples a pixel of the road, and 600 where it is narrow. The same bits for any thread count.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_STRIPES_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_STRIPES_HPP
 
@@ -118,8 +118,8 @@ Status mark_stripe_borders(const StripeParams& p, const Picture& picture, Worksp
   return {};
 }
 
-// Makes stripes of the pieces of bright road that have more pixels on bright stripes than on plain ground; becomes true
-// where one has any such. Serial. bright(x, y): of road.
+// Makes stripes of the pieces of bright road that have more pixels on bright stripes than on plain ground, borders of
+// stripes aside; `grown` becomes true where one changes. Serial. bright(x, y): of road.
 template <class Bright, class Executor>
 Status grow_stripes(const StripeParams& p, const Picture& picture, const Bright& bright, Workspace& workspace,
                     ImageView<std::uint8_t> stripe, bool& grown, Executor& executor) {
@@ -130,10 +130,6 @@ Status grow_stripes(const StripeParams& p, const Picture& picture, const Bright&
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, open));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), list));
   for_pixels(shape, executor, [&](int x, int y) { open(x, y) = bright(x, y) ? 1 : 0; });
-  const auto of = [&](std::uint32_t i) -> std::uint8_t& {
-    const auto [u, v] = place_of(i, shape.width);
-    return stripe(u, v);
-  };
   grown = false;
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
@@ -141,11 +137,12 @@ Status grow_stripes(const StripeParams& p, const Picture& picture, const Bright&
       const Span<const std::uint32_t> piece = list.sub(0, take_piece(open, x, y, list));
       std::size_t painted = 0, plain = 0;
       for (const std::uint32_t i : piece) {
-        painted += of(i) == kBrightStripe ? 1U : 0U;
-        plain += of(i) == 0 ? 1U : 0U;
+        const std::uint8_t kind = stripe(place_of(i, shape.width));
+        painted += kind == kBrightStripe ? 1U : 0U;
+        plain += kind == 0 ? 1U : 0U;
       }
       if (painted <= plain || plain == 0) continue;
-      for (const std::uint32_t i : piece) of(i) = kBrightStripe;
+      for (const std::uint32_t i : piece) stripe(place_of(i, shape.width)) = kBrightStripe;
       grown = true;
     }
   }
