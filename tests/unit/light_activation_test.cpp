@@ -146,7 +146,7 @@ TEST_CASE("shop fronts are lit more often and brighter than flats of their group
   CHECK(draw({sign}, 0)[0].strength == draw({make(LightClass::advertisement, 5)}, 0)[0].strength);
 }
 
-TEST_CASE("a window that shines by day is lit in every night, as strong as it would be; not so by the text alone") {
+TEST_CASE("a window that shines by day is lit in every night, as strong as a shop's; not so by the text alone") {
   std::vector<Emitter> window = {make(LightClass::window_building, 5)};
   std::vector<Emitter> shining = window;
   shining[0].shines_by_day = true;
@@ -157,7 +157,7 @@ TEST_CASE("a window that shines by day is lit in every night, as strong as it wo
     const Activation a = draw(shining, v)[0];
     CHECK(a.lit);
     CHECK(a.probability == 1.0F);
-    CHECK(a.strength == draw(window, v)[0].strength);
+    CHECK(a.strength >= 15.0F);
     dark += draw(shining, v, 1, {}, by_text)[0].lit ? 0 : 1;
   }
   CHECK(dark > 20);

@@ -10,8 +10,8 @@
 //     with stop_probability, and show the indicator of one side with indicator_probability;
 //   - street lamps of a class share technology and strength all over the image, with a small jitter per lamp, and low
 //     ones carry less light;
-//   - shop fronts are lit more often than flats, and those of one group together; what shines in the photograph already
-//     (shop windows at dusk, signs) is lit;
+//   - shop fronts are lit more often and more strongly than flats, and those of one group together; what shines in the
+//     photograph already (shop windows at dusk, signs) is lit, and its windows outshine the day as shops' do;
 //   - of a traffic light that shows several discs one is on: the annotated one, else one that glows by day, else any.
 //     Unknown states follow the daytime colour, then the place in the panel, then a draw.
 // `by_text_alone` leaves the first three out: every lamp is drawn by itself with the p of its group.
@@ -128,8 +128,8 @@ enum class ActivationKey : std::uint32_t { group, alone, source, technology, veh
 }
 
 [[nodiscard]] constexpr LightClassModel model_of(const ActivationParams& p, const Emitter& e) noexcept {
-  const bool shop = e.shop_front && e.cls == LightClass::window_building && !p.by_text_alone;
-  return shop ? kShopFront : light_class_model(e.cls, e.profile);
+  const bool bright = (e.shop_front || e.shines_by_day) && e.cls == LightClass::window_building && !p.by_text_alone;
+  return bright ? kShopFront : light_class_model(e.cls, e.profile);
 }
 
 [[nodiscard]] constexpr bool is_lit_already(const ActivationParams& p, const Emitter& e) noexcept {

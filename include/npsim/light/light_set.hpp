@@ -23,8 +23,8 @@ inline namespace NPSIM_ABI {
 // optics. Windows: a room of 30 to 150 lx (EN 12464-1 asks 100 to 500 lx of places of work) on walls of albedo 0.5 has
 // 5 to 25 cd/m2, of which curtains, blinds and the angle leave a tenth to all: two thirds lie at 1 to 8 cd/m2, one in
 // fifty above 13. Shop windows: 300 lx (EN 12464-1, sales areas) on goods of albedo 0.5 have 48 cd/m2, what spots are
-// turned to several times that [default]; most stay lit in the evening [default]. Signs: bright enough to be read beside
-// a lit road of 1 cd/m2, far below the 400 cd/m2 that CIE 150
+// turned to several times that [default]; most stay lit in the evening [default]. Signs: bright enough to be read
+// beside a lit road of 1 cd/m2, far below the 400 cd/m2 that CIE 150
 // allows in towns, because most are dimmed by night [default]. CIE illuminants LED-B1..V2, HP1, HP2 (CIE 015:2018);
 // black-body points for windows. Entries marked [default] are plausible, not measured.
 
@@ -105,7 +105,7 @@ inline constexpr float kIndicatorCd[2] = {50.0F,
   return {};
 }
 
-// Of windows of buildings that are shop fronts.
+// Of windows of buildings that are shop fronts, or outshine the day.
 inline constexpr LightClassModel kShopFront{
     0.7F, 0.95F, 15.0F, 120.0F, {chromaticity::k3000, chromaticity::k3500, chromaticity::k4000, chromaticity::k5000},
     4};

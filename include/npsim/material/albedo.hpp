@@ -335,7 +335,7 @@ struct Light {
   return log_albedo + std::max(pane, tyres) * (dark - log_albedo);
 }
 
-// Albedo over the photograph's linear light, where that has the luminance `level` over albedo (log2) and a share of sun.
+// Albedo over the photograph's linear light, which has the luminance `level` over albedo (log2) and a share of sun.
 [[nodiscard]] inline Vec3f gain_of(const Context& c, float level, float sun) noexcept {
   const float ratio[3] = {c.ground.ratio.x, c.ground.ratio.y, c.ground.ratio.z};
   const float common = level - (c.ground.shadow ? log_light(sun, c.ground.ratio_y) : 0.0F);
@@ -347,8 +347,8 @@ struct Light {
   return {gain[0], gain[1], gain[2]};
 }
 
-// The mean colour of the picture's plants, of luminance 1, where it tells one; else that of leaves, which reflect half as
-// much of red and blue light as of green (.05, .04 and .1; bark and dry ones more of red) [default].
+// The mean colour of the picture's plants, of luminance 1, where it tells one; else that of leaves, which reflect half
+// as much of red and blue light as of green (.05, .04 and .1; bark and dry ones more of red) [default].
 [[nodiscard]] inline Vec3f colour_of_plants(const Context& c) noexcept {
   constexpr Vec3f kLeaves{0.75F, 1.12F, 0.55F};
   constexpr float kUntold = 0.1F;                // weight of kLeaves to that of the picture's plants

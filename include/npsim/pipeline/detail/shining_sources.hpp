@@ -7,9 +7,9 @@
 //     has its colours, or shows less of a sunny wall than the picture does; blinds are darker than white walls; or
 //   - a window or sign ten times as bright as the road and four times as bright as what is around it, as no paper is
 //     that hangs in the light that falls on the wall beside it.
-// What is around is what no lamp's mark covers within half of the source's size, without the sky. Means of linear light.
-// Where no road is labelled nothing shines. Limits are [default]: of 233 windows in nine photographs by day the rule
-// takes none, of those of one at dusk the clearer half of the lit ones and no other.
+// What is around is what no lamp's mark covers within half of the source's size, without the sky. Means of linear
+// light. Where no road is labelled nothing shines. Limits are [default]: of 233 windows in nine photographs by day the
+// rule takes none, of those of one at dusk the clearer half of the lit ones and no other.
 // Cost: the pixels of the photograph twice, and those of each source's box, grown. Memory: the caller's, and 4 KiB of
 // the stack. Serial.
 #ifndef NPSIM_PIPELINE_DETAIL_SHINING_SOURCES_HPP
