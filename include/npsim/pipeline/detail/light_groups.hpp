@@ -5,8 +5,8 @@
 // together (the windows of a floor, the lamps of a car's front, the discs of a traffic light) share one image, made
 // with all of them at their strongest; in a night it counts as much as its lamps that are lit shine, of what all could.
 // So do the own headlamps, and the street lamps that the picture does not show. Every other lamp is a group of its own.
-// The sky is group 0. Groups that at their strongest bring less than kSmallShare of the light that street lamps are
-// certain to bring are one group together.
+// The sky is group 0. Groups that at their strongest bring less than kSmallShare of the light that other lamps (of
+// streets, and what shines by day) are certain to bring are one group together.
 // Error: none for a group that is switched as one; else light that comes by two surfaces from one window is shared out
 // among the windows of its floor, or among all of them beside lit street lamps. Energy is kept.
 #ifndef NPSIM_PIPELINE_DETAIL_LIGHT_GROUPS_HPP
