@@ -532,16 +532,16 @@ struct Ground {
       }
     }
   }
-  Status run(Picture& p, bool with_labels = false) const {
+  template <class Executor = SerialExecutor>
+  Status run(Picture& p, bool with_labels = false, Executor executor = {}) const {
     AlbedoScene scene = p.scene(with_labels);
     scene.depth = ImageView<const float>(depth.data(), p.shape);
     scene.normals = ImageView<const Vec3f>(normals.data(), p.shape);
     scene.camera = {400, 400, 240, 120};
     scene.ground.inlier_share = 0.9F;
     npsim_test::Scratch scratch(estimate_albedo_workspace_bytes({}, p.shape));
-    SerialExecutor serial;
     return estimate_albedo({}, scene, scratch.workspace(), {ImageView<Vec3f>(p.albedo.data(), p.shape), {}}, p.report,
-                           serial);
+                           executor);
   }
 };
 
@@ -713,6 +713,9 @@ TEST_CASE("white paint on bluish stones is no sun where it is wider than a line:
   });
   CHECK(!p.report.shadow);
   CHECK(contrast(p, painted, 170) > 2.5);  // white is bounded
+  Picture backward = p;
+  REQUIRE(Ground().run(backward, true, npsim_test::BackwardExecutor{}).ok());
+  CHECK(std::memcmp(p.albedo.data(), backward.albedo.data(), p.albedo.size() * sizeof(Vec3f)) == 0);
 }
 
 TEST_CASE("strips of sun wider than markings, short flecks, and sun at the picture's lower border are no paint") {

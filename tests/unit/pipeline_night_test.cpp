@@ -597,6 +597,15 @@ TEST_CASE("night: the depth of refine_depth and the lamps of placement, handed i
     REQUIRE(std::memcmp(whole.nights[0].view().row(y), parts.nights[0].view().row(y),
                         sizeof(Vec3f) * static_cast<std::size_t>(view.shape().width)) == 0);
   }
+  std::vector<std::uint8_t> shops(view.lights.size(), 1);
+  params.relight.shop_fronts = {shops.data(), shops.size() - 1};
+  CHECK(engine::make_nights_of_depth(params, view, refined, workspace, pool, observer, parts).code() ==
+        StatusCode::shape_mismatch);
+  params.relight.shop_fronts = {shops.data(), shops.size()};
+  Lamps told;
+  REQUIRE(engine::make_nights_of_depth(params, view, refined, workspace, pool, observer, told).ok());
+  for (const Emitter& e : told.emitters) CHECK(e.shop_front == (e.mark != 0));
+  params.relight.shop_fronts = {};
   whole.emitters[0].mark = static_cast<std::uint16_t>(view.lights.size() + 1);
   CHECK(engine::make_nights_of_depth(params, view, refined, workspace, pool, observer, parts).code() ==
         StatusCode::invalid_argument);
