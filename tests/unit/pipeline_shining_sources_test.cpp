@@ -38,7 +38,6 @@ struct Dusk {
     const std::uint32_t emitter_of_mark[] = {0, kNoPoint};
     Emitter e;
     e.cls = cls;
-    e.shines_by_day = true;  // replaced
     DaySource source;
     find_shining(view, {emitter_of_mark, marks.size()}, {&source, 1}, {&e, 1});
     return e.shines_by_day;
@@ -92,7 +91,6 @@ TEST_CASE("without a road, labels or marks nothing shines") {
   no_road.labels.fill_rectangle(0, 40, 60, 60, label::terrain);
   CHECK(!no_road.shines(LightClass::window_building, {240, 190, 110}));
   Emitter e;
-  e.shines_by_day = true;
   DaySource source;
   find_shining(SceneView{}, {}, {&source, 1}, {&e, 1});
   CHECK(!e.shines_by_day);

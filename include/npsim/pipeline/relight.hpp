@@ -291,6 +291,7 @@ inline constexpr float kInversePi = 0.31830989F;
   for (std::uint32_t& e : emitter_of_mark) e = kNoPoint;
   for (std::size_t e = 0; e < count; ++e) {
     if (emitters[e].mark != 0) emitter_of_mark[emitters[e].mark - 1U] = static_cast<std::uint32_t>(e);
+    emitters[e].shines_by_day = false;
     const bool told = !params.shop_fronts.empty() && emitters[e].mark != 0;
     emitters[e].shop_front =
         told ? params.shop_fronts[emitters[e].mark - 1U] != 0 : is_shop_front(refined.ground, emitters[e]);

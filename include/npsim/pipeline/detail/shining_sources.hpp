@@ -87,14 +87,13 @@ struct DaySurfaces {
   return here > 4.0 * around.brightness() && here > 10.0 * road;
 }
 
-// Sets Emitter::shines_by_day; sources: scratch, one for each emitter.
+// Sets Emitter::shines_by_day of those that do; sources: scratch, one for each emitter.
 inline void find_shining(const SceneView& scene, Span<const std::uint32_t> emitter_of_mark, Span<DaySource> sources,
                          Span<Emitter> emitters) noexcept {
   constexpr LightClass kGlow[] = {LightClass::window_building, LightClass::window_transport, LightClass::advertisement,
                                   LightClass::clock};
   constexpr std::size_t kBins = 1024;  // of the root of luminance
   for (DaySource& s : sources) s = DaySource{};
-  for (Emitter& e : emitters) e.shines_by_day = false;
   if (scene.light_index.empty() || scene.labels.empty()) return;
   const Shape shape = scene.shape();
   // The wall between the windows of a group is marked as the group's.
@@ -136,7 +135,7 @@ inline void find_shining(const SceneView& scene, Span<const std::uint32_t> emitt
         if (is_surface(x, y)) around.add(srgb_decode8(scene.image(x, y)));
       }
     }
-    emitters[e].shines_by_day = shines(emitters[e].cls, s.light, around, all);
+    if (shines(emitters[e].cls, s.light, around, all)) emitters[e].shines_by_day = true;
   }
 }
 
