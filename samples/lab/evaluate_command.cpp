@@ -298,9 +298,10 @@ int run_evaluate(const EvaluateOptions& options) {
     own.seed = options.night_seed;
     own.photograph = scene.photograph;
     NightPictures pictures;
+    std::vector<std::uint8_t> shop_fronts;
     const Status judged =
         night_stages(own, scene.view(), truth, *night, static_cast<std::uint64_t>(options.transport_samples), pool,
-                     console, evaluation.stages, pictures);
+                     console, evaluation.stages, pictures, shop_fronts);
     if (!judged.ok()) return fail(options.scene, judged);
   }
   if (options.simplified) {

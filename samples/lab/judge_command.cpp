@@ -78,15 +78,16 @@ struct StreetFiles {
 
 // Nights of the same street with its depth from other sources: the same lamps are lit, so the true night is the same.
 [[nodiscard]] int judge_sources(const JudgeOptions& options, int seed, const StreetFiles& files, const TrueNight& night,
-                                ThreadPool& pool, Console& console, std::vector<NightErrors>& rows) {
+                                const std::vector<std::uint8_t>& shop_fronts, ThreadPool& pool, Console& console,
+                                std::vector<NightErrors>& rows) {
   for (const std::string& source : options.sources) {
     const std::string folder = files.street + "_" + source;
     if (const int failed = make_street(options, seed, folder, source); failed != kExitDone) return failed;
     const io::Expected<std::pair<io::Scene, Truth>> loaded = load_with_truth(folder, "", "");
     if (!loaded) return fail(loaded.error());
     const auto& [scene, truth] = loaded.value();
-    const Status judged =
-        night_of_source(night_params(seed, scene), scene.view(), truth, night, source, pool, console, rows);
+    const Status judged = night_of_source(night_params(seed, scene), scene.view(), truth, night, shop_fronts, source,
+                                          pool, console, rows);
     if (!judged.ok()) return fail(folder, judged);
   }
   return kExitDone;
@@ -111,11 +112,13 @@ int run_judge(const JudgeOptions& options) {
     ThreadPool pool(thread_count(options.threads));
     scenes.emplace_back();
     NightPictures pictures;
-    const Status judged =
-        night_stages(night_params(seed, scene), scene.view(), truth, night.value(),
-                     static_cast<std::uint64_t>(options.transport_samples), pool, console, scenes.back(), pictures);
+    std::vector<std::uint8_t> shop_fronts;
+    const Status judged = night_stages(night_params(seed, scene), scene.view(), truth, night.value(),
+                                       static_cast<std::uint64_t>(options.transport_samples), pool, console,
+                                       scenes.back(), pictures, shop_fronts);
     if (!judged.ok()) return fail(files.street, judged);
-    if (const int failed = judge_sources(options, seed, files, night.value(), pool, console, scenes.back());
+    if (const int failed =
+            judge_sources(options, seed, files, night.value(), shop_fronts, pool, console, scenes.back());
         failed != kExitDone) {
       return failed;
     }

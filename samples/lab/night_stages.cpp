@@ -257,13 +257,12 @@ class StageJudge {
 
 Status night_stages(const NightParams& params, const SceneView& scene, const Truth& truth, const TrueNight& night,
                     std::uint64_t transport_samples, ThreadPool& pool, Console& console, std::vector<NightErrors>& out,
-                    NightPictures& pictures) {
+                    NightPictures& pictures, std::vector<std::uint8_t>& shop_fronts) {
   NightParams placed = one_night(params);
   const SceneView guessed = without_materials(scene);
 
   KeptDepth refined, given, exact, sheet, by_thesis;
   NPSIM_RETURN_IF_ERROR(refined_depth(params, scene, pool, console, refined));
-  std::vector<std::uint8_t> shop_fronts;
   NPSIM_RETURN_IF_ERROR(shop_fronts_of(params, scene, refined.refined(), shop_fronts));
   placed.relight.shop_fronts = {shop_fronts.data(), shop_fronts.size()};
   const NightParams known = with_true_lamps(placed, night);
@@ -323,8 +322,10 @@ std::array<std::string, 3> source_rows(const std::string& name) {
 }
 
 Status night_of_source(const NightParams& params, const SceneView& scene, const Truth& truth, const TrueNight& night,
-                       const std::string& name, ThreadPool& pool, Console& console, std::vector<NightErrors>& out) {
-  const NightParams placed = one_night(params);
+                       const std::vector<std::uint8_t>& shop_fronts, const std::string& name, ThreadPool& pool,
+                       Console& console, std::vector<NightErrors>& out) {
+  NightParams placed = one_night(params);
+  placed.relight.shop_fronts = {shop_fronts.data(), shop_fronts.size()};
   const NightParams known = with_true_lamps(placed, night);
   KeptDepth refined;
   NPSIM_RETURN_IF_ERROR(refined_depth(params, scene, pool, console, refined));

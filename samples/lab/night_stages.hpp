@@ -44,21 +44,24 @@ struct NightPictures {
 };
 
 // params.seed: that of the draw of lamps that the true night shows. transport_samples: paths a pixel of the reference on
-// the renderer's own mesh, by which transport is judged alone; 0: it is not.
+// the renderer's own mesh, by which transport is judged alone; 0: it is not. shop_fronts: by mark, in that
+// draw.
 [[nodiscard]] Status night_stages(const NightParams& params, const SceneView& scene, const Truth& truth,
                                   const TrueNight& night, std::uint64_t transport_samples, ThreadPool& pool,
-                                  Console& console, std::vector<NightErrors>& out, NightPictures& pictures);
+                                  Console& console, std::vector<NightErrors>& out, NightPictures& pictures,
+                                  std::vector<std::uint8_t>& shop_fronts);
 
 // Names of the rows that are the whole chain, with given and with estimated materials.
 inline constexpr const char* kWholeChain = "+ refined depth";
 inline constexpr const char* kWholeChainEstimated = "+ estimated materials";
 
 // The same street with another depth: three rows behind those that are there. The whole chain, the whole chain with
-// estimated materials, and its depth with the true lamps, which tells depth and lamps apart.
+// estimated materials, and its depth with the true lamps, which tells depth and lamps apart. shop_fronts: as drawn.
 [[nodiscard]] std::array<std::string, 3> source_rows(const std::string& name);
 [[nodiscard]] Status night_of_source(const NightParams& params, const SceneView& scene, const Truth& truth,
-                                     const TrueNight& night, const std::string& name, ThreadPool& pool,
-                                     Console& console, std::vector<NightErrors>& out);
+                                     const TrueNight& night, const std::vector<std::uint8_t>& shop_fronts,
+                                     const std::string& name, ThreadPool& pool, Console& console,
+                                     std::vector<NightErrors>& out);
 
 // Median error of the nights of each source over that with a network's depth, with given and with estimated materials,
 // and of estimated over given materials. The rows hold all of them. The first ratios are the network's own.

@@ -825,6 +825,25 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("shares of a channel stay within their bounds where the colour of plants is mixed in") {
+  Picture p = street({1, 1, 1});
+  for (int y = 20; y < 60; ++y) {
+    for (int x = 20; x < 80; ++x) {
+      p.labels[p.i(x, y)] = label::vegetation;
+      p.day[p.i(x, y)] = x < 50 ? Rgb8{90, 150, 0} : Rgb8{60, 0, 0};
+    }
+  }
+  AlbedoParams params;
+  params.min_albedo = 0.0F;
+  REQUIRE(p.run(params).ok());
+  for (const int x : {30, 70}) {
+    const Vec3f a = p.albedo[p.i(x, 40)];
+    const float lum = luminance(a);
+    CHECK(std::min(a.x, std::min(a.y, a.z)) >= 0.149F * lum);
+    CHECK(std::max(a.x, std::max(a.y, a.z)) <= 3.01F * lum);
+  }
+}
+
 TEST_CASE("the order of chunks never changes a bit; one row and one column work; unknown labels are one class") {
   Picture a = street({1.1F, 1, 0.9F}, Dark::shadow);
   Picture b = a;

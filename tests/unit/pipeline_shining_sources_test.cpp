@@ -68,6 +68,22 @@ TEST_CASE("a pane in the shade that mirrors a sunny wall does not shine where th
   CHECK(!noon.shines(LightClass::window_building, {230, 185, 110}));
 }
 
+TEST_CASE("the dark frame of a rectified picture is no surface that a pane must outshine") {
+  Dusk noon;
+  noon.image.fill_rectangle(47, 8, 60, 40, Rgb8{255, 240, 200});
+  noon.image.fill_rectangle(0, 52, 60, 60, Rgb8{0, 0, 0});
+  noon.labels.fill_rectangle(0, 52, 60, 60, label::rectification_border);
+  CHECK(!noon.shines(LightClass::window_building, {230, 185, 110}));
+}
+
+TEST_CASE("a neighbouring lamp that could not be placed is no wall around a window") {
+  Dusk pair;
+  pair.marks.push_back(LightMark{2, LightClass::window_building, SignalState::unknown, 0});
+  pair.index.fill_rectangle(5, 9, 55, 39, std::uint16_t{2});
+  pair.image.fill_rectangle(5, 9, 55, 39, Rgb8{240, 190, 110});
+  CHECK(pair.shines(LightClass::window_building, {240, 190, 110}));
+}
+
 TEST_CASE("the wall between the windows of a group is marked as the group's, and is around them all the same") {
   Dusk group;
   group.marks.push_back(LightMark{2, LightClass::windows_group, SignalState::unknown, 0});

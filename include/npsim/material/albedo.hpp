@@ -21,7 +21,8 @@
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.
 // It is an estimate up to a factor that the road's prior sets, not a measurement.
 // Cost: some 200 loops over the working image, 370 where there is a shadow, 100 more where there are cars; steps 1 and 2
-// twice where tones are steep. Memory: estimate_albedo_workspace_bytes(). The same bits for any thread count.
+// twice where tones are steep, step 2 where white paint seemed to be the sun. Memory: estimate_albedo_workspace_bytes().
+// The same bits for any thread count.
 #ifndef NPSIM_MATERIAL_ALBEDO_HPP
 #define NPSIM_MATERIAL_ALBEDO_HPP
 
@@ -347,8 +348,12 @@ struct Light {
   return {gain[0], gain[1], gain[2]};
 }
 
-// The mean colour of the picture's plants, of luminance 1, where it tells one; else that of leaves, which reflect half
-// as much of red and blue light as of green (.05, .04 and .1; bark and dry ones more of red) [default].
+// Bounds of a channel over luminance.
+inline constexpr float kLeastShare = 0.15F, kMostShare = 3.0F;
+
+// The mean colour of the picture's plants, of luminance 1 and within the bounds of shares, as far as they are neither
+// dark nor nearly white; with a small weight, and alone where they all are, that of leaves, which reflect half as much
+// of red and blue light as of green (.05, .04 and .1; bark and dry ones more of red) [default].
 [[nodiscard]] inline Vec3f colour_of_plants(const Context& c) noexcept {
   constexpr Vec3f kLeaves{0.75F, 1.12F, 0.55F};
   constexpr float kUntold = 0.1F;                // weight of kLeaves to that of the picture's plants
@@ -373,7 +378,10 @@ struct Light {
   }
   const Vec3f all = Vec3f{static_cast<float>(sum[0]), static_cast<float>(sum[1]), static_cast<float>(sum[2])} +
                     kLeaves * (kUntold * static_cast<float>(plants));
-  return plants > 0.0 ? all * (1.0F / luminance(all)) : kLeaves;
+  if (!(plants > 0.0)) return kLeaves;
+  const float scale = 1.0F / luminance(all);
+  const auto bounded = [&](float v) { return clamp_to(v * scale, kLeastShare, kMostShare); };
+  return {bounded(all.x), bounded(all.y), bounded(all.z)};
 }
 
 // Steps 5 and 6 on one pixel whose luminance is free of light.
@@ -383,8 +391,6 @@ struct Light {
   // Codes below kDark are noise and compression more than colour.
   constexpr float kDark = 40.0F;
   constexpr float kInk = 0.5F, kPale = 0.8F;  // the weakest channel's code over the largest possible
-  constexpr float kLeastShare = 0.15F;        // of a channel in luminance
-  constexpr float kMostShare = 3.0F;
   constexpr float kSlope = 0.35F;
   constexpr float kPaneSlope = 1.2F;  // what is dark on a facade is panes and openings, brightened by what they mirror
   constexpr float kObjectSlope = 0.5F;  // sky in panes and on paint is drawn in; plates, rims and lamps still show
@@ -402,14 +408,17 @@ struct Light {
     const auto least = static_cast<float>(std::min(static_cast<int>(seen.r), std::min<int>(seen.g, seen.b)));
     trust = std::min(trust, clamp_to((kPale * 255.0F - least) / ((kPale - kInk) * 255.0F), 0.0F, 1.0F));
   }
-  const float low = std::min(a.x, std::min(a.y, a.z)) / lum;
-  const float high = max_of(a.x, a.y, a.z) / lum;
-  if (low < kLeastShare) trust = std::min(trust, (1.0F - kLeastShare) / (1.0F - low));
-  if (high > kMostShare) trust = std::min(trust, (kMostShare - 1.0F) / (high - 1.0F));
   // What the pixel does not tell is grey; of plants, and of the sky between their leaves, it is as the others are.
   constexpr Vec3f kGrey{1.0F, 1.0F, 1.0F};
-  const Vec3f usual = (label == label::vegetation ? c.plants : kGrey) * lum;
-  a = usual + (a - usual) * trust;
+  const Vec3f usual = label == label::vegetation ? c.plants : kGrey;
+  const float usual_share[3] = {usual.x, usual.y, usual.z};
+  const float share[3] = {a.x / lum, a.y / lum, a.z / lum};
+  for (int i = 0; i < 3; ++i) {
+    const float off = usual_share[i] - share[i];
+    if (share[i] < kLeastShare) trust = std::min(trust, (usual_share[i] - kLeastShare) / off);
+    if (share[i] > kMostShare) trust = std::min(trust, (usual_share[i] - kMostShare) / off);
+  }
+  a = usual * lum + (a - usual * lum) * trust;
 
   const float level = log2_of(surface_prior(label).albedo);
   const float bound = log2_of(p.free_ratio);

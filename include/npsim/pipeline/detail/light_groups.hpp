@@ -8,7 +8,7 @@
 // The sky is group 0. Groups that at their strongest bring less than kSmallShare of the light that other lamps (of
 // streets, and what shines by day) are certain to bring are one group together.
 // Error: none for a group that is switched as one; else light that comes by two surfaces from one window is shared out
-// among the windows of its floor, or among all of them beside lit street lamps. Energy is kept.
+// among the windows of its floor, or among all of them beside such lamps. Energy is kept.
 #ifndef NPSIM_PIPELINE_DETAIL_LIGHT_GROUPS_HPP
 #define NPSIM_PIPELINE_DETAIL_LIGHT_GROUPS_HPP
 

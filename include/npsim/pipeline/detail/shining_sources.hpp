@@ -2,15 +2,15 @@
 // Which marked sources shine in the photograph already: shop windows at dusk, lit signs. They are lit at night as well.
 //
 // A source shines if it is
-//   - a window that is brighter than nine tenths of what the photograph shows beside lamps and sky, and four times as
-//     bright as the road, but redder by kRedder than what is around it and than the road. A pane that mirrors the day
+//   - a window that is brighter than nine tenths of the surfaces that the photograph shows, lamps aside, and four times
+//     as bright as the road, but redder by kRedder than what is around it and than the road. A pane that mirrors the day
 //     has its colours, or shows less of a sunny wall than the picture does; blinds are darker than white walls; or
 //   - a window or sign ten times as bright as the road and four times as bright as what is around it, as no paper is
 //     that hangs in the light that falls on the wall beside it.
-// What is around is what no lamp's mark covers within half of the source's size, without the sky. Means of linear
-// light. Where no road is labelled nothing shines. Limits are [default]: of 233 windows in nine photographs by day the
+// What is around are surfaces that no lamp's mark covers within half of the source's size. Means of linear light. Where
+// no road is labelled nothing shines. Limits are [default]: of 233 windows in nine photographs by day the
 // rule takes none, of those of one at dusk the clearer half of the lit ones and no other.
-// Cost: the pixels of the photograph twice, and those of each source's box, grown. Memory: the caller's, and 4 KiB of
+// Cost: the pixels of the photograph, and those of each source's box, grown. Memory: the caller's, and 4 KiB of
 // the stack. Serial.
 #ifndef NPSIM_PIPELINE_DETAIL_SHINING_SOURCES_HPP
 #define NPSIM_PIPELINE_DETAIL_SHINING_SOURCES_HPP
@@ -68,7 +68,7 @@ struct DaySource {
   }
 };
 
-// Of the photograph without lamps and sky.
+// Of the surfaces that the photograph shows, lamps aside.
 struct DaySurfaces {
   MeanLight road;
   double bright = 0;  // luminance that nine tenths of the pixels stay below
@@ -96,13 +96,14 @@ inline void find_shining(const SceneView& scene, Span<const std::uint32_t> emitt
   for (DaySource& s : sources) s = DaySource{};
   if (scene.light_index.empty() || scene.labels.empty()) return;
   const Shape shape = scene.shape();
-  // The wall between the windows of a group is marked as the group's.
   const auto emitter_at = [&](int x, int y) {
     const std::uint16_t mark = scene.light_index(x, y);
     return mark == 0 ? kNoPoint : emitter_of_mark[mark - 1U];
   };
+  // The wall between the windows of a group is marked as the group's.
   const auto is_surface = [&](int x, int y) {
-    return emitter_at(x, y) == kNoPoint && scene.labels(x, y) != label::sky;
+    const std::uint16_t mark = scene.light_index(x, y);
+    return (mark == 0 || is_group(scene.lights[mark - 1U].cls)) && !kNoSurfaceLabels.contains(scene.labels(x, y));
   };
   DaySurfaces all;
   std::uint32_t bins[kBins] = {};

@@ -62,6 +62,9 @@ inline void daytime_colours(const SceneView& scene, Span<const std::uint32_t> em
 //   window                its panes glow, and what differs from them by day, to either side, is frame, bar or curtain
 //                         before the light: 1 / (1 + 2 (q - 1)^2 / q), q = here / panes, so a half at twice or half
 //                         the brightness [default]
+//   lit interior          of a window that shines by day: what the photograph shows in it, its hues by kMostHue and
+//                         relative to their mean, so that the cast of its light is gone; what is nearly white, or cut
+//                         off and no ink, is without hue
 //   lamp                  half the contrast of the day: its glass scatters, and what reflected light is now the source
 // The mean over a source's pixels is 1 where the pattern allows, so that it shows the luminance that it lights with.
 enum class SourcePattern : std::uint8_t { lamp, sign, window, lit_interior };
