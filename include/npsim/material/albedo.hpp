@@ -21,8 +21,8 @@
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.
 // It is an estimate up to a factor that the road's prior sets, not a measurement.
 // Cost: some 200 loops over the working image, 370 where there is a shadow, 100 more where there are cars; steps 1 and 2
-// twice where tones are steep, step 2 where white paint seemed to be the sun. Memory: estimate_albedo_workspace_bytes().
-// The same bits for any thread count.
+// twice where tones are steep, step 2 where white paint seemed to be the sun. The same bits for any thread count.
+// Memory: estimate_albedo_workspace_bytes().
 #ifndef NPSIM_MATERIAL_ALBEDO_HPP
 #define NPSIM_MATERIAL_ALBEDO_HPP
 

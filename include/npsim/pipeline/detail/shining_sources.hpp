@@ -3,8 +3,8 @@
 //
 // A source shines if it is
 //   - a window that is brighter than nine tenths of the surfaces that the photograph shows, lamps aside, and four times
-//     as bright as the road, but redder by kRedder than what is around it and than the road. A pane that mirrors the day
-//     has its colours, or shows less of a sunny wall than the picture does; blinds are darker than white walls; or
+//     as bright as the road, but redder by kRedder than what is around it and than the road. A pane that mirrors the
+//     day has its colours, or shows less of a sunny wall than the picture does; blinds are darker than white walls; or
 //   - a window or sign ten times as bright as the road and four times as bright as what is around it, as no paper is
 //     that hangs in the light that falls on the wall beside it.
 // What is around are surfaces that no lamp's mark covers within half of the source's size. Means of linear light. Where
