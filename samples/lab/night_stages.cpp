@@ -11,6 +11,7 @@
 #include "npsim/metrics/picture_errors.hpp"
 #include "npsim/pipeline/photograph.hpp"
 #include "tool/engine.hpp"
+#include "tool/shop_fronts.hpp"
 #include "transport_alone.hpp"
 
 namespace npsim::tool {
@@ -208,21 +209,6 @@ class StageJudge {
   return params;
 }
 
-// Which marks are shop fronts in the night that was drawn, so that every stage draws the same one.
-[[nodiscard]] Status shop_fronts_of(const NightParams& params, const SceneView& scene, const RefinedDepth& refined,
-                                    std::vector<std::uint8_t>& by_mark) {
-  by_mark.assign(scene.lights.size(), 0);
-  if (scene.light_index.empty() || scene.lights.empty()) return {};
-  std::vector<Emitter> placed(scene.lights.size());
-  std::vector<unsigned char> memory(placement_workspace_bytes(params.relight.placement, scene.shape()));
-  Workspace workspace(memory.data(), memory.size());
-  std::size_t count = 0;
-  NPSIM_RETURN_IF_ERROR(place_lights(params.relight.placement, placement_scene(scene, refined), workspace,
-                                     {placed.data(), placed.size()}, count));
-  for (std::size_t i = 0; i < count; ++i) by_mark[placed[i].mark - 1U] = is_shop_front(refined.ground, placed[i]);
-  return {};
-}
-
 [[nodiscard]] SceneView without_materials(const SceneView& scene) {
   SceneView guessed = scene;  // they are estimated
   guessed.albedo = {};
@@ -263,6 +249,7 @@ Status night_stages(const NightParams& params, const SceneView& scene, const Tru
 
   KeptDepth refined, given, exact, sheet, by_thesis;
   NPSIM_RETURN_IF_ERROR(refined_depth(params, scene, pool, console, refined));
+  // Those of the night that was drawn, so that every stage draws the same one.
   NPSIM_RETURN_IF_ERROR(shop_fronts_of(params, scene, refined.refined(), shop_fronts));
   placed.relight.shop_fronts = {shop_fronts.data(), shop_fronts.size()};
   const NightParams known = with_true_lamps(placed, night);

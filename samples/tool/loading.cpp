@@ -28,17 +28,22 @@ io::Outcome expect_scene(const std::string& path, const char* or_else) {
                    std::string("is no scene, expected a folder with a scene.json or the scene.json itself") + or_else};
 }
 
+io::Outcome resize_to(io::Scene& scene, const std::string& size) {
+  if (size.empty()) return io::Done{};
+  const io::Expected<Shape> shape = parse_size(size);
+  if (!shape) return shape.error();
+  return io::resize_scene(scene, shape.value());
+}
+
 io::Expected<io::Scene> load_scene(const std::string& path, const std::string& size) {
-  Shape shape;
   if (!size.empty()) {
     const io::Expected<Shape> parsed = parse_size(size);
     if (!parsed) return parsed.error();
-    shape = parsed.value();
   }
   if (const io::Outcome good = expect_scene(path); !good) return good.error();
   io::Expected<io::Scene> scene = io::read_scene(path);
-  if (scene && !size.empty()) {
-    if (const io::Outcome resized = io::resize_scene(scene.value(), shape); !resized) return resized.error();
+  if (scene) {
+    if (const io::Outcome resized = resize_to(scene.value(), size); !resized) return resized.error();
   }
   return scene;
 }

@@ -42,6 +42,7 @@
 #include "options.hpp"
 #include "outputs.hpp"
 #include "pictures.hpp"
+#include "shop_fronts.hpp"
 
 namespace npsim::tool {
 namespace {
@@ -439,7 +440,20 @@ void remove_older_nights(const NightOptions& options, const InputFiles& inputs) 
 
 int run_night(const NightOptions& options) {
   Console console(options.quiet);
-  io::Expected<io::Scene> loaded = console.timed("read scene", [&] { return load_scene(options.scene, options.size); });
+  NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
+  std::vector<std::uint8_t> shops;
+  io::Expected<io::Scene> loaded = console.timed("read scene", [&]() -> io::Expected<io::Scene> {
+    if (!options.size.empty()) {
+      if (const io::Expected<Shape> parsed = parse_size(options.size); !parsed) return parsed.error();
+    }
+    io::Expected<io::Scene> read = load_scene(options.scene, "");
+    if (!read) return read;
+    const io::Expected<std::vector<std::uint8_t>> told = shop_fronts(params, read.value(), options.threads);
+    if (!told) return told.error();
+    shops = told.value();
+    if (const io::Outcome resized = resize_to(read.value(), options.size); !resized) return resized.error();
+    return read;
+  });
   if (!loaded) return fail(loaded.error());
   io::Scene& photograph = loaded.value();
   const std::vector<std::string> doubts = io::scene_doubts(photograph);
@@ -461,8 +475,8 @@ int run_night(const NightOptions& options) {
                  "  note: no street lamp is marked, so what headlamps do not reach stays dark; mark them, or "
                  "--assume-lamps 8 lights a road of 8 m\n");
   }
-  NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
   params.seed = options.seed;
+  params.relight.shop_fronts = {shops.data(), shops.size()};
   params.photograph = scene.photograph;
   params.variants = options.variants;
   params.relight.gather.rays = options.rays;
