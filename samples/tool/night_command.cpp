@@ -441,21 +441,16 @@ void remove_older_nights(const NightOptions& options, const InputFiles& inputs) 
 int run_night(const NightOptions& options) {
   Console console(options.quiet);
   NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
-  std::vector<std::uint8_t> shops;
-  io::Expected<io::Scene> loaded = console.timed("read scene", [&]() -> io::Expected<io::Scene> {
-    if (!options.size.empty()) {
-      if (const io::Expected<Shape> parsed = parse_size(options.size); !parsed) return parsed.error();
-    }
-    io::Expected<io::Scene> read = load_scene(options.scene, "");
-    if (!read) return read;
-    const io::Expected<std::vector<std::uint8_t>> told = shop_fronts(params, read.value(), options.threads);
-    if (!told) return told.error();
-    shops = told.value();
-    if (const io::Outcome resized = resize_to(read.value(), options.size); !resized) return resized.error();
-    return read;
-  });
+  if (!options.size.empty()) {
+    if (const io::Expected<Shape> parsed = parse_size(options.size); !parsed) return fail(parsed.error());
+  }
+  io::Expected<io::Scene> loaded = console.timed("read scene", [&] { return load_scene(options.scene, ""); });
   if (!loaded) return fail(loaded.error());
   io::Scene& photograph = loaded.value();
+  const io::Expected<std::vector<std::uint8_t>> shops =
+      console.timed("shop fronts", [&] { return shop_fronts(params, photograph, options.threads); });
+  if (!shops) return fail(shops.error());
+  if (const io::Outcome resized = resize_to(photograph, options.size); !resized) return fail(resized.error());
   const std::vector<std::string> doubts = io::scene_doubts(photograph);
   const io::Expected<io::Scene> reduced =
       console.timed("scene at work size", [&] { return at_work_size(photograph, options.work_size); });
@@ -476,7 +471,7 @@ int run_night(const NightOptions& options) {
                  "--assume-lamps 8 lights a road of 8 m\n");
   }
   params.seed = options.seed;
-  params.relight.shop_fronts = {shops.data(), shops.size()};
+  params.relight.shop_fronts = {shops.value().data(), shops.value().size()};
   params.photograph = scene.photograph;
   params.variants = options.variants;
   params.relight.gather.rays = options.rays;

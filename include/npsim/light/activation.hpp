@@ -132,8 +132,9 @@ enum class ActivationKey : std::uint32_t { group, alone, source, technology, veh
   return bright ? kShopFront : light_class_model(e.cls, e.profile);
 }
 
-[[nodiscard]] constexpr bool is_lit_already(const ActivationParams& p, const Emitter& e) noexcept {
-  return e.shines_by_day && !p.by_text_alone;
+// In every night: headlamps of cars that drive, and what shines in the photograph already.
+[[nodiscard]] constexpr bool is_always_on(const ActivationParams& p, const Emitter& e) noexcept {
+  return is_headlamp_always_on(e) || (e.shines_by_day && !p.by_text_alone);
 }
 
 struct SignalChoice {
@@ -270,8 +271,8 @@ inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::ui
 [[nodiscard]] inline float certain_intensity_cd(const ActivationParams& p, const Emitter& e) noexcept {
   if (is_moon(e)) return peak_intensity_cd(e, moon_luminance_cd_m2(p));
   const LightClassModel model = light_detail::model_of(p, e);
-  const bool always = model.xy_count > 0 && (is_headlamp_always_on(e) || light_detail::is_lit_already(p, e) ||
-                                             (is_street_lamp(e.cls) && model.p_low >= 1.0F));
+  const bool always =
+      model.xy_count > 0 && (light_detail::is_always_on(p, e) || (is_street_lamp(e.cls) && model.p_low >= 1.0F));
   if (!always) return 0.0F;
   float strength = model.strength_low;
   if (is_street_lamp(e.cls)) strength *= light_detail::height_factor(e.mounting_height_m);
@@ -288,8 +289,7 @@ inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::ui
   if (model.xy_count == 0) return 0.0F;
   float strength = light_detail::draw_strength(model.strength_low, model.strength_high, 0.5F);
   if (is_street_lamp(e.cls)) strength *= light_detail::height_factor(e.mounting_height_m);
-  const bool always = is_headlamp_always_on(e) || light_detail::is_lit_already(p, e);
-  const float lit = always ? 1.0F : 0.5F * (model.p_low + model.p_high);
+  const float lit = light_detail::is_always_on(p, e) ? 1.0F : 0.5F * (model.p_low + model.p_high);
   return lit * peak_intensity_cd(e, strength);
 }
 
@@ -348,8 +348,7 @@ inline void add_indicator(const ActivationParams& p, std::uint64_t seed, std::ui
       p_low = p.bicycle_parked_p[0];
       p_high = p.bicycle_parked_p[1];
     }
-    const bool always = is_headlamp_always_on(e) || light_detail::is_lit_already(p, e);
-    const float probability = always ? 1.0F : p_low + (p_high - p_low) * u_p;
+    const float probability = light_detail::is_always_on(p, e) ? 1.0F : p_low + (p_high - p_low) * u_p;
     bool lit = u_lit < probability;
 
     float strength = light_detail::draw_strength(model.strength_low, model.strength_high, u_strength);
