@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <vector>
 
 #include "fixture.hpp"
 #include "lit_points.hpp"
@@ -50,7 +51,84 @@ double seen_luminance(const Vec3f& position, const Vec3f& normal, const Vec3f& a
   return seen;
 }
 
+// Directions from a marking straight ahead of the camera, 1.4 m over the ground, to it and to a lamp of its car.
+struct CarAhead {
+  Vec3d to_camera, to_lamp;
+};
+
+CarAhead car_at(double distance_m) {
+  return {normalized(Vec3d{0, -distance_m, 1.4}), normalized(Vec3d{-0.6, 1.7 - distance_m, 0.65})};
+}
+
+// The light that a lamp casts through a glass bead of index 1.5 on the paint behind it, in cells of the bead's far side
+// seen along the road, per light on its disc. The bead has the radius 1 and sticks out of the paint above `level`.
+constexpr int kCells = 120;
+using Spot = std::vector<double>;
+
+Spot light_behind_bead(const Vec3d& to_lamp, double level) {
+  constexpr int kRays = 1500;
+  constexpr double kIndex = 1.5;
+  Spot spot(kCells * kCells, 0.0);
+  const Vec3d side = normalized(cross(to_lamp, Vec3d{0, 0, 1}));
+  const Vec3d over = cross(side, to_lamp);
+  for (int i = 0; i < kRays; ++i) {
+    for (int j = 0; j < kRays; ++j) {
+      const double u = 2 * (i + 0.5) / kRays - 1;
+      const double v = 2 * (j + 0.5) / kRays - 1;
+      if (u * u + v * v >= 1) continue;
+      const double cosine = std::sqrt(1 - u * u - v * v);
+      const Vec3d in = side * u + over * v + to_lamp * cosine;
+      if (in.z <= level) continue;
+      const double inner = std::sqrt(1 - (1 - cosine * cosine) / (kIndex * kIndex));
+      const double s = (cosine - kIndex * inner) / (cosine + kIndex * inner);
+      const double p = (inner - kIndex * cosine) / (inner + kIndex * cosine);
+      const Vec3d ray = to_lamp * (-1 / kIndex) + in * (cosine / kIndex - inner);
+      const Vec3d out = in - ray * (2 * dot(in, ray));
+      if (out.z >= level || out.y <= 0) continue;
+      const int x = static_cast<int>((out.x + 1) * 0.5 * kCells);
+      const int z = static_cast<int>((out.z + 1) * 0.5 * kCells);
+      spot[static_cast<std::size_t>(z * kCells + x)] += (1 - 0.5 * (s * s + p * p)) / (kRays * kRays);
+    }
+  }
+  return spot;
+}
+
+// R_L of such beads, up to a factor: paint scatters what it gets, and sends through the bead to the eye as much as would
+// come from there. Beads cover 2.2 `density` of the paint and hide each other; lamp and eye see about the same ones.
+double returned_by_beads(const CarAhead& car, double level, double density) {
+  const Spot lit = light_behind_bead(car.to_lamp, level);
+  const Spot seen = light_behind_bead(car.to_camera, level);
+  double sum = 0;
+  for (int z = 0; z < kCells; ++z) {
+    for (int x = 0; x < kCells; ++x) {
+      const double px = 2 * (x + 0.5) / kCells - 1;
+      const double pz = 2 * (z + 0.5) / kCells - 1;
+      const auto cell = static_cast<std::size_t>(z * kCells + x);
+      sum += lit[cell] * seen[cell] * std::sqrt(std::max(1 - px * px - pz * pz, 0.02));
+    }
+  }
+  const auto open = [&](double sine) { return (1 - std::exp(-density / sine)) * sine / density; };
+  return sum / car.to_camera.z * std::min(open(car.to_lamp.z), open(car.to_camera.z));
+}
+
 }  // namespace
+
+TEST_CASE("retroreflection: painted beads return as rays traced through them do, 5 to 20 m ahead, within a fourth") {
+  const auto angles = [](double degrees) { return degrees * kPi / 180; };
+  const CarAhead standard{vec_cast<double>(at_angles(angles(87.71), angles(-90))),
+                          vec_cast<double>(at_angles(angles(88.76), angles(-90)))};
+  for (const double level : {0.16, 0.28}) {
+    const double at_30_m = returned_by_beads(standard, level, 0.15);
+    for (const double distance_m : {5.0, 6.0, 8.0, 10.0, 15.0, 20.0}) {
+      const CarAhead car = car_at(distance_m);
+      const double traced = returned_by_beads(car, level, 0.15) / at_30_m;
+      const auto modelled = static_cast<double>(eval_retroreflection(
+          RetroKind::beads, {0, 0, 1}, vec_cast<float>(car.to_camera), vec_cast<float>(car.to_lamp)));
+      CAPTURE(distance_m);
+      CHECK(modelled == doctest::Approx(traced).epsilon(0.25 * traced / (1 + traced)));
+    }
+  }
+}
 
 TEST_CASE("retroreflection: sheeting keeps to the table of EN 12899-1, class RA2, within a seventh at 5 degrees") {
   CHECK(coefficient(0.2, 5) == doctest::Approx(250).epsilon(0.02));
