@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Light of a point of the street towards the camera: sun with a traced shadow, sky and one bounce by a few hemisphere
-// rays, mirror reflections of paint and glass, haze. Relative to a white wall facing the sun (1).
+// rays, mirror reflections of paint and glass, the sheen of the ground, haze. Relative to a white wall facing the sun
+// (1).
 //
 // The sky part is returned apart from the albedo, so that it can be smoothed across neighbours. About five rays.
 #ifndef NPSIM_SAMPLES_STREET_SHADING_HPP
@@ -12,6 +13,8 @@
 
 #include "dice.hpp"
 #include "layout.hpp"
+#include "npsim/material/bsdf.hpp"
+#include "npsim/material/roughness.hpp"
 #include "scene.hpp"
 #include "sky.hpp"
 #include "stage.hpp"
@@ -87,6 +90,8 @@ inline float schlick(float f0, float cosine) {
   return f0 + (1 - f0) * k2 * k2 * k;
 }
 
+inline bool is_ground(Kind k) { return k == Kind::road || k == Kind::pavement || k == Kind::kerb; }
+
 inline SampleLight shade(const Stage& stage, const Vec3f& eye, const Vec3f& ray, const ShadePoint& p, float pixel_rad,
                          int sky_rays, const Lattice& lattice, Dice& dice) {
   const Layout& l = *stage.layout;
@@ -97,6 +102,15 @@ inline SampleLight shade(const Stage& stage, const Vec3f& eye, const Vec3f& ray,
   const Vec3f origin = p.position + p.geometric * 3e-3F;
   SampleLight out;
   out.albedo = s.albedo;
+  // The ground is seen at a grazing angle, where even a rough interface shows the sky: as much of it as of the rest of
+  // the hemisphere.
+  constexpr float kGroundF0 = 0.04F;
+  const bool ground = is_ground(m.kind);
+  const float alpha = alpha_of_roughness(s.roughness);
+  if (ground) {
+    const float mirrored = SpecularAlbedo(alpha, kGroundF0)(view);
+    out.albedo = s.albedo * (1 - mirrored) + Vec3f{mirrored, mirrored, mirrored};
+  }
   out.sky = gather(stage, p, sky_rays, lattice);
   // A point of the sun's disc, half an angle of 0.0047 rad.
   Vec3f st, sb;
@@ -115,7 +129,9 @@ inline SampleLight shade(const Stage& stage, const Vec3f& eye, const Vec3f& ray,
   const Vec3f sun = sun_colour(l);
   if (lit > 0) {
     const float cosine = facing > 0 ? facing : -facing * 0.6F;  // leaves let light through
-    out.direct += s.albedo * sun * cosine;
+    out.direct +=
+        (ground ? eval_bsdf(s.albedo, alpha, kGroundF0, p.normal, ray * -1.0F, sun_direction) * kPi : s.albedo) * sun *
+        cosine;
     if (s.mirror >= 0.03F && facing > 0) {
       const Vec3f half = normalized(sun_direction - ray);
       const float nh = dot(p.normal, half);

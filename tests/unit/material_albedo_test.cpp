@@ -687,6 +687,19 @@ TEST_CASE("markings and rails on a cloudy day, slightly yellow in a picture with
   CHECK(contrast(p, painted, 170) > 2.5);  // of 3.4 by day
 }
 
+TEST_CASE("paint on a road that mirrors a cloudy sky is as much whiter than its asphalt as it is, near and far") {
+  const SpecularAlbedo interface(surface_prior(label::road).alpha, 0.04F);
+  const auto painted = [](float across, float) { return std::fabs(std::fabs(across) - 1.3F) < 0.25F; };
+  const Picture p = level_road([&](float across, float away) {
+    const float albedo = painted(across, away) ? 0.5F : 0.1F;
+    const float mirrored = interface(1.5F / std::sqrt(across * across + away * away + 1.5F * 1.5F));
+    const float seen = 0.8F * (albedo * (1.0F - mirrored) + mirrored);
+    return Vec3f{seen, seen, seen};
+  });
+  CHECK(p.median(label::road) == doctest::Approx(0.1).epsilon(0.05));
+  for (const int first_row : {170, 240}) CHECK(contrast(p, painted, first_row) == doctest::Approx(5).epsilon(0.08));
+}
+
 TEST_CASE("lines that run askew to the camera's axis on a cloudy day are no sun on the road") {
   for (const float angle : {0.0F, 0.1F, 0.2F, 0.3F, 0.4F, 0.5F}) {
     CAPTURE(angle);

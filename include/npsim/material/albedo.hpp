@@ -49,6 +49,7 @@
 #include "npsim/material/detail/daylight/standing_light.hpp"
 #include "npsim/material/detail/daylight/sun.hpp"
 #include "npsim/material/detail/daylight/sunny_faces.hpp"
+#include "npsim/material/detail/specular_albedo.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -57,7 +58,7 @@ struct AlbedoParams {
   float cast_removal = 0.7F;  // 0 keeps the colour cast, 1 makes sunlit road grey
   bool remove_light = true;   // steps 2 and 4
   int saturated_level = 250;  // 1..256; 256 switches the treatment off
-  float free_ratio = 4.0F;    // > 1: of luminance to the level of the class
+  float free_ratio = 6.0F;    // > 1: of luminance to the level of the class; white paint has .6 on asphalt of .1
   float panes_limit = 1.2F;   // of an object's luminance to its median
   float min_albedo = 0.015F;
   float max_albedo = 0.9F;
@@ -483,6 +484,20 @@ inline constexpr LabelSet kThinLabels = kPoleLabels | LabelSet::of(label::person
   return best;
 }
 
+// What ground mirrors of the sky adds the same to dark and bright, so a photograph shows less contrast than its albedo
+// has. Where the road's median looks like its albedo, what looks like `a` has road + (a - road) * contrast.
+[[nodiscard]] inline float contrast_of_ground(const Context& c, Label label, int x, int y, float sun) noexcept {
+  constexpr float kDryF0 = 0.04F;
+  constexpr float kOfSun = 0.5F;  // of what is mirrored on average lies away from the sun's mirror image
+  const GroundPlane& ground = c.scene.ground;
+  const float alpha = surface_prior(label).alpha;
+  if (alpha > 1.0F || !(ground.inlier_share > 0.0F)) return 1.0F;
+  const Vec3f sight = normalized(unproject_pixel(c.scene.camera, x, y, 1.0F));
+  const float sky = c.ground.shadow ? exp2_of(-c.ground.ratio_y - log_light(sun, c.ground.ratio_y)) : 1.0F;
+  const float mirrored = SpecularAlbedo(alpha, kDryF0)(-dot(sight, ground.up)) * (kOfSun + (1.0F - kOfSun) * sky);
+  return 1.0F + mirrored / ((1.0F - mirrored) * surface_prior(label::road).albedo);
+}
+
 template <class Executor>
 void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executor) {
   const AlbedoScene& s = c.scene;
@@ -500,7 +515,11 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
     const Light light = light_at(c, x, y, region);
     bool at_border = false;
     const Rgb8 seen = region < kGroundRegions ? s.image(x, y) : without_border(c, x, y, at_border);
-    const Vec3f a = c.picture.light_of(seen) * gain_of(c, light.level, light.sun);
+    Vec3f a = c.picture.light_of(seen) * gain_of(c, light.level, light.sun);
+    if (region < kGroundRegions) {
+      const float road = surface_prior(label::road).albedo;
+      a = Vec3f{road, road, road} + (a - Vec3f{road, road, road}) * contrast_of_ground(c, label, x, y, light.sun);
+    }
     // In half shade the colour of the light is the least certain; thin things have that of what they stand before.
     constexpr float kTrustAtBorder = 0.3F;
     const float trust =
