@@ -511,6 +511,36 @@ TEST_CASE("sensor: displayed noise of the video cameras lies within half and twi
   }
 }
 
+TEST_CASE(
+    "sensor: black of an action camera is purple, by the same light in the dark as in what is lit; white is white") {
+  PhotographParams purple = PhotographParams::action_camera();
+  purple.exposure.metering = npsim::Metering::fixed;
+  purple.exposure.camera.iso = 1200;
+  purple.sensor.vignetting = 0;
+  purple.white_balance.fixed_k = 6504;
+  PhotographParams neutral = purple;
+  neutral.isp.black_cast = {};
+  const auto mean = [](const Picture& p) {
+    npsim::Vec3d sum;
+    for (const npsim::Rgb8& c : p.view().pixels()) {
+      sum += npsim::vec_cast<double>(
+          npsim::Vec3f{npsim::srgb_decode8(c.r), npsim::srgb_decode8(c.g), npsim::srgb_decode8(c.b)});
+    }
+    return sum / static_cast<double>(p.view().pixels().size());
+  };
+  for (const float linear : {0.0F, 0.003F, 0.03F}) {
+    CAPTURE(linear);
+    const float y = linear / npsim::signal_per_luminance(purple.exposure.camera);
+    const Image flat({200, 200}, {y, y, y});
+    const npsim::Vec3d added = mean(photographed(purple, flat)) - mean(photographed(neutral, flat));
+    CHECK(added.x == doctest::Approx(0.0010).epsilon(0.0002));
+    CHECK(added.y == doctest::Approx(0.0).epsilon(0.0002));
+    CHECK(added.z == doctest::Approx(0.0013).epsilon(0.0002));
+  }
+  const Rgb8 white = photographed(purple, Image({9, 9}, {1e4F, 1e4F, 1e4F}))(4, 4);
+  for (const int code : {white.r, white.g, white.b}) CHECK(code == 255);
+}
+
 TEST_CASE("sensor: by 4:2:0 the pixels of a quad have one colour and their own luma, at odd sizes too") {
   for (const Shape shape : {Shape{7, 5}, Shape{301, 4}, Shape{1, 1}}) {
     npsim_test::Image<float> plane(npsim::mosaic_shape(shape), 0.0F);
@@ -572,6 +602,10 @@ TEST_CASE("sensor: the ISP refuses parameters out of range, planes of another si
         npsim::StatusCode::invalid_argument);
   params = {};
   params.gains.y = std::numeric_limits<float>::quiet_NaN();
+  CHECK(npsim::develop(params, {}, plane.view(), wide.sub(0, 0, {4, 3}), none, executor).code() ==
+        npsim::StatusCode::invalid_argument);
+  params = {};
+  params.black_cast.z = 0.2F;
   CHECK(npsim::develop(params, {}, plane.view(), wide.sub(0, 0, {4, 3}), none, executor).code() ==
         npsim::StatusCode::invalid_argument);
   CameraExposure exposure;

@@ -280,7 +280,7 @@ inline Outcome read_white_balance(const JsonObject& o, WhiteBalanceParams& p) {
 
 inline Outcome read_isp(const JsonObject& o, IspParams& p, float& sharpening) {
   if (auto k = o.allow_only({"demosaic", "chroma", "pale_from", "pale", "saturation", "tone", "toe", "knee", "lift",
-                             "local", "local_reach", "local_edge", "local_dark", "sharpening"});
+                             "local", "local_reach", "local_edge", "local_dark", "black_cast", "sharpening"});
       !k) {
     return k;
   }
@@ -298,6 +298,7 @@ inline Outcome read_isp(const JsonObject& o, IspParams& p, float& sharpening) {
       !r) {
     return r;
   }
+  if (auto r = read_vector(o, "black_cast", 3, &p.black_cast.x); !r) return r;
   if (auto r = read_word(o, "demosaic", {"bilinear", "gradient"}, p.demosaic); !r) return r;
   if (auto r = read_word(o, "chroma", {"4:4:4", "4:2:0"}, p.chroma); !r) return r;
   return read_word(o, "tone", {"clip", "filmic", "log"}, p.tone.kind);

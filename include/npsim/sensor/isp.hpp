@@ -19,6 +19,8 @@
 //           straight part would show as white are told apart (headroom()).
 //   log     y = ln(1 + a n) / ln(1 + a), n = 1 at the end of the range: for several exposures
 // By `local` the curve follows the light of each place (sensor/detail/local_tone.hpp).
+// Black: what the curve shows of no light at all is `black_cast`, added to everything: cameras take a little less than
+// their black level away, which white balance multiplies in red and blue.
 // Chroma sampling: video keeps luma for every pixel and chroma for 2x2 of them (4:2:0), by which the coloured fringes
 // that a mosaic leaves at edges go. On the square roots of the linear values: red - Y and blue - Y become the means of
 // their quad, Y = .2126 red + .7152 green + .0722 blue stays.
@@ -72,6 +74,7 @@ struct IspParams {
   float colourless = 0.0F;  // share of full scale at which half of the colour is withdrawn: that of the noise in black
   ToneCurve tone;
   LocalToneParams local;
+  Vec3f black_cast;  // displayed linear light of black; [0, .1]
 };
 
 [[nodiscard]] inline Status validate(const ToneCurve& c) noexcept {
@@ -86,11 +89,13 @@ struct IspParams {
   NPSIM_RETURN_IF_ERROR(validate(p.local));
   const auto within = [](float v, float high) noexcept { return v >= 0.0F && v <= high; };
   if (within(p.gains.x, 64.0F) && within(p.gains.y, 64.0F) && within(p.gains.z, 64.0F) && within(p.pale_from, 0.89F) &&
-      within(p.pale, 1.0F) && within(p.saturation, 4.0F) && within(p.colourless, 1.0F)) {
+      within(p.pale, 1.0F) && within(p.saturation, 4.0F) && within(p.colourless, 1.0F) &&
+      within(p.black_cast.x, 0.1F) && within(p.black_cast.y, 0.1F) && within(p.black_cast.z, 0.1F)) {
     return {};
   }
   return {StatusCode::invalid_argument,
-          "ISP: gains in [0, 64], pale_from in [0, .89], pale in [0, 1], saturation in [0, 4], colourless in [0, 1]"};
+          "ISP: gains in [0, 64], pale_from in [0, .89], pale in [0, 1], saturation in [0, 4], colourless in [0, 1], "
+          "black_cast in [0, .1]"};
 }
 
 // How many times brighter than white by the straight part of the curve, which shows light as it is, full scale is.
@@ -274,9 +279,9 @@ void develop_segment(const IspParams& params, const ColourMatrix& matrix, Mosaic
   }
   const auto shown = [&](int i, const auto& tone) {
     const Rgb<F> c = rendered<F>(params, channels(i), F::load(s.peak + i), tone);
-    const F red = sqrt(min(c.x, F(1.0F)));
-    const F green = sqrt(min(c.y, F(1.0F)));
-    const F blue = sqrt(min(c.z, F(1.0F)));
+    const F red = sqrt(min(c.x + F(params.black_cast.x), F(1.0F)));
+    const F green = sqrt(min(c.y + F(params.black_cast.y), F(1.0F)));
+    const F blue = sqrt(min(c.z + F(params.black_cast.z), F(1.0F)));
     const F luma = fma(red, F(kLumaRed), fma(green, F(kLumaGreen), blue * F(kLumaBlue)));
     (red - luma).store(s.x + i);
     luma.store(s.y + i);
