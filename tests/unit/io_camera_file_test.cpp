@@ -42,13 +42,14 @@ TEST_CASE("camera file: presets by name, each valid; another name is refused wit
 TEST_CASE("camera file: every part is read, and what is not named is the preset's") {
   const auto camera = read_camera_text(R"({"preset": "dashcam",
     "exposure": {"iso": 500, "f_number": 2.8, "time_s": 0.02},
-    "glare": {"halo": 0.1, "cap": 1e5, "blades": 6, "turn_deg": 10, "apothem_mm": 2},
+    "glare": {"halo": 0.1, "cap": 1e5, "blades": 6, "turn_deg": 10, "apothem_mm": 2, "streak": 0.001,
+    "streak_deg": 30},
     "sensor": {"mosaic": "gbrg", "bits": 10, "black": 32, "row_noise": 0.2, "hot_pixels": 1e-4, "serial": 9,
     "response": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]},
     "noise": {"residual": 0.5, "table": [[100, 1e-4, 1e-7], [200, 2e-4, 4e-7]]},
     "white_balance": {"fixed_k": 4000}, "denoise": {"strength": 0},
     "isp": {"demosaic": "bilinear", "chroma": "4:4:4", "tone": "log", "lift": 50, "local": 0.5, "local_edge": 3,
-    "local_reach": 0.2, "local_dark": 0.001, "sharpening": 0.7}})");
+    "local_reach": 0.2, "local_dark": 0.001, "black_cast": [0.001, 0, 0.002], "sharpening": 0.7}})");
   REQUIRE(camera.ok());
   const PhotographParams p = camera.value().params();
   CHECK(p.exposure.metering == Metering::fixed);
@@ -71,6 +72,9 @@ TEST_CASE("camera file: every part is read, and what is not named is the preset'
   CHECK(p.starburst.turn_deg == 10.0F);
   CHECK(p.starburst.apothem_mm == 2.0F);
   CHECK(p.starburst.cap == 1e5F);
+  CHECK(p.starburst.streak == 0.001F);
+  CHECK(p.starburst.streak_deg == 30.0F);
+  CHECK(p.isp.black_cast == Vec3f{0.001F, 0, 0.002F});
   CHECK(p.isp.local.share == 0.5F);
   CHECK(p.isp.local.edge_stops == 3.0F);
   CHECK(p.isp.local.reach == 0.2F);

@@ -81,6 +81,31 @@ TEST_CASE("sensor: a starburst has as many spikes as an even number of blades, t
   }
 }
 
+TEST_CASE("sensor: a wiped windscreen sends its share of a lamp beyond a degree to each side, along one line, white") {
+  StarburstParams params;
+  params.streak = 1e-3F;
+  const Image out = burst(params, lamp());
+  // A degree is 17.45 px; what would go further than the border at 200 px stays in the lamp.
+  for (const int side : {-1, 1}) {
+    double beyond = 0;
+    for (int s = 18; s <= 200; ++s) beyond += static_cast<double>(out(kMiddle + side * s, kMiddle).y);
+    CHECK(beyond / 1e6 == doctest::Approx(1e-3 * 17.4533 * (1 / 17.5 - 1 / 200.5)).epsilon(1e-6));
+  }
+  CHECK(out(kMiddle + 50, kMiddle).x == out(kMiddle + 50, kMiddle).z);
+  CHECK(out(kMiddle, kMiddle + 50).y == 0.0F);
+  CHECK(std::fabs(total(out) / 3e6 - 1.0) < 1e-5);
+  // Clockwise as turn_deg: to the upper right and the lower left at -45, beside the spikes of an iris.
+  StarburstParams both = blades(4);
+  both.streak = 1e-3F;
+  both.streak_deg = -45.0F;
+  const Image crossed = burst(both, lamp());
+  const Image spikes = burst(blades(4), lamp());
+  CHECK(crossed(kMiddle + 40, kMiddle - 40).y > 0.1F);
+  CHECK(crossed(kMiddle - 40, kMiddle + 40).y > 0.1F);
+  CHECK(crossed(kMiddle + 40, kMiddle + 40).y == 0.0F);
+  CHECK(crossed(kMiddle + 40, kMiddle).y == spikes(kMiddle + 40, kMiddle).y);
+}
+
 TEST_CASE("sensor: spikes go to the border, and along it") {
   for (const int at : {0, 1, 50, 99, 100}) {
     Image image({101, 101});
@@ -140,6 +165,12 @@ TEST_CASE("sensor: a starburst refuses parameters out of range and a small works
   StarburstParams params = blades(6);
   params.apothem_mm = std::numeric_limits<float>::quiet_NaN();
   CHECK(code(params, kFocal) == StatusCode::invalid_argument);
+  params = {};
+  params.streak = 0.02F;
+  CHECK(code(params, kFocal) == StatusCode::invalid_argument);
+  params.streak = 0.01F;
+  CHECK(code(params, kFocal) == StatusCode::ok);
+  CHECK(code(params, 1e4F) == StatusCode::invalid_argument);  // would send more than all of it
   npsim::Workspace none;
   CHECK(npsim::add_starburst(blades(6), kFocal, image.cview(), image.view(), none, executor).code() ==
         StatusCode::workspace_exhausted);

@@ -151,14 +151,20 @@ inline Outcome read_exposure(const JsonObject& o, AutoExposureParams& p) {
 }
 
 inline Outcome read_glare(const JsonObject& o, GlareParams& glare, StarburstParams& starburst) {
-  if (auto k = o.allow_only({"halo", "veil", "core_deg", "cap", "blades", "turn_deg", "apothem_mm"}); !k) return k;
+  if (auto k =
+          o.allow_only({"halo", "veil", "core_deg", "cap", "blades", "turn_deg", "apothem_mm", "streak", "streak_deg"});
+      !k) {
+    return k;
+  }
   if (auto r = read_whole(o, "blades", starburst.blades); !r) return r;
   if (auto r = read_numbers(o, {{"halo", &glare.halo},
                                 {"veil", &glare.veil},
                                 {"core_deg", &glare.core_deg},
                                 {"cap", &glare.cap},
                                 {"turn_deg", &starburst.turn_deg},
-                                {"apothem_mm", &starburst.apothem_mm}});
+                                {"apothem_mm", &starburst.apothem_mm},
+                                {"streak", &starburst.streak},
+                                {"streak_deg", &starburst.streak_deg}});
       !r) {
     return r;
   }

@@ -85,7 +85,7 @@ struct PhotographParams {
   AutoExposureParams exposure = for_video();
   MotionParams motion = rolling(0.016F);  // at rest, until its speed is given
   FlickerParams flicker;
-  StarburstParams starburst;  // none: small lenses of fixed f-number have a round opening
+  StarburstParams starburst = wiped_windscreen();  // no spikes: small lenses of fixed f-number have a round opening
   GlareParams glare;
   // Three linear sRGB channels in every pixel, neither filters nor full well nor converter: equation (3.10) and
   // clipping alone. sensor, white_balance and isp are not used then.
@@ -106,6 +106,13 @@ struct PhotographParams {
     exposure.usual_iso = 1440.0F;
     return exposure;
   }
+  // Real nights have streaks from lower left to upper right (docs/camera.md).
+  [[nodiscard]] static constexpr StarburstParams wiped_windscreen() noexcept {
+    StarburstParams starburst;
+    starburst.streak = 0.0004F;
+    starburst.streak_deg = -45.0F;
+    return starburst;
+  }
   // What is darkest in four nights of such a camera is 5.5, .7, 5.6 of 255; the excess of red and blue over the light's
   // own is the same from there up to 30 (docs/camera.md).
   [[nodiscard]] static constexpr IspParams purple_black() noexcept {
@@ -117,6 +124,7 @@ struct PhotographParams {
   [[nodiscard]] static constexpr PhotographParams plain() noexcept {
     PhotographParams params;
     params.exposure = {};
+    params.starburst = {};
     params.isp = {};
     params.isp.pale_from = 0.6F;
     return params;

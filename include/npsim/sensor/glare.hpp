@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the lens sends the light of lamps: veiling glare and starbursts.
+// Where lens and windscreen send the light of lamps: veiling glare, starbursts and streaks.
 #ifndef NPSIM_SENSOR_GLARE_HPP
 #define NPSIM_SENSOR_GLARE_HPP
 
@@ -315,7 +315,8 @@ template <class Executor>
   return {};
 }
 
-// Starbursts: the light of lamps that the straight edges of an iris diffract, a spike to either side of every blade.
+// Starbursts: the light of lamps that straight edges diffract, of an iris a spike to either side of every blade, of a
+// wiped windscreen one streak.
 //
 // Of the light that passes an opening of area A and perimeter P the share beyond the angle t is, at many times the
 // width of the core,  lambda P / (2 pi^2 A t)  (2 lambda / (pi^2 D t) for a disc of diameter D: Born and Wolf,
@@ -325,6 +326,8 @@ template <class Executor>
 // a regular one P / A = 2 / apothem. So along a spike, in pixels s with t = s / focal,
 //   light between s and s + ds  =  I c ds / s^2,   c = lambda focal / (2 pi^2 apothem n).
 // lambda: 610, 540 and 460 nm for red, green and blue, so spikes are reddish.
+// A wiper leaves a film of parallel stripes on a windscreen, whose edges do the same across them: one streak through
+// every lamp, of all colours alike since stripes differ in width, with c = focal `streak` / 57.3 to each side.
 // Spikes are a pixel wide (lambda / edge is less than that for most lenses), begin 1.5 px from the lamp, and end at the
 // border or where a pixel gets less than `least`; what is not sent out stays in the lamp. What is dimmer than `lamp`
 // sends none, which would be lost beside it.
@@ -337,6 +340,8 @@ struct StarburstParams {
   int blades = 0;            // of the iris, 3 to 31; 0: it is round, or wide open
   float turn_deg = 0.0F;     // of the iris, clockwise; the first blade's normal points to the right at 0
   float apothem_mm = 0.65F;  // from the middle of the opening to a blade; focal length / f-number / 2 nearly
+  float streak = 0.0F;       // share of a lamp's light that the windscreen sends further than a degree, to each side
+  float streak_deg = 0.0F;   // of the streak, clockwise; along the rows at 0
   float least = 1e-3F;       // cd/m2 of a spike that are worth a pixel
   float lamp = 20.0F;        // cd/m2 of what has spikes
   float cap = 1e6F;          // cd/m2, as GlareParams has it
@@ -344,19 +349,22 @@ struct StarburstParams {
 
 [[nodiscard]] inline Status validate(const StarburstParams& p) noexcept {
   const bool good = (p.blades == 0 || (p.blades >= 3 && p.blades <= 31)) && std::fabs(p.turn_deg) <= 360.0F &&
-                    p.apothem_mm >= 0.05F && p.apothem_mm <= 100.0F && p.least >= 1e-6F && p.least <= 1e6F &&
-                    p.lamp >= 0.0F && p.lamp <= kMaxSample && p.cap > 0.0F && p.cap <= kMaxSample;
+                    p.apothem_mm >= 0.05F && p.apothem_mm <= 100.0F && p.streak >= 0.0F && p.streak <= 0.01F &&
+                    std::fabs(p.streak_deg) <= 360.0F && p.least >= 1e-6F && p.least <= 1e6F && p.lamp >= 0.0F &&
+                    p.lamp <= kMaxSample && p.cap > 0.0F && p.cap <= kMaxSample;
   return good ? Status()
               : Status(StatusCode::invalid_argument,
-                       "starburst: blades 0 or 3 to 31, turn in [-360, 360] degrees, apothem in [.05, 100] mm, "
-                       "least in [1e-6, 1e6], lamp in [0, 1e12], cap in (0, 1e12] cd/m2");
+                       "starburst: blades 0 or 3 to 31, angles in [-360, 360] degrees, apothem in [.05, 100] "
+                       "mm, streak in [0, .01], least in [1e-6, 1e6], lamp in [0, 1e12], cap in (0, 1e12] cd/m2");
 }
 
-[[nodiscard]] constexpr bool has_starburst(const StarburstParams& p) noexcept { return p.blades > 0; }
+[[nodiscard]] constexpr bool has_starburst(const StarburstParams& p) noexcept {
+  return p.blades > 0 || p.streak > 0.0F;
+}
 
-inline constexpr int kMaxSpikes = 62;  // of 31 blades
+inline constexpr int kMaxSpikes = 64;  // of 31 blades and a streak
 
-// Distinct spikes: opposite blades share theirs.
+// Distinct spikes of the iris: opposite blades share theirs.
 [[nodiscard]] constexpr int spike_count(const StarburstParams& p) noexcept {
   return p.blades % 2 == 0 ? p.blades : 2 * p.blades;
 }
@@ -405,23 +413,47 @@ inline void add_spike(const Vec3f& source, float end, const Vec2f& along, int x,
   change(x, y) -= sent;
 }
 
-inline void scatter(const StarburstParams& params, const Vec3f& strength, ImageView<const Vec3f> in,
-                    ImageView<Vec3f> change) noexcept {
+// Where light goes from every lamp, and its c.
+struct Spikes {
   Vec2f along[kMaxSpikes];
-  const int spikes = spike_count(params);
-  for (int i = 0; i < spikes; ++i) {
-    const float degrees = params.turn_deg + 360.0F * static_cast<float>(i) / static_cast<float>(spikes);
-    along[i] = {std::cos(degrees * 0.017453292519943295F), std::sin(degrees * 0.017453292519943295F)};
+  Vec3f strength[kMaxSpikes];
+  int count = 0;
+  Vec3f sum;  // of the strengths
+
+  void add(float degrees, const Vec3f& c) noexcept {
+    const float radians = degrees * 0.017453292519943295F;
+    along[count] = {std::cos(radians), std::sin(radians)};
+    strength[count++] = c;
+    sum += c;
   }
+};
+
+[[nodiscard]] inline Spikes spikes_of(const StarburstParams& p, float focal_px) noexcept {
+  Spikes spikes;
+  const int blades = spike_count(p);
+  for (int i = 0; i < blades; ++i) {
+    spikes.add(p.turn_deg + 360.0F * static_cast<float>(i) / static_cast<float>(blades), spike_strength(p, focal_px));
+  }
+  if (p.streak > 0.0F) {
+    const float c = p.streak * focal_px * 0.017453292519943295F;
+    for (const float side : {0.0F, 180.0F}) spikes.add(p.streak_deg + side, {c, c, c});
+  }
+  return spikes;
+}
+
+inline void scatter(const StarburstParams& params, const Spikes& spikes, ImageView<const Vec3f> in,
+                    ImageView<Vec3f> change) noexcept {
   for (int y = 0; y < in.height(); ++y) {
     for (int x = 0; x < in.width(); ++x) {
       const Vec3f light = sane_sample(in(x, y));
       const float brightest = max_of(light.x, light.y, light.z);
+      if (brightest < params.lamp) continue;
       const float capped = brightest > params.cap ? params.cap / brightest : 1.0F;
-      const Vec3f source = light * strength * capped;
-      const float end = std::sqrt(max_of(source.x, source.y, source.z) / params.least);
-      if (brightest < params.lamp || end < kFirst) continue;
-      for (int i = 0; i < spikes; ++i) add_spike(source, end, along[i], x, y, change);
+      for (int i = 0; i < spikes.count; ++i) {
+        const Vec3f source = light * spikes.strength[i] * capped;
+        const float end = std::sqrt(max_of(source.x, source.y, source.z) / params.least);
+        if (end >= kFirst) add_spike(source, end, spikes.along[i], x, y, change);
+      }
     }
   }
 }
@@ -441,15 +473,15 @@ template <class Executor>
   const Shape shape = in.shape();
   ImageView<Vec3f> change;  // what spikes bring and lamps lose
   if (has_starburst(params)) {
-    const Vec3f strength = spike_strength(params, focal_px);
-    if (strength.x * static_cast<float>(spike_count(params)) > 0.5F) {
-      return {StatusCode::invalid_argument, "starburst: so small an iris would diffract a third of the light"};
+    const starburst_detail::Spikes spikes = starburst_detail::spikes_of(params, focal_px);
+    if (spikes.sum.x > 0.5F) {
+      return {StatusCode::invalid_argument, "starburst: spikes and streak would take a third of the light"};
     }
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, change));
     for_rows(executor, shape.height, [&](int y) {
       for (int x = 0; x < shape.width; ++x) change(x, y) = {};
     });
-    starburst_detail::scatter(params, strength, in, change);
+    starburst_detail::scatter(params, spikes, in, change);
   }
   for_rows(executor, shape.height, [&](int y) {
     for (int x = 0; x < shape.width; ++x) {
