@@ -34,6 +34,13 @@ TEST_CASE("camera file: presets by name, each valid; another name is refused wit
     REQUIRE(camera.ok());
     CHECK(validate(camera.value().params()).ok());
     CHECK_FALSE(camera.value().from_file());
+    // Those of video look through a wiped windscreen; black was measured of action cameras.
+    const PhotographParams p = camera.value().params();
+    const bool action = std::string(name) == "action-camera";
+    CHECK((p.starburst.streak == 0.0004F && p.starburst.streak_deg == -45.0F) ==
+          (action || std::string(name) == "dashcam"));
+    CHECK((p.starburst.streak == 0.0F) == !(action || std::string(name) == "dashcam"));
+    CHECK(p.isp.black_cast == (action ? Vec3f{0.0010F, 0, 0.0013F} : Vec3f{}));
   }
   CHECK(io::read_camera("thesis").value().params().ideal_sensor);
   CHECK(has(io::read_camera("webcam").error().line(), "automotive-hdr"));

@@ -700,6 +700,50 @@ TEST_CASE("paint on a road that mirrors a cloudy sky is as much whiter than its 
   for (const int first_row : {170, 240}) CHECK(contrast(p, painted, first_row) == doctest::Approx(5).epsilon(0.08));
 }
 
+TEST_CASE(
+    "paint on a road that mirrors sun and sky is as white as it is in the sun and in the shade; a lawn mirrors none") {
+  constexpr float kPi = 3.14159265F;
+  const float alpha = surface_prior(label::road).alpha;
+  const SpecularAlbedo interface(alpha, 0.04F);
+  const Vec3f to_sun = normalized(Vec3f{-1, 1.5F, -1});  // x right, y up, z ahead: behind the camera
+  const auto light = [&](float across, float away, float albedo) {
+    const Vec3f to_camera = normalized(Vec3f{-across, 1.5F, -away});
+    const float mirrored = interface(to_camera.y);
+    const float f = eval_bsdf({albedo, albedo, albedo}, alpha, 0.04F, {0, 1, 0}, to_camera, to_sun).x;
+    const float sun = across < -0.4F ? 0.0F : 5.0F * kPi * f;
+    const float sky = albedo * (1.0F - mirrored) + mirrored;
+    return Vec3f{0.22F * sky + 0.26F * sun, 0.25F * (sky + sun), 0.32F * sky + 0.2F * sun};
+  };
+  const auto painted = [](float across, float) { return std::fabs(std::fabs(across) - 1.3F) < 0.25F; };
+  Picture p =
+      level_road([&](float across, float away) { return light(across, away, painted(across, away) ? 0.5F : 0.1F); });
+  REQUIRE(p.report.shadow);
+  // Paint over asphalt on one side of the street.
+  const auto on_side = [&](float side, int first_row) {
+    double sum[2] = {};
+    double n[2] = {};
+    for (int y = first_row; y < 265; ++y) {
+      const float away = 1.5F * 400.0F / (static_cast<float>(y) + 0.5F - 120.0F);
+      for (int x = 5; x < 475; ++x) {
+        const float across = (static_cast<float>(x) + 0.5F - 240.0F) / 400.0F * away;
+        if (across * side < 0.6F) continue;
+        const std::size_t k = painted(across, away) ? 1 : 0;
+        sum[k] += static_cast<double>(luminance(p.albedo[p.i(x, y)]));
+        n[k] += 1;
+      }
+    }
+    return (sum[1] / n[1]) / (sum[0] / n[0]);
+  };
+  CHECK(on_side(-1.0F, 190) == doctest::Approx(5).epsilon(0.08));
+  CHECK(on_side(1.0F, 190) == doctest::Approx(5).epsilon(0.08));
+  // The same picture of grass, which has no interface, is left as it looks.
+  for (int y = 135; y < 270; ++y) {
+    for (int x = 300; x < 480; ++x) p.labels[p.i(x, y)] = label::terrain;
+  }
+  REQUIRE(Ground().run(p, true).ok());
+  CHECK(on_side(1.0F, 240) < 4.3);
+}
+
 TEST_CASE("lines that run askew to the camera's axis on a cloudy day are no sun on the road") {
   for (const float angle : {0.0F, 0.1F, 0.2F, 0.3F, 0.4F, 0.5F}) {
     CAPTURE(angle);

@@ -93,8 +93,9 @@ Spot light_behind_bead(const Vec3d& to_lamp, double level) {
   return spot;
 }
 
-// R_L of such beads, up to a factor: paint scatters what it gets, and sends through the bead to the eye as much as would
-// come from there. Beads cover 2.2 `density` of the paint and hide each other; lamp and eye see about the same ones.
+// R_L of such beads, up to a factor: paint scatters what it gets, and sends through the bead to the eye as much as
+// would come from there. `density` is what they put in the way of a level ray, per area of paint; they hide each other,
+// and lamp and eye see about the same ones.
 double returned_by_beads(const CarAhead& car, double level, double density) {
   const Spot lit = light_behind_bead(car.to_lamp, level);
   const Spot seen = light_behind_bead(car.to_camera, level);
@@ -159,7 +160,8 @@ TEST_CASE("retroreflection: a white sign at 30 and at 100 m has the luminance wo
   const Retroreflector sheet{250.0F / 0.4F, RetroKind::sheeting};
   const double bare = seen_luminance({0, 0, 30}, facing, white, {}, 100);
   CHECK(seen_luminance({0, 0, 30}, facing, white, sheet, 100) - bare == doctest::Approx(1.88).epsilon(0.03));
-  // At 100 m: .00863 rad = .495 degrees, 1.1176 * 250 / sqrt(1 + 1.747^4) = 86.9; 2 * 100 / 9664 = .0207 lx; 1.80 cd/m2.
+  // At 100 m: .00863 rad = .495 degrees, 1.1176 * 250 / sqrt(1 + 1.747^4) = 86.9; 2 * 100 / 9664 = .0207 lx; so 1.80
+  // cd/m2.
   const double far = seen_luminance({0, 0, 100}, facing, white, {}, 100);
   CHECK(seen_luminance({0, 0, 100}, facing, white, sheet, 100) - far == doctest::Approx(1.80).epsilon(0.03));
   CHECK(far < 0.01);
@@ -172,19 +174,40 @@ TEST_CASE("retroreflection: a lamp over the street, seen from the side, makes no
   CHECK(250.0F / 0.4F * eval_retroreflection(RetroKind::sheeting, {0, 0, -1}, wo, wi) < 0.1F / 3.14F);
 }
 
-TEST_CASE("retroreflection: no surface returns more light than arrives, at any entrance angle") {
+TEST_CASE("retroreflection: no surface returns more light than arrives, bright paint included, at any entrance angle") {
   const RetroreflectionParams p;
   struct Surface {
     RetroKind kind;
     float strength, albedo, alpha;
   };
-  const std::array<Surface, 4> surfaces = {{{RetroKind::sheeting, p.sign_cd_lx_m2 / 0.4F, 0.4F, 0.35F},
-                                            {RetroKind::sheeting, p.vest_cd_lx_m2 / 0.4F, 0.4F, 0.85F},
-                                            {RetroKind::beads, p.marking_cd_lx_m2 / 0.5F, 0.5F, 0.85F},
-                                            {RetroKind::grain, p.road_cd_lx_m2 / 0.1F, 0.1F, 0.85F}}};
+  std::vector<Surface> surfaces = {{RetroKind::sheeting, p.sign_cd_lx_m2 / 0.4F, 0.4F, 0.35F},
+                                   {RetroKind::sheeting, p.vest_cd_lx_m2 / 0.4F, 0.4F, 0.85F}};
+  // Ground as find_retroreflectors() has it: paint of four albedos on asphalt, stones of pavements.
+  constexpr std::array<float, 6> kAlbedos = {0.3F, 0.5F, 0.65F, 0.9F, 0.1F, 0.45F};
+  const Shape shape{10, 60};
+  npsim_test::Image<Label> labels(shape, label::road);
+  npsim_test::Image<Vec3f> albedo(shape, Vec3f{0.1F, 0.1F, 0.1F});
+  npsim_test::Image<Retroreflector> found(shape);
+  for (std::size_t i = 0; i < kAlbedos.size(); ++i) {
+    for (int x = 0; x < 10; ++x) {
+      const int y = static_cast<int>(i);
+      if (i >= 4) labels.view()(x, y) = label::sidewalk;
+      albedo.view()(x, y) = {kAlbedos[i], kAlbedos[i], kAlbedos[i]};
+    }
+  }
+  npsim_test::Scratch scratch(find_retroreflectors_workspace_bytes(shape));
+  SerialExecutor serial;
+  REQUIRE(find_retroreflectors(p, 0.0F, labels.cview(), kNoneMarked, albedo.cview(), found.view(), scratch.workspace(),
+                               serial)
+              .ok());
+  for (std::size_t i = 0; i < kAlbedos.size(); ++i) {
+    const Retroreflector& r = found.view()(0, static_cast<int>(i));
+    REQUIRE(r.kind == (i < 4 ? RetroKind::beads : RetroKind::grain));
+    surfaces.push_back({r.kind, r.strength, kAlbedos[i], i < 4 ? 0.85F : 0.9F});
+  }
   const Vec3f n{0, 0, 1};
   for (const Surface& s : surfaces) {
-    for (const double degrees : {0.0, 30.0, 60.0, 75.0, 85.0, 88.0, 89.0, 89.5, 89.9}) {
+    for (const double degrees : {0.0, 30.0, 60.0, 75.0, 85.0, 88.0, 89.0, 89.5}) {
       const double entrance = degrees * kPi / 180;
       const Vec3f wi = at_angles(entrance, 0);
       // Rings about the lamp's direction, finer towards it, for what is returned; L cos over the hemisphere.
@@ -209,6 +232,7 @@ TEST_CASE("retroreflection: no surface returns more light than arrives, at any e
       const double arrives = std::max(std::cos(entrance), 1e-4);
       const double share = returned * static_cast<double>(s.strength * s.albedo) / arrives;
       CAPTURE(degrees);
+      CAPTURE(s.albedo);
       // bsdf.hpp gives back the albedo and what the interface mirrors.
       const double mirrored = static_cast<double>(SpecularAlbedo(s.alpha, 0.04F)(static_cast<float>(arrives)));
       CHECK(share + static_cast<double>(s.albedo) * (1 - mirrored) + mirrored <= 1.0);

@@ -166,11 +166,11 @@ TEST_CASE("sensor: a starburst refuses parameters out of range and a small works
   params.apothem_mm = std::numeric_limits<float>::quiet_NaN();
   CHECK(code(params, kFocal) == StatusCode::invalid_argument);
   params = {};
-  params.streak = 0.02F;
+  params.streak = 0.0021F;
   CHECK(code(params, kFocal) == StatusCode::invalid_argument);
-  params.streak = 0.01F;
-  CHECK(code(params, kFocal) == StatusCode::ok);
-  CHECK(code(params, 1e4F) == StatusCode::invalid_argument);  // would send more than all of it
+  params.streak = 0.002F;
+  CHECK(code(params, 7000.0F) == StatusCode::ok);
+  CHECK(code(params, 8000.0F) == StatusCode::invalid_argument);  // would send more than a third
   npsim::Workspace none;
   CHECK(npsim::add_starburst(blades(6), kFocal, image.cview(), image.view(), none, executor).code() ==
         StatusCode::workspace_exhausted);

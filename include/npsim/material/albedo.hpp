@@ -3,11 +3,11 @@
 //
 // 1. Linear: sRGB decoded (IEC 61966-2-1); logarithms at a working size (detail/daylight/picture.hpp).
 // 2. Ground: sun and shadow, and the ratio of their lights per channel (detail/daylight/ground_light.hpp). Overcast
-//    scenes have one light, and stay as they are. Where the ratio is more than daylight has, the camera's tones are
-//    steeper than sRGB (raw-like recordings are): both steps once more with the power that makes it about as much.
-// 3. Scale: asphalt in the sun meets the prior of detail/class_priors.hpp. All other ground, vehicles, people and things
-//    share this scale, so that a black car stays black; facades and plants, whose light differs by direction, meet
-//    their own priors.
+//    scenes have one light. Where the ratio is more than daylight has, the camera's tones are steeper than sRGB
+//    (raw-like recordings are): both steps once more with the power that makes it about as much.
+// 3. Scale: asphalt in the sun meets the prior of detail/class_priors.hpp. All other ground, vehicles, people and
+//    things share this scale, so that a black car stays black; facades and plants, whose light differs by direction,
+//    meet their own priors.
 // 4. Standing things: detail/daylight/standing_light.hpp, walls by the sun's direction where they show it
 //    (detail/daylight/sun.hpp), and which faces of objects the sun reaches (detail/daylight/sunny_faces.hpp). On cars
 //    panes (detail/daylight/panes.hpp) and tyres are told from paint by where they are and how they differ. What is
@@ -16,12 +16,15 @@
 // 5. Colour: the road's cast is divided out to the share that `cast_removal` states. What is dark, or saturated (a
 //    channel at or above saturated_level) and nearly white, has no trustworthy colour and becomes grey, or of the
 //    colour of the picture's other plants; no channel leaves the bounds of paint.
-// 6. Bounds: a pixel further from its class's level than a factor of `free_ratio` is drawn in, by a slope, not cut, so
+// 6. Sheen: what ground mirrors of the sky at the sight's angle (bsdf.hpp), the same of dark and bright, is taken out
+//    of its contrast, where camera and ground plane are known.
+// 7. Bounds: a pixel further from its class's level than a factor of `free_ratio` is drawn in, by a slope, not cut, so
 //    that what differs stays different; values in [min_albedo, max_albedo].
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.
 // It is an estimate up to a factor that the road's prior sets, not a measurement.
-// Cost: some 200 loops over the working image, 370 where there is a shadow, 100 more where there are cars; steps 1 and 2
-// twice where tones are steep, step 2 where white paint seemed to be the sun. The same bits for any thread count.
+// Cost: some 200 loops over the working image, 370 where there is a shadow, 100 more where there are cars; steps 1 and
+// 2 twice where tones are steep, step 2 where white paint seemed to be the sun; 50 ns a pixel of ground for step 6. The
+// same bits for any thread count.
 // Memory: estimate_albedo_workspace_bytes().
 #ifndef NPSIM_MATERIAL_ALBEDO_HPP
 #define NPSIM_MATERIAL_ALBEDO_HPP
@@ -56,7 +59,7 @@ inline namespace NPSIM_ABI {
 
 struct AlbedoParams {
   float cast_removal = 0.7F;  // 0 keeps the colour cast, 1 makes sunlit road grey
-  bool remove_light = true;   // steps 2 and 4
+  bool remove_light = true;   // steps 2, 4 and 6
   int saturated_level = 250;  // 1..256; 256 switches the treatment off
   float free_ratio = 6.0F;    // > 1: of luminance to the level of the class; white paint has .6 on asphalt of .1
   float panes_limit = 1.2F;   // of an object's luminance to its median
@@ -385,7 +388,7 @@ inline constexpr float kLeastShare = 0.15F, kMostShare = 3.0F;
   return {bounded(all.x), bounded(all.y), bounded(all.z)};
 }
 
-// Steps 5 and 6 on one pixel whose luminance is free of light.
+// Steps 5 and 7 on one pixel whose luminance is free of light.
 [[nodiscard]] inline Vec3f bounded_albedo(const Context& c, Vec3f a, const Rgb8& seen, float trust, Label label,
                                           std::size_t object, float down, float pane) {
   const AlbedoParams& p = c.params;
@@ -485,17 +488,31 @@ inline constexpr LabelSet kThinLabels = kPoleLabels | LabelSet::of(label::person
 }
 
 // What ground mirrors of the sky adds the same to dark and bright, so a photograph shows less contrast than its albedo
-// has. Where the road's median looks like its albedo, what looks like `a` has road + (a - road) * contrast.
+// has: where the road's median looks like its albedo, what looks like `a` has road + (a - road) * contrast. A street
+// that shows no shadow counts as overcast.
 [[nodiscard]] inline float contrast_of_ground(const Context& c, Label label, int x, int y, float sun) noexcept {
   constexpr float kDryF0 = 0.04F;
   constexpr float kOfSun = 0.5F;  // of what is mirrored on average lies away from the sun's mirror image
   const GroundPlane& ground = c.scene.ground;
   const float alpha = surface_prior(label).alpha;
-  if (alpha > 1.0F || !(ground.inlier_share > 0.0F)) return 1.0F;
+  if (!c.params.remove_light || alpha > 1.0F || !(ground.inlier_share > 0.0F) || !validate(c.scene.camera).ok()) {
+    return 1.0F;
+  }
   const Vec3f sight = normalized(unproject_pixel(c.scene.camera, x, y, 1.0F));
   const float sky = c.ground.shadow ? exp2_of(-c.ground.ratio_y - log_light(sun, c.ground.ratio_y)) : 1.0F;
   const float mirrored = SpecularAlbedo(alpha, kDryF0)(-dot(sight, ground.up)) * (kOfSun + (1.0F - kOfSun) * sky);
   return 1.0F + mirrored / ((1.0F - mirrored) * surface_prior(label::road).albedo);
+}
+
+// Albedo of ground that looks like `a`. Below the road's, where noise and dirt would become negative, by the power that
+// has the same slope there.
+[[nodiscard]] inline Vec3f without_sheen(const Vec3f& a, float contrast) noexcept {
+  const float road = surface_prior(label::road).albedo;
+  const auto channel = [&](float v) {
+    if (!(v > 0.0F)) return v;
+    return v > road ? road + (v - road) * contrast : road * exp2_of(contrast * log2_of(v / road));
+  };
+  return {channel(a.x), channel(a.y), channel(a.z)};
 }
 
 template <class Executor>
@@ -516,10 +533,7 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
     bool at_border = false;
     const Rgb8 seen = region < kGroundRegions ? s.image(x, y) : without_border(c, x, y, at_border);
     Vec3f a = c.picture.light_of(seen) * gain_of(c, light.level, light.sun);
-    if (region < kGroundRegions) {
-      const float road = surface_prior(label::road).albedo;
-      a = Vec3f{road, road, road} + (a - Vec3f{road, road, road}) * contrast_of_ground(c, label, x, y, light.sun);
-    }
+    if (region < kGroundRegions) a = without_sheen(a, contrast_of_ground(c, label, x, y, light.sun));
     // In half shade the colour of the light is the least certain; thin things have that of what they stand before.
     constexpr float kTrustAtBorder = 0.3F;
     const float trust =

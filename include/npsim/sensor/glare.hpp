@@ -349,13 +349,13 @@ struct StarburstParams {
 
 [[nodiscard]] inline Status validate(const StarburstParams& p) noexcept {
   const bool good = (p.blades == 0 || (p.blades >= 3 && p.blades <= 31)) && std::fabs(p.turn_deg) <= 360.0F &&
-                    p.apothem_mm >= 0.05F && p.apothem_mm <= 100.0F && p.streak >= 0.0F && p.streak <= 0.01F &&
+                    p.apothem_mm >= 0.05F && p.apothem_mm <= 100.0F && p.streak >= 0.0F && p.streak <= 0.002F &&
                     std::fabs(p.streak_deg) <= 360.0F && p.least >= 1e-6F && p.least <= 1e6F && p.lamp >= 0.0F &&
                     p.lamp <= kMaxSample && p.cap > 0.0F && p.cap <= kMaxSample;
   return good ? Status()
               : Status(StatusCode::invalid_argument,
                        "starburst: blades 0 or 3 to 31, angles in [-360, 360] degrees, apothem in [.05, 100] "
-                       "mm, streak in [0, .01], least in [1e-6, 1e6], lamp in [0, 1e12], cap in (0, 1e12] cd/m2");
+                       "mm, streak in [0, .002], least in [1e-6, 1e6], lamp in [0, 1e12], cap in (0, 1e12] cd/m2");
 }
 
 [[nodiscard]] constexpr bool has_starburst(const StarburstParams& p) noexcept {
@@ -475,7 +475,8 @@ template <class Executor>
   if (has_starburst(params)) {
     const starburst_detail::Spikes spikes = starburst_detail::spikes_of(params, focal_px);
     if (spikes.sum.x > 0.5F) {
-      return {StatusCode::invalid_argument, "starburst: spikes and streak would take a third of the light"};
+      return {StatusCode::invalid_argument,
+              "starburst: at this focal length spikes and streak would take a third of the light"};
     }
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, change));
     for_rows(executor, shape.height, [&](int y) {

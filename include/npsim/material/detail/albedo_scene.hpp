@@ -24,7 +24,7 @@ struct AlbedoScene {
   ImageView<const std::uint16_t> instances;  // equal id and label: one object; 0: not told apart
   ImageView<const float> depth;              // z-depth, m; 0 where there is no surface
   ImageView<const Vec3f> normals;            // unit, facing the camera; zero: not known
-  Intrinsics camera;                         // of depth; read where there is any
+  Intrinsics camera;                         // read where there is depth or a ground plane
   GroundPlane ground;                        // inlier_share 0: not known
 };
 
