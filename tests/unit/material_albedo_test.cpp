@@ -698,6 +698,32 @@ TEST_CASE("paint on a road that mirrors a cloudy sky is as much whiter than its 
   });
   CHECK(p.median(label::road) == doctest::Approx(0.1).epsilon(0.05));
   for (const int first_row : {170, 240}) CHECK(contrast(p, painted, first_row) == doctest::Approx(5).epsilon(0.08));
+  Picture unlabeled = p;
+  REQUIRE(Ground().run(unlabeled, false).ok());
+  CHECK(contrast(unlabeled, painted, 240) == doctest::Approx(5).epsilon(0.08));
+  // Without a road the scale is that of houses, and pavement stays on it.
+  Picture square = p;
+  for (Label& l : square.labels) l = l == label::road ? label::sidewalk : l;
+  REQUIRE(Ground().run(square, true).ok());
+  CHECK(square.median(label::sidewalk) ==
+        doctest::Approx(static_cast<double>(surface_prior(label::building).albedo)).epsilon(0.05));
+}
+
+TEST_CASE("of the cast of a road that mirrors the sky the stated share is left") {
+  Picture p = level_road([](float, float) { return Vec3f{0.102F, 0.12F, 0.15F}; });
+  REQUIRE(Ground().run(p, true).ok());
+  double log_ratio[2] = {};
+  int n = 0;
+  for (int y = 200; y < 265; ++y) {
+    for (int x = 0; x < 480; ++x, ++n) {
+      const Vec3d a = vec_cast<double>(p.albedo[p.i(x, y)]);
+      log_ratio[0] += std::log2(a.x / a.y);
+      log_ratio[1] += std::log2(a.z / a.y);
+    }
+  }
+  const double left = 1.0 - static_cast<double>(AlbedoParams().cast_removal);
+  CHECK(log_ratio[0] / n == doctest::Approx(left * std::log2(0.102 / 0.12)).epsilon(0.012));
+  CHECK(log_ratio[1] / n == doctest::Approx(left * std::log2(0.15 / 0.12)).epsilon(0.012));
 }
 
 TEST_CASE(

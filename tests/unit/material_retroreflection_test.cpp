@@ -94,9 +94,9 @@ Spot light_behind_bead(const Vec3d& to_lamp, double level) {
 }
 
 // R_L of such beads, up to a factor: paint scatters what it gets, and sends through the bead to the eye as much as
-// would come from there. `density` is what they put in the way of a level ray, per area of paint; they hide each other,
-// and lamp and eye see about the same ones.
-double returned_by_beads(const CarAhead& car, double level, double density) {
+// would come from there. `outlines`: area of the beads as seen along the ground, per area of paint. They hide each
+// other; lamp and eye see about the same ones.
+double returned_by_beads(const CarAhead& car, double level, double outlines) {
   const Spot lit = light_behind_bead(car.to_lamp, level);
   const Spot seen = light_behind_bead(car.to_camera, level);
   double sum = 0;
@@ -108,7 +108,7 @@ double returned_by_beads(const CarAhead& car, double level, double density) {
       sum += lit[cell] * seen[cell] * std::sqrt(std::max(1 - px * px - pz * pz, 0.02));
     }
   }
-  const auto open = [&](double sine) { return (1 - std::exp(-density / sine)) * sine / density; };
+  const auto open = [&](double sine) { return (1 - std::exp(-outlines / sine)) * sine / outlines; };
   return sum / car.to_camera.z * std::min(open(car.to_lamp.z), open(car.to_camera.z));
 }
 
@@ -182,8 +182,15 @@ TEST_CASE("retroreflection: no surface returns more light than arrives, bright p
   };
   std::vector<Surface> surfaces = {{RetroKind::sheeting, p.sign_cd_lx_m2 / 0.4F, 0.4F, 0.35F},
                                    {RetroKind::sheeting, p.vest_cd_lx_m2 / 0.4F, 0.4F, 0.85F}};
-  // Ground as find_retroreflectors() has it: paint of four albedos on asphalt, stones of pavements.
-  constexpr std::array<float, 6> kAlbedos = {0.3F, 0.5F, 0.65F, 0.9F, 0.1F, 0.45F};
+  // Ground as find_retroreflectors() has it: white and yellow paint on asphalt, stones of pavements.
+  constexpr std::array<Vec3f, 8> kAlbedos = {{{0.3F, 0.3F, 0.3F},
+                                              {0.5F, 0.5F, 0.5F},
+                                              {0.6F, 0.6F, 0.6F},
+                                              {0.65F, 0.65F, 0.65F},
+                                              {0.9F, 0.9F, 0.9F},
+                                              {0.85F, 0.6F, 0.08F},
+                                              {0.1F, 0.1F, 0.1F},
+                                              {0.45F, 0.45F, 0.45F}}};
   const Shape shape{10, 60};
   npsim_test::Image<Label> labels(shape, label::road);
   npsim_test::Image<Vec3f> albedo(shape, Vec3f{0.1F, 0.1F, 0.1F});
@@ -191,8 +198,8 @@ TEST_CASE("retroreflection: no surface returns more light than arrives, bright p
   for (std::size_t i = 0; i < kAlbedos.size(); ++i) {
     for (int x = 0; x < 10; ++x) {
       const int y = static_cast<int>(i);
-      if (i >= 4) labels.view()(x, y) = label::sidewalk;
-      albedo.view()(x, y) = {kAlbedos[i], kAlbedos[i], kAlbedos[i]};
+      if (i >= 6) labels.view()(x, y) = label::sidewalk;
+      albedo.view()(x, y) = kAlbedos[i];
     }
   }
   npsim_test::Scratch scratch(find_retroreflectors_workspace_bytes(shape));
@@ -202,8 +209,8 @@ TEST_CASE("retroreflection: no surface returns more light than arrives, bright p
               .ok());
   for (std::size_t i = 0; i < kAlbedos.size(); ++i) {
     const Retroreflector& r = found.view()(0, static_cast<int>(i));
-    REQUIRE(r.kind == (i < 4 ? RetroKind::beads : RetroKind::grain));
-    surfaces.push_back({r.kind, r.strength, kAlbedos[i], i < 4 ? 0.85F : 0.9F});
+    REQUIRE(r.kind == (i < 6 ? RetroKind::beads : RetroKind::grain));
+    surfaces.push_back({r.kind, r.strength, kAlbedos[i].x, i < 6 ? 0.85F : 0.9F});  // red returns the most
   }
   const Vec3f n{0, 0, 1};
   for (const Surface& s : surfaces) {

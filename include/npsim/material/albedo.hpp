@@ -17,9 +17,10 @@
 //    channel at or above saturated_level) and nearly white, has no trustworthy colour and becomes grey, or of the
 //    colour of the picture's other plants; no channel leaves the bounds of paint.
 // 6. Sheen: what ground mirrors of the sky at the sight's angle (bsdf.hpp), the same of dark and bright, is taken out
-//    of its contrast, where camera and ground plane are known.
-// 7. Bounds: a pixel further from its class's level than a factor of `free_ratio` is drawn in, by a slope, not cut, so
-//    that what differs stays different; values in [min_albedo, max_albedo].
+//    of its contrast, where a road gave the scale and camera and ground plane are known; before doubtful colours become
+//    grey.
+// 7. Bounds: a pixel brighter than its class's level by more than a factor of `free_ratio` is drawn in, by a slope, not
+//    cut, so that what differs stays different; values in [min_albedo, max_albedo].
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.
 // It is an estimate up to a factor that the road's prior sets, not a measurement.
 // Cost: some 200 loops over the working image, 370 where there is a shadow, 100 more where there are cars; steps 1 and
@@ -81,7 +82,7 @@ struct DaylightReport {
   Vec3f ratio{1, 1, 1};       // sunlit over shadowed light, per channel
   float sunlit_share = 1.0F;  // of the ground
   float contrast = 1.0F;      // power of the decoded photograph that is its light; less than 1: steeper tones than sRGB
-  float error_log2 = 0.0F;    // estimate: spread of the ground's albedo that its light leaves
+  float error_log2 = 0.0F;    // estimate: spread of the ground's luminance over its light, before step 6
   bool sun_found = false;     // from walls; only where shadow is true
   float azimuth_rad = 0.0F;   // of the sun, from where the camera looks over the ground, to the right
   float elevation_rad = 0.0F;  // over the ground
@@ -111,6 +112,7 @@ struct Context {
   Plane sun;           // share of the sun
   Plane pane;          // share of panes in what cars show, 0..1
   Vec3f plants;        // colour of plants that do not show theirs, of luminance 1
+  bool sheen = false;  // step 6: a road gave the scale, camera and ground plane are known
 
   [[nodiscard]] Label label_at(int x, int y) const noexcept {
     if (scene.labels.empty()) return label::unlabeled;
@@ -181,6 +183,7 @@ inline void find_scale(Context& c, Span<std::uint32_t> histogram) {
       return picture.log_y(x, y) - c.ground.level(x, y) - log_light(c.ground.sun(x, y), c.ground.ratio_y);
     });
     c.scale = level - log2_of(surface_prior(label::road).albedo);
+    c.sheen = c.params.remove_light && c.scene.ground.inlier_share > 0.0F && validate(c.scene.camera).ok();
     cast_of(road);
   } else if (any(paved)) {
     c.scale = median(paved, picture.log_y) - log2_of(surface_prior(label::building).albedo);
@@ -493,26 +496,24 @@ inline constexpr LabelSet kThinLabels = kPoleLabels | LabelSet::of(label::person
 [[nodiscard]] inline float contrast_of_ground(const Context& c, Label label, int x, int y, float sun) noexcept {
   constexpr float kDryF0 = 0.04F;
   constexpr float kOfSun = 0.5F;  // of what is mirrored on average lies away from the sun's mirror image
-  const GroundPlane& ground = c.scene.ground;
   const float alpha = surface_prior(label).alpha;
-  if (!c.params.remove_light || alpha > 1.0F || !(ground.inlier_share > 0.0F) || !validate(c.scene.camera).ok()) {
-    return 1.0F;
-  }
+  if (!c.sheen || alpha > 1.0F) return 1.0F;
   const Vec3f sight = normalized(unproject_pixel(c.scene.camera, x, y, 1.0F));
   const float sky = c.ground.shadow ? exp2_of(-c.ground.ratio_y - log_light(sun, c.ground.ratio_y)) : 1.0F;
-  const float mirrored = SpecularAlbedo(alpha, kDryF0)(-dot(sight, ground.up)) * (kOfSun + (1.0F - kOfSun) * sky);
+  const float mirrored =
+      SpecularAlbedo(alpha, kDryF0)(-dot(sight, c.scene.ground.up)) * (kOfSun + (1.0F - kOfSun) * sky);
   return 1.0F + mirrored / ((1.0F - mirrored) * surface_prior(label::road).albedo);
 }
 
 // Albedo of ground that looks like `a`. Below the road's, where noise and dirt would become negative, by the power that
-// has the same slope there.
-[[nodiscard]] inline Vec3f without_sheen(const Vec3f& a, float contrast) noexcept {
-  const float road = surface_prior(label::road).albedo;
-  const auto channel = [&](float v) {
+// has the same slope there. What is left of the road's cast stays as it is.
+[[nodiscard]] inline Vec3f without_sheen(const Context& c, const Vec3f& a, float contrast) noexcept {
+  const auto channel = [&](float v, float cast) {
     if (!(v > 0.0F)) return v;
+    const float road = surface_prior(label::road).albedo * exp2_of((1.0F - c.params.cast_removal) * cast);
     return v > road ? road + (v - road) * contrast : road * exp2_of(contrast * log2_of(v / road));
   };
-  return {channel(a.x), channel(a.y), channel(a.z)};
+  return {channel(a.x, c.cast[0]), channel(a.y, c.cast[1]), channel(a.z, c.cast[2])};
 }
 
 template <class Executor>
@@ -533,7 +534,9 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
     bool at_border = false;
     const Rgb8 seen = region < kGroundRegions ? s.image(x, y) : without_border(c, x, y, at_border);
     Vec3f a = c.picture.light_of(seen) * gain_of(c, light.level, light.sun);
-    if (region < kGroundRegions) a = without_sheen(a, contrast_of_ground(c, label, x, y, light.sun));
+    if (region < kGroundRegions) {
+      a = without_sheen(c, a, contrast_of_ground(c, s.labels.empty() ? label::road : label, x, y, light.sun));
+    }
     // In half shade the colour of the light is the least certain; thin things have that of what they stand before.
     constexpr float kTrustAtBorder = 0.3F;
     const float trust =
