@@ -114,9 +114,10 @@ struct PhotographParams {
     return starburst;
   }
   // What is darkest in four nights of such a camera is 5.5, .7, 5.6 of 255; the excess of red and blue over the light's
-  // own is the same from there up to 30 (docs/camera.md).
+  // own is the same from there up to 30 (docs/camera.md). The toe keeps as much black as they have.
   [[nodiscard]] static constexpr IspParams purple_black() noexcept {
     IspParams isp;
+    isp.tone.toe = 0.001F;
     isp.black_cast = {0.0010F, 0.0F, 0.0013F};
     return isp;
   }
