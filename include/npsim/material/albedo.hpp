@@ -505,20 +505,23 @@ inline constexpr LabelSet kThinLabels = kPoleLabels | LabelSet::of(label::person
   return 1.0F + mirrored / ((1.0F - mirrored) * surface_prior(label::road).albedo);
 }
 
-// Albedo of ground that looks like `a`. Below the road's, where noise and dirt would become negative, by the power that
-// has the same slope there. What is left of the road's cast stays as it is.
-[[nodiscard]] inline Vec3f without_sheen(const Context& c, const Vec3f& a, float contrast) noexcept {
-  const auto channel = [&](float v, float cast) {
+// Albedo of ground that looks like `a` where the road's median looks like `road`. Below that, where noise and dirt
+// would become negative, by the power that has the same slope there.
+[[nodiscard]] inline Vec3f without_sheen(const Vec3f& road, const Vec3f& a, float contrast) noexcept {
+  const auto channel = [contrast](float v, float own) {
     if (!(v > 0.0F)) return v;
-    const float road = surface_prior(label::road).albedo * exp2_of((1.0F - c.params.cast_removal) * cast);
-    return v > road ? road + (v - road) * contrast : road * exp2_of(contrast * log2_of(v / road));
+    return v > own ? own + (v - own) * contrast : own * exp2_of(contrast * log2_of(v / own));
   };
-  return {channel(a.x, c.cast[0]), channel(a.y, c.cast[1]), channel(a.z, c.cast[2])};
+  return {channel(a.x, road.x), channel(a.y, road.y), channel(a.z, road.z)};
 }
 
 template <class Executor>
 void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executor) {
   const AlbedoScene& s = c.scene;
+  const auto left_of_cast = [&](int i) {
+    return surface_prior(label::road).albedo * exp2_of((1.0F - c.params.cast_removal) * c.cast[i]);
+  };
+  const Vec3f road{left_of_cast(0), left_of_cast(1), left_of_cast(2)};
   for_pixels(s.image.shape(), executor, [&](int x, int y) {
     const Label label = c.label_at(x, y);
     const int f = c.picture.factor;
@@ -535,7 +538,7 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
     const Rgb8 seen = region < kGroundRegions ? s.image(x, y) : without_border(c, x, y, at_border);
     Vec3f a = c.picture.light_of(seen) * gain_of(c, light.level, light.sun);
     if (region < kGroundRegions) {
-      a = without_sheen(c, a, contrast_of_ground(c, s.labels.empty() ? label::road : label, x, y, light.sun));
+      a = without_sheen(road, a, contrast_of_ground(c, s.labels.empty() ? label::road : label, x, y, light.sun));
     }
     // In half shade the colour of the light is the least certain; thin things have that of what they stand before.
     constexpr float kTrustAtBorder = 0.3F;
