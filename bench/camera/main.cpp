@@ -77,6 +77,7 @@ int main(int argc, char** argv) {
   const PhotographParams with_glare;
   PhotographParams without = with_glare;
   without.glare.halo = without.glare.veil = 0.0F;
+  without.starburst = {};
   PhotographParams with_motion = with_glare;
   with_motion.motion.velocity_m_s = {0.0F, 0.0F, 10.0F};
   StarburstParams six_blades;
@@ -121,7 +122,11 @@ int main(int argc, char** argv) {
        pixels,
        [&] { must(add_glare(with_glare.glare, camera.fx, light.view(), other.view(), workspace, executor)); },
        {}},
-      {"starburst",
+      {"streak of a windscreen",
+       pixels,
+       [&] { must(add_starburst(with_glare.starburst, camera.fx, light.view(), other.view(), workspace, executor)); },
+       {}},
+      {"starburst of six blades",
        pixels,
        [&] { must(add_starburst(six_blades, camera.fx, light.view(), other.view(), workspace, executor)); },
        {}},

@@ -96,6 +96,7 @@
 #include "npsim/sensor/noise.hpp"
 #include "npsim/sensor/raw.hpp"
 #include "npsim/sensor/signal_masks.hpp"
+#include "npsim/sensor/starburst.hpp"
 
 // errors against a known truth
 #include "npsim/metrics/geometry_errors.hpp"

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "npsim/core/executor.hpp"
-#include "npsim/sensor/glare.hpp"
+#include "npsim/sensor/starburst.hpp"
 #include "unit/sensor_fixture.hpp"
 
 namespace {
@@ -104,6 +104,61 @@ TEST_CASE("sensor: a wiped windscreen sends its share of a lamp beyond a degree 
   CHECK(crossed(kMiddle - 40, kMiddle + 40).y > 0.1F);
   CHECK(crossed(kMiddle + 40, kMiddle + 40).y == 0.0F);
   CHECK(crossed(kMiddle + 40, kMiddle).y == spikes(kMiddle + 40, kMiddle).y);
+}
+
+TEST_CASE("sensor: at any angle each column or row of a streak has the equation's light, within a pixel of its line") {
+  StarburstParams params;
+  params.streak = 1e-3F;
+  for (const double degrees : {-80.0, -45.0, -20.0, 1.0, 33.0, 45.0, 58.0, 89.0}) {
+    params.streak_deg = static_cast<float>(degrees);
+    const Image out = burst(params, lamp());
+    const double pi = std::acos(-1.0);
+    const double along_x = std::cos(degrees * pi / 180);
+    const double along_y = std::sin(degrees * pi / 180);
+    const bool steep = std::fabs(along_y) > std::fabs(along_x);
+    const double pace = steep ? std::fabs(along_y) : std::fabs(along_x);
+    const double slope = steep ? along_x / along_y : along_y / along_x;
+    const double c = 1e-3 * 17.4532925 * 1e6;
+    for (const int step : {-190, -57, -2, 2, 3, 31, 150}) {
+      double sum = 0;
+      double moment = 0;
+      for (int a = 0; a < kSize; ++a) {
+        const auto light = static_cast<double>(steep ? out(a, kMiddle + step).y : out(kMiddle + step, a).y);
+        sum += light;
+        moment += light * (a - kMiddle);
+      }
+      CAPTURE(degrees);
+      CAPTURE(step);
+      // A step is 1 / pace long.
+      CHECK(sum == doctest::Approx(c * pace * (1 / (std::abs(step) - 0.5) - 1 / (std::abs(step) + 0.5))).epsilon(1e-4));
+      CHECK(std::fabs(moment / sum - slope * step) < 0.5);
+    }
+  }
+}
+
+TEST_CASE("sensor: lamps on one line of a streak add up, wherever the picture ends") {
+  StarburstParams params;
+  params.streak = 1e-3F;
+  for (const float degrees : {-45.0F, 12.0F, 77.0F}) {
+    params.streak_deg = degrees;
+    for (const Shape shape : {Shape{70, 50}, Shape{3, 90}, Shape{90, 3}}) {
+      Image all(shape);
+      Image sum(shape);
+      for (int i = 0; i < 40; ++i) {
+        Image one(shape);
+        const int x = i * 7 % shape.width;
+        const int y = i * 5 % shape.height;
+        one(x, y) = Vec3f{1.0F, 0.7F, 0.3F} * (1e3F + 40.0F * static_cast<float>(i));
+        all(x, y) += one(x, y);
+        const Image out = burst(params, one);
+        for (std::size_t p = 0; p < pixels(out).size(); ++p) pixels(sum)[p] += pixels(out)[p];
+      }
+      const Image out = burst(params, all);
+      for (std::size_t p = 0; p < pixels(out).size(); ++p) {
+        CHECK(pixels(out)[p].x == doctest::Approx(static_cast<double>(pixels(sum)[p].x)).epsilon(1e-5));
+      }
+    }
+  }
 }
 
 TEST_CASE("sensor: spikes go to the border, and along it") {

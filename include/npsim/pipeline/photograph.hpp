@@ -25,6 +25,7 @@
 #include "npsim/sensor/noise.hpp"
 #include "npsim/sensor/raw.hpp"
 #include "npsim/sensor/signal_masks.hpp"
+#include "npsim/sensor/starburst.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
