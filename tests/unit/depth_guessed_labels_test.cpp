@@ -236,6 +236,21 @@ TEST_CASE("guessed labels: a lawn on four fifths of the ground stays one, and th
   CHECK(s.share(label::road, 400, 475, 180, 265) == 1.0);
 }
 
+TEST_CASE("guessed labels: a lawn has no holes of asphalt and asphalt no tufts, a lawn of 60 px square is one") {
+  const auto lawn = [](int x, int y) { return (x < 140 && y > 160) || (x >= 360 && x < 420 && y >= 190 && y < 250); };
+  const auto hole = [](int x, int y) { return x >= 60 && x < 66 && y >= 200 && y < 206; };
+  const auto tuft = [](int x, int y) { return x >= 240 && x < 246 && y >= 220 && y < 226; };
+  Street s;
+  s.paint([&](int x, int y) {
+    const bool green = tuft(x, y) || (lawn(x, y) && !hole(x, y));
+    return green ? Vec3f{0.08F, 0.16F, 0.05F} : Vec3f{0.12F, 0.12F, 0.12F};
+  });
+  s.guess();
+  CHECK(s.share(label::terrain, 0, 130, 170, 270) == 1.0);
+  CHECK(s.share(label::terrain, 370, 410, 200, 240) == 1.0);
+  CHECK(s.share(label::road, 160, 340, 170, 270) == 1.0);
+}
+
 TEST_CASE("guessed labels: flecks of sun far down the road are no ballast, while ballast goes on beside it") {
   Street s;
   s.measure([](int, int y) { return y >= 126 ? road_m(y) : 0.0F; });

@@ -237,6 +237,58 @@ TEST_CASE(
 }
 
 TEST_CASE(
+    "of a stereo pair a dark sky without matches is one, bright houses at 40 m that reach the upper edge are not") {
+  View v;
+  const auto house = [](int x) { return x < 30 || x >= 80; };
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      v.image(x, y) = y < 40 && house(x) ? Rgb8{200, 195, 190} : (y < 40 ? Rgb8{70, 75, 85} : Rgb8{120, 120, 120});
+      v.depth(x, y) = y >= 40 ? 15.0F : (house(x) ? 40.0F : 0.0F);
+    }
+  }
+  v.run(DepthSource::stereo);
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      CAPTURE(x);
+      CAPTURE(y);
+      // Beside a house the sky begins eight columns off, as for any sensor with gaps.
+      if (house(x)) CHECK(v.surface(x, y) == 1);
+      if (x >= 38 && x < 72) CHECK(v.surface(x, y) == (y < 40 ? 0 : 1));
+    }
+  }
+}
+
+TEST_CASE(
+    "of a network's depth blue beside a white cloud is sky as well, a front as white and nearer by a step is none") {
+  for (const bool small_cloud : {false, true}) {
+    const auto cloud = [&](int x, int y) { return x >= (small_cloud ? 90 : 60) && y < 20; };
+    const auto front = [](int x, int y) { return x < 25 && y >= 8 && y < 40; };
+    View v;
+    for (int y = 0; y < 60; ++y) {
+      for (int x = 0; x < 100; ++x) {
+        const bool sky = y < 40 && !front(x, y);
+        const auto grain = static_cast<std::uint8_t>((7 * x + 3 * y) % 3);
+        v.image(x, y) = sky && cloud(x, y) ? Rgb8{240, static_cast<std::uint8_t>(242 + 4 * grain), 248}
+                        : sky              ? Rgb8{95, static_cast<std::uint8_t>(140 + grain), 210}
+                        : front(x, y)      ? Rgb8{240, 238, 235}
+                                           : Rgb8{70, 70, 70};
+        // The sky comes nearer to one side, to 55 m.
+        v.depth(x, y) = sky ? 80.0F - 0.25F * static_cast<float>(x) : front(x, y) ? 50.0F : 15.0F;
+      }
+    }
+    v.run(DepthSource::network);
+    CAPTURE(small_cloud);
+    for (int y = 0; y < 60; ++y) {
+      for (int x = 0; x < 100; ++x) {
+        CAPTURE(x);
+        CAPTURE(y);
+        CHECK(v.surface(x, y) == (y < 40 && !front(x, y) ? 0 : 1));
+      }
+    }
+  }
+}
+
+TEST_CASE(
     "a pale wall that goes on above the sensor's rows is none, the sky behind its roof is, seen through points too") {
   for (const int step : {1, 5}) {  // columns from one point of the laser to the next
     View v;

@@ -2,9 +2,10 @@
 // Of what kind the ground is, by its look, for scenes without labels: smooth (road), rough (ballast), or green (soil).
 //
 // Asphalt is smooth, but for edges: ground counts as rough where every window near it is. Green is what is much greener
-// than the ground usually is, and what is greener and hangs together with it: cameras have casts, which differ over the
-// picture. Far away a pixel covers more of the ground than a stone, and what is rough there may be flecks of sun as
-// well: there rough ground is what other ground before it is, as if the street went straight on.
+// than the ground usually is, and what is greener and hangs together with it, without small holes and specks: cameras
+// have casts, which differ over the picture. Far away a pixel covers more of the ground than a stone, and what is rough
+// there may be flecks of sun as well: there rough ground is what other ground before it is, as if the street went
+// straight on.
 // Pixels are those of a picture some 960 px wide; windows scale with the width.
 // Cost: six means over windows of that picture, and two passes over 41 pixels at each. Memory: 8 planes of it.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_GROUND_KINDS_HPP
@@ -24,6 +25,7 @@
 #include "npsim/core/window_filter.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/detail/given/reduced_picture.hpp"
+#include "npsim/depth/detail/given/small_pieces.hpp"
 #include "npsim/depth/detail/grow.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
@@ -36,9 +38,11 @@ namespace refine_detail {
 [[nodiscard]] constexpr int ground_kinds_factor(Shape shape) noexcept { return std::max(1, (shape.width + 480) / 960); }
 
 [[nodiscard]] constexpr std::size_t ground_kinds_workspace_bytes(Shape shape) noexcept {
-  const std::size_t pixels = reduced_shape(shape, ground_kinds_factor(shape)).pixels();
-  return (5 + kWindowMeanPlanes) * allocation_bytes<float>(pixels) + allocation_bytes<Label>(pixels) +
-         allocation_bytes<std::uint32_t>(kQuantileBins) + kWorkspaceAlignment;
+  const Shape reduced = reduced_shape(shape, ground_kinds_factor(shape));
+  const std::size_t pixels = reduced.pixels();
+  return 5 * allocation_bytes<float>(pixels) + allocation_bytes<Label>(pixels) +
+         allocation_bytes<std::uint32_t>(kQuantileBins) +
+         max_of(kWindowMeanPlanes * allocation_bytes<float>(pixels), close_pieces_bytes(reduced)) + kWorkspaceAlignment;
 }
 
 // Where rough ground is too far to tell, what lies before it. kinds: reduced by `factor`.
@@ -97,6 +101,7 @@ template <class Executor>
   constexpr float kDark = 1.5e-4F;          // half a step of 8 bits near black, added since there is no logarithm of 0
   constexpr float kWindow = 4.0F / 960.0F;  // of the width
   constexpr float kNear = 20.0F / 960.0F;
+  constexpr std::size_t kSmall = 1000;  // that many pieces fill the picture
   const WorkspaceScope scope(workspace);
   const int factor = ground_kinds_factor(image.shape());
   const Shape shape = reduced_shape(image.shape(), factor);
@@ -145,6 +150,16 @@ template <class Executor>
   depth_detail::grow(kinds, label::terrain, [](Label l) { return l == kPerhaps; });
   for_pixels(shape, executor, [&](int x, int y) {
     if (kinds(x, y) == kPerhaps) kinds(x, y) = label::road;
+  });
+  // Lawns have no holes of asphalt, nor it tufts of grass.
+  const auto is_road = [](Label l) { return l == label::road; };
+  const auto is_terrain = [](Label l) { return l == label::terrain; };
+  const std::size_t small = shape.pixels() / kSmall;
+  const auto no_road = [](Label l) { return l != label::road; };
+  const auto no_terrain = [](Label l) { return l != label::terrain; };
+  NPSIM_RETURN_IF_ERROR(close_pieces(kinds, is_road, no_road, label::terrain, small, workspace));
+  NPSIM_RETURN_IF_ERROR(close_pieces(kinds, is_terrain, no_terrain, label::road, small, workspace));
+  for_pixels(shape, executor, [&](int x, int y) {
     if (!on_ground(x, y)) return;
     float low = least(x, y);
     for (int v = std::max(y - reach, 0); v <= std::min(y + reach, shape.height - 1); ++v) {

@@ -37,6 +37,7 @@
 #include "npsim/depth/detail/given/reduced_picture.hpp"
 #include "npsim/depth/detail/given/sky.hpp"
 #include "npsim/depth/detail/given/sky_map.hpp"
+#include "npsim/depth/detail/given/small_pieces.hpp"
 #include "npsim/depth/detail/ground_level.hpp"
 #include "npsim/depth/detail/grow.hpp"
 #include "npsim/geometry/ground.hpp"
@@ -111,8 +112,8 @@ inline void mark_by_height(ImageView<const float> depth, const Intrinsics& camer
   for (Label& l : labels.pixels()) l = l == kPerhaps ? label::unlabeled : l;
 }
 
-// Blue that was not measured, in rays that do not fall, and that the sky leads to in small steps is sky: it gets lighter
-// towards the horizon.
+// Blue that was not measured, in rays that do not fall, and that the sky leads to in small steps is sky: it gets
+// lighter towards the horizon.
 inline void spread_blue_sky(ImageView<const Rgb8> image, ImageView<const float> depth, const Intrinsics& camera,
                             const GroundPlane& ground, ImageView<Label> labels) noexcept {
   depth_detail::grow_from(labels, label::sky, [&](int x, int y, int from_x, int from_y) {
@@ -168,43 +169,6 @@ template <class Executor>
   return {};
 }
 
-// Pieces of values from 1 on and less than `value` that have fewer pixels than `small` take `value` where most of what
-// is around them has it. 0 is not counted: rims of crowns before the sky are of crowns.
-[[nodiscard]] inline Status close_pieces(ImageView<std::uint8_t> map, std::uint8_t value, std::size_t small,
-                                         Workspace& workspace) {
-  const WorkspaceScope scope(workspace);
-  ImageView<std::uint8_t> open;
-  Span<std::uint32_t> piece;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(map.shape(), open));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(map.shape().pixels(), piece));
-  for (int y = 0; y < map.height(); ++y) {
-    for (int x = 0; x < map.width(); ++x) open(x, y) = map(x, y) != 0 && map(x, y) < value ? 1 : 0;
-  }
-  for (int y = 0; y < map.height(); ++y) {
-    for (int x = 0; x < map.width(); ++x) {
-      if (open(x, y) == 0) continue;
-      const std::size_t count = take_piece(open, x, y, piece);
-      if (count >= small) continue;
-      int around = 0;
-      int alike = 0;
-      const auto look = [&](int u, int v) {
-        if (!map.contains(u, v) || map(u, v) == 0 || map(u, v) < value) return;
-        ++around;
-        alike += map(u, v) == value ? 1 : 0;
-      };
-      for (std::size_t i = 0; i < count; ++i) {
-        const auto [u, v] = place_of(piece[i], map.width());
-        for_neighbours(u, v, look);
-      }
-      for (std::size_t i = 0; 2 * alike > around && i < count; ++i) {
-        const auto [u, v] = place_of(piece[i], map.width());
-        map(u, v) = value;
-      }
-    }
-  }
-  return {};
-}
-
 // labels: of what is building, plants become vegetation.
 template <class Executor>
 [[nodiscard]] Status tell_plants(ImageView<const Rgb8> image, const Intrinsics& camera, ImageView<Label> labels,
@@ -230,7 +194,10 @@ template <class Executor>
     }
   });
   depth_detail::grow(plants, kPlant, [](std::uint8_t p) { return p == kMaybe; });
-  NPSIM_RETURN_IF_ERROR(close_pieces(plants, kPlant, shape.pixels() / kSmall, workspace));
+  // The sky does not count: rims of crowns before it are of crowns.
+  const auto thing = [](std::uint8_t p) { return p == kThing || p == kMaybe; };
+  const auto other = [](std::uint8_t p) { return p == kPlant || p == kGroundBelow; };
+  NPSIM_RETURN_IF_ERROR(close_pieces(plants, thing, other, kPlant, shape.pixels() / kSmall, workspace));
   for_pixels(labels.shape(), executor, [&](int x, int y) {
     if (stands(x, y) && reduced_at(plants, factor, x, y) == kPlant) labels(x, y) = label::vegetation;
   });
@@ -241,8 +208,7 @@ template <class Executor>
   const std::size_t pixels = shape.pixels();
   return max_of((1 + kWindowMeanPlanes) * allocation_bytes<float>(pixels), ground_kinds_workspace_bytes(shape),
                 allocation_bytes<float>(pixels) + allocation_bytes<std::uint8_t>(pixels) +
-                    max_of(plant_look_workspace_bytes(shape),
-                           allocation_bytes<std::uint8_t>(pixels) + allocation_bytes<std::uint32_t>(pixels))) +
+                    max_of(plant_look_workspace_bytes(shape), close_pieces_bytes(shape))) +
          kWorkspaceAlignment;
 }
 

@@ -21,12 +21,15 @@
 // which is rough, and holds more than ten times as much of the upper edge: clouds, and gaps between blue fronts,
 // are even, and white fronts in the sun are not. Where no way tells them apart, all above is sky.
 // A dense depth map, such as a network's, has nothing above: its sky is far. Of what lies beyond kFarSky_m the picture
-// decides in the same way, with all of it where even its darker class is much brighter than what is near. Sky is what
-// looks so and is connected to the upper edge, and what looks so elsewhere and is as far. Where nothing is told apart
+// decides in the same way, with all of it where even its darker class is much brighter than what is near; where nine
+// tenths of it are blue and nothing else tells it apart, that is how the sky looks. Sky is what looks so and is
+// connected to the upper edge, what looks so elsewhere and is as far, and in dense maps what goes on from these at no
+// step of depth and is at least as bright, or blue: white clouds, and what is between them. Where nothing is told apart
 // all is surface.
 // A stereo pair matches clouds with each other: on real frames .4 to .55 of the sky has a depth, from 27 m on. Where
 // the picture tells the sky from the rest of what is missing or beyond kMismatchedSky_m, it decides of all that as it
-// does of what is far in a dense map; where it does not, what was matched is surface, as for other sensors.
+// does of what is far in a dense map; where it does not, or calls hardly anything sky of what is missing at the top of
+// the columns (bright houses below a dark sky), what was matched is surface, as for other sensors.
 // Exact maps, and those of networks, whose sky is left out have no gaps between samples: of them all that is missing is
 // asked like what is above a sensor's last row, below lamps and measured wires too.
 // Cost: a few passes. Memory: 25 bytes per pixel, for a dense map none.
@@ -205,8 +208,8 @@ struct ColourHistogram {
   bright.known = by_luma.level < 256 && by_luma.high_mean >= kMuchBrighter * by_luma.low_mean &&
                  by_luma.high_mean * below_count > below_sum;
   const double darkest = by_luma.level < 256 ? by_luma.low_mean : quantile_of(above, 0.02);
-  bright.all = below_count > 0 && darkest * below_count >= kMuchBrighter * below_sum;
   const double pixels = static_cast<double>(image.shape().pixels());
+  bright.all = below_count > 0 && darkest * below_count >= kMuchBrighter * below_sum;
   if (blue.count >= kLeastBlue * pixels) {
     SkyLook deep = look_alike(blue.median(), image, surface);
     deep.all = bright.all;
@@ -241,11 +244,16 @@ inline constexpr double kDense = 0.95;            // share of valid depth, of th
   return valid_in(1) && valid_in(depth.height());
 }
 
-// far: of the depth's values, whether the sky may have it. False where nothing is told apart: `surface` says nothing.
+// far: of the depth's values, whether the sky may have it. clouds: whether depth tells them from houses. False where
+// nothing is told apart: `surface` says nothing.
 template <class Far>
 [[nodiscard]] bool find_sky_among_far(ImageView<const Rgb8> image, ImageView<const float> depth, const Far& far,
-                                      ImageView<std::uint8_t> surface) noexcept {
+                                      bool clouds, ImageView<std::uint8_t> surface) noexcept {
+  constexpr double kNearlyAll = 0.9;
   constexpr double kAsFar = 0.9;
+  constexpr float kNearestCloud_m = 0.75F * kFarSky_m;
+  constexpr float kEvenDepth = 0.97F;  // of the pixel beside it
+  constexpr double kCloud = 0.95;      // of the mean luma of what was found
   const Shape shape = surface.shape();
   const auto each = [&](const auto& f) {
     for (int y = 0; y < shape.height; ++y) {
@@ -255,23 +263,41 @@ template <class Far>
   const auto is_far = [&](int x, int y) { return far(depth(x, y)); };
   each([&](int x, int y) { surface(x, y) = is_far(x, y) ? kSky : kSurface; });
   const SkyLook look = sky_look(image, surface, 0.0);
-  if (!look.known && !look.all) return false;
+  const bool told = look.known || look.all;
+  double all = 0;
+  double blue = 0;
   each([&](int x, int y) {
-    const bool like = is_far(x, y) && (look.all || look.of(image(x, y)));
+    if (surface(x, y) == kSurface) return;
+    all += 1;
+    blue += is_blue(image(x, y)) ? 1.0 : 0.0;
+  });
+  if (!told && !(all > 0 && blue >= kNearlyAll * all)) return false;
+  each([&](int x, int y) {
+    const Rgb8 c = image(x, y);
+    const bool like = is_far(x, y) && (told ? look.all || look.of(c) : is_blue(c));
     surface(x, y) = !like ? kSurface : (y == 0 ? kSky : kLike);
   });
   grow(surface, kSky, [](std::uint8_t c) { return c == kLike; });
   double sum = 0;
+  double luma_sum = 0;
   double count = 0;
   each([&](int x, int y) {
     if (surface(x, y) != kSky || !is_valid_depth(depth(x, y))) return;
     sum += static_cast<double>(depth(x, y));
+    luma_sum += luma(image(x, y));
     count += 1;
   });
   each([&](int x, int y) {
     const bool as_far = count > 0 && static_cast<double>(depth(x, y)) * count >= kAsFar * sum;
     if (surface(x, y) == kLike) surface(x, y) = as_far ? kSky : kSurface;
   });
+  if (clouds) {
+    grow_from(surface, kSky, [&](int x, int y, int from_x, int from_y) {
+      const Rgb8 c = image(x, y);
+      return surface(x, y) == kSurface && (is_blue(c) || luma(c) * count >= kCloud * luma_sum) &&
+             depth(x, y) >= kNearestCloud_m && depth(x, y) >= kEvenDepth * depth(from_x, from_y);
+    });
+  }
   return true;
 }
 
@@ -296,6 +322,24 @@ template <class Far>
   return any;
 }
 
+// Whether hardly anything was called sky of what is missing at the top of columns, where that is a part of the picture:
+// bright houses below a dark sky, say.
+[[nodiscard]] inline bool misses_what_is_missing(ImageView<const float> depth,
+                                                 ImageView<const std::uint8_t> surface) noexcept {
+  constexpr double kPart = 0.02;
+  constexpr double kHardlyAny = 0.25;
+  double missing = 0;
+  double sky = 0;
+  for (int x = 0; x < depth.width(); ++x) {
+    int top = 0;
+    while (top < depth.height() && !is_valid_depth(depth(x, top))) ++top;
+    if (top == depth.height()) continue;  // beside the other picture of a pair
+    missing += top;
+    for (int y = 0; y < top; ++y) sky += surface(x, y) == kSurface ? 0.0 : 1.0;
+  }
+  return missing > kPart * static_cast<double>(depth.shape().pixels()) && sky < kHardlyAny * missing;
+}
+
 }  // namespace depth_detail
 
 [[nodiscard]] constexpr std::size_t find_sky_workspace_bytes(Shape shape) noexcept {
@@ -309,7 +353,7 @@ template <class Far>
   using namespace depth_detail;
   if (is_dense(depth)) {
     if (find_sky_among_far(
-            image, depth, [](float z) { return !(z < kFarSky_m); }, surface))
+            image, depth, [](float z) { return !(z < kFarSky_m); }, true, surface))
       return {};
     for (int y = 0; y < surface.height(); ++y) {
       for (int x = 0; x < surface.width(); ++x) surface(x, y) = kSurface;
@@ -317,7 +361,10 @@ template <class Far>
     return {};
   }
   const auto mismatched = [](float z) { return !is_valid_depth(z) || z > kMismatchedSky_m; };
-  if (source == DepthSource::stereo && find_sky_among_far(image, depth, mismatched, surface)) return {};
+  if (source == DepthSource::stereo && find_sky_among_far(image, depth, mismatched, false, surface) &&
+      !misses_what_is_missing(depth, surface)) {
+    return {};
+  }
   const bool whole_areas = source == DepthSource::exact || source == DepthSource::network;
   constexpr int kReach = 8;
   constexpr double kDarkestSky = 0.5;
