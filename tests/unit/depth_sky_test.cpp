@@ -3,6 +3,7 @@
 
 #include <doctest/doctest.h>
 
+#include <cmath>
 #include <cstdint>
 #include <limits>
 
@@ -286,6 +287,64 @@ TEST_CASE(
       }
     }
   }
+}
+
+TEST_CASE("of a stereo pair matched clouds stay sky beside a dark front that was not matched up to the upper edge") {
+  View v;
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      const bool front = x < 12;  // matched from row 30 on
+      const bool sky = y < 40 && !front;
+      v.image(x, y) = sky ? Rgb8{200, 205, 215} : Rgb8{60, 60, 60};
+      const float matched = (7 * x + 3 * y) % 5 < 3 ? 40.0F + static_cast<float>(x % 9) : 0.0F;
+      v.depth(x, y) = sky ? matched : (front && y < 30 ? 0.0F : 15.0F);
+    }
+  }
+  v.run(DepthSource::stereo);
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) CHECK(v.surface(x, y) == (y < 40 && x >= 12 ? 0 : 1));
+  }
+}
+
+TEST_CASE("of a network's depth wet road and a blue house that come up to the sky without a step are none of it") {
+  View v;
+  const auto house = [](int x, int y) { return x < 40 && y >= 6 && y < 36; };
+  const auto road = [](int y) { return y >= 36; };
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      const auto grain = static_cast<std::uint8_t>((7 * x + 3 * y) % 3);
+      v.image(x, y) = road(y)       ? Rgb8{85, static_cast<std::uint8_t>(95 + grain), 112}
+                      : house(x, y) ? Rgb8{70, static_cast<std::uint8_t>(80 + grain), 110}
+                                    : Rgb8{110, static_cast<std::uint8_t>(160 + grain), 225};
+      // From the sky's 80 m down the road by 2 % a row, and along the house from 62 m, behind a soft edge.
+      const float away = std::fmin(1.0F, static_cast<float>(40 - x) / 16.0F);
+      v.depth(x, y) = road(y)       ? 80.0F * std::pow(0.98F, static_cast<float>(y - 35))
+                      : house(x, y) ? 80.0F - 18.0F * away - 0.5F * static_cast<float>(39 - x)
+                                    : 80.0F;
+    }
+  }
+  v.run(DepthSource::network);
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      if (house(x, y) && x >= 28) continue;  // as far as the sky nearly
+      CAPTURE(x);
+      CAPTURE(y);
+      CHECK(v.surface(x, y) == (road(y) || house(x, y) ? 1 : 0));
+    }
+  }
+}
+
+TEST_CASE("where all is blue, a front that alone is far and closes a street is no sky") {
+  View v;
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      const auto code = static_cast<std::uint8_t>(100 + (7 * x + 3 * y) % 3);
+      v.image(x, y) = Rgb8{static_cast<std::uint8_t>(code - 20), code, static_cast<std::uint8_t>(code + 30)};
+      v.depth(x, y) = x >= 30 && x < 70 && y < 35 ? 70.0F : 15.0F;
+    }
+  }
+  v.run(DepthSource::network);
+  for (const std::uint8_t s : v.surface.view().pixels()) CHECK(s == 1);
 }
 
 TEST_CASE(

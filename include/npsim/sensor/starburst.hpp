@@ -37,12 +37,15 @@ inline namespace NPSIM_ABI {
 // what is not sent out stays in the lamp. What is dimmer than `lamp` sends none, which would be lost beside it.
 //
 // Every spike has another opposite to it. So the picture is cut along each direction into lines a pixel wide; what the
-// lamps on a line's pixels send is summed up along it and laid down once. Its middle passes them within half a pixel.
-// Invariants: out >= 0; sum(out) == sum(in) within 1e-5 relative; neither blades nor streak: a copy.
+// lamps on a line's pixels send is summed up along it and laid down once. Its middle passes them within half a pixel:
+// from picture to picture a spike may move by a pixel against its lamp.
+// Invariants: out >= 0; sum(out) == sum(in) within 1e-5 relative, up to 8192 pixels a side; neither blades nor streak:
+// a copy.
 // Error: the equation within 5 % of the light that hexagons, pentagons and octagons diffract (Fourier transforms of
-// them, from 6 lambda / D on); each column of a spike, or row, within 1e-4 of the equation, as long as it gets `least`.
+// them, from 6 lambda / D on); each column of a spike, or row, within 1e-4 of the equation, as long as it gets `least`
+// and up to 8192 pixels a side.
 // Cost: two passes over the picture, and one over what the lines of each direction reach. The lines are one thread's.
-// Memory: 24 bytes for each pixel that is a lamp, beside a few rows.
+// Memory: 24 bytes for each pixel that is a lamp, of which all may be, and 200 for each pixel of the longer side.
 
 struct StarburstParams {
   int blades = 0;            // of the iris, 3 to 31; 0: it is round, or wide open
@@ -197,8 +200,8 @@ inline void fill_table(int steps, Span<float> table) noexcept {
   return k < 2 ? 0.0F : 1.0F / 1.5F - 1.0F / (static_cast<float>(k) + 0.5F);
 }
 
-// Adds a lamp's two spikes to its line, which has the steps `whole`, and takes their light out of its pixel. Returns how
-// far they go.
+// Adds a lamp's two spikes to its line, which has the steps `whole`, and takes their light out of its pixel. Returns
+// how far they go.
 inline Steps add_spikes(int step, const Steps& whole, const Vec3f& each, float least, Span<const float> table,
                         const BundleLight& light, int line, Vec3f& lamp) noexcept {
   using F = simd::F32;

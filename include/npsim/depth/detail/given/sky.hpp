@@ -22,14 +22,14 @@
 // are even, and white fronts in the sun are not. Where no way tells them apart, all above is sky.
 // A dense depth map, such as a network's, has nothing above: its sky is far. Of what lies beyond kFarSky_m the picture
 // decides in the same way, with all of it where even its darker class is much brighter than what is near; where nine
-// tenths of it are blue and nothing else tells it apart, that is how the sky looks. Sky is what looks so and is
-// connected to the upper edge, what looks so elsewhere and is as far, and in dense maps what goes on from these at no
-// step of depth and is at least as bright, or blue: white clouds, and what is between them. Where nothing is told apart
-// all is surface.
+// tenths of it are blue, of what is near not half, and nothing else tells it apart, that is how the sky looks. Sky is
+// what looks so and is connected to the upper edge, what looks so elsewhere and is as far, and in dense maps what goes
+// on from these at no step of depth, nearly as far, and is as bright, or deep blue: white clouds, and what is between
+// them. Where nothing is told apart all is surface.
 // A stereo pair matches clouds with each other: on real frames .4 to .55 of the sky has a depth, from 27 m on. Where
 // the picture tells the sky from the rest of what is missing or beyond kMismatchedSky_m, it decides of all that as it
-// does of what is far in a dense map; where it does not, or calls hardly anything sky of what is missing at the top of
-// the columns (bright houses below a dark sky), what was matched is surface, as for other sensors.
+// does of what is far in a dense map; where it does not, or what it calls sky was matched while what is missing at the
+// top is not of it (bright houses below a dark sky), what was matched is surface, as for other sensors.
 // Exact maps, and those of networks, whose sky is left out have no gaps between samples: of them all that is missing is
 // asked like what is above a sensor's last row, below lamps and measured wires too.
 // Cost: a few passes. Memory: 25 bytes per pixel, for a dense map none.
@@ -208,8 +208,8 @@ struct ColourHistogram {
   bright.known = by_luma.level < 256 && by_luma.high_mean >= kMuchBrighter * by_luma.low_mean &&
                  by_luma.high_mean * below_count > below_sum;
   const double darkest = by_luma.level < 256 ? by_luma.low_mean : quantile_of(above, 0.02);
-  const double pixels = static_cast<double>(image.shape().pixels());
   bright.all = below_count > 0 && darkest * below_count >= kMuchBrighter * below_sum;
+  const double pixels = static_cast<double>(image.shape().pixels());
   if (blue.count >= kLeastBlue * pixels) {
     SkyLook deep = look_alike(blue.median(), image, surface);
     deep.all = bright.all;
@@ -251,9 +251,9 @@ template <class Far>
                                       bool clouds, ImageView<std::uint8_t> surface) noexcept {
   constexpr double kNearlyAll = 0.9;
   constexpr double kAsFar = 0.9;
-  constexpr float kNearestCloud_m = 0.75F * kFarSky_m;
-  constexpr float kEvenDepth = 0.97F;  // of the pixel beside it
-  constexpr double kCloud = 0.95;      // of the mean luma of what was found
+  constexpr float kEvenDepth = 0.97F;      // of clouds, of the pixel beside it
+  constexpr double kCloudAsFar = 0.8;      // of the sky's mean in 1 / z, which a few far pixels do not move
+  constexpr double kCloudAsBright = 0.95;  // of the mean luma of what was found
   const Shape shape = surface.shape();
   const auto each = [&](const auto& f) {
     for (int y = 0; y < shape.height; ++y) {
@@ -264,14 +264,17 @@ template <class Far>
   each([&](int x, int y) { surface(x, y) = is_far(x, y) ? kSky : kSurface; });
   const SkyLook look = sky_look(image, surface, 0.0);
   const bool told = look.known || look.all;
-  double all = 0;
-  double blue = 0;
+  double far_count = 0;
+  double far_blue = 0;
+  double near_count = 0;
+  double near_blue = 0;
   each([&](int x, int y) {
-    if (surface(x, y) == kSurface) return;
-    all += 1;
-    blue += is_blue(image(x, y)) ? 1.0 : 0.0;
+    const bool near = surface(x, y) == kSurface;
+    (near ? near_count : far_count) += 1;
+    (near ? near_blue : far_blue) += is_blue(image(x, y)) ? 1.0 : 0.0;
   });
-  if (!told && !(all > 0 && blue >= kNearlyAll * all)) return false;
+  const bool blue = far_count > 0 && far_blue >= kNearlyAll * far_count && near_blue < 0.5 * near_count;
+  if (!told && !blue) return false;
   each([&](int x, int y) {
     const Rgb8 c = image(x, y);
     const bool like = is_far(x, y) && (told ? look.all || look.of(c) : is_blue(c));
@@ -279,11 +282,14 @@ template <class Far>
   });
   grow(surface, kSky, [](std::uint8_t c) { return c == kLike; });
   double sum = 0;
+  double inverse_sum = 0;
   double luma_sum = 0;
   double count = 0;
   each([&](int x, int y) {
     if (surface(x, y) != kSky || !is_valid_depth(depth(x, y))) return;
-    sum += static_cast<double>(depth(x, y));
+    const auto z = static_cast<double>(depth(x, y));
+    sum += z;
+    inverse_sum += 1.0 / z;
     luma_sum += luma(image(x, y));
     count += 1;
   });
@@ -291,11 +297,13 @@ template <class Far>
     const bool as_far = count > 0 && static_cast<double>(depth(x, y)) * count >= kAsFar * sum;
     if (surface(x, y) == kLike) surface(x, y) = as_far ? kSky : kSurface;
   });
-  if (clouds) {
+  if (clouds && count > 0) {
     grow_from(surface, kSky, [&](int x, int y, int from_x, int from_y) {
       const Rgb8 c = image(x, y);
-      return surface(x, y) == kSurface && (is_blue(c) || luma(c) * count >= kCloud * luma_sum) &&
-             depth(x, y) >= kNearestCloud_m && depth(x, y) >= kEvenDepth * depth(from_x, from_y);
+      const bool deep_blue = is_blue(c) && 2 * c.b >= 3 * c.r;
+      return surface(x, y) == kSurface && (deep_blue || luma(c) * count >= kCloudAsBright * luma_sum) &&
+             static_cast<double>(depth(x, y)) * inverse_sum >= kCloudAsFar * count &&
+             depth(x, y) >= kEvenDepth * depth(from_x, from_y);
     });
   }
   return true;
@@ -322,22 +330,31 @@ template <class Far>
   return any;
 }
 
-// Whether hardly anything was called sky of what is missing at the top of columns, where that is a part of the picture:
-// bright houses below a dark sky, say.
+// Whether hardly anything was called sky of what is missing at the top of columns, where that is a part of the picture,
+// and hardly anything is missing of what was called sky: bright houses below a dark sky, say. Of a real sky nearly half
+// is missing.
 [[nodiscard]] inline bool misses_what_is_missing(ImageView<const float> depth,
                                                  ImageView<const std::uint8_t> surface) noexcept {
   constexpr double kPart = 0.02;
-  constexpr double kHardlyAny = 0.25;
-  double missing = 0;
+  constexpr double kHardlyAny = 0.1;
+  double at_top = 0;
+  double sky_at_top = 0;
   double sky = 0;
+  double missing_sky = 0;
   for (int x = 0; x < depth.width(); ++x) {
-    int top = 0;
-    while (top < depth.height() && !is_valid_depth(depth(x, top))) ++top;
-    if (top == depth.height()) continue;  // beside the other picture of a pair
-    missing += top;
-    for (int y = 0; y < top; ++y) sky += surface(x, y) == kSurface ? 0.0 : 1.0;
+    bool top = true;
+    for (int y = 0; y < depth.height(); ++y) {
+      const bool missing = !is_valid_depth(depth(x, y));
+      const double is_sky = surface(x, y) == kSurface ? 0.0 : 1.0;
+      top = top && missing;
+      at_top += top ? 1.0 : 0.0;
+      sky_at_top += top ? is_sky : 0.0;
+      sky += is_sky;
+      missing_sky += missing ? is_sky : 0.0;
+    }
   }
-  return missing > kPart * static_cast<double>(depth.shape().pixels()) && sky < kHardlyAny * missing;
+  return at_top > kPart * static_cast<double>(depth.shape().pixels()) && sky_at_top < kHardlyAny * at_top &&
+         missing_sky < kHardlyAny * sky;
 }
 
 }  // namespace depth_detail
