@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <system_error>
@@ -155,13 +156,20 @@ class NightWriter {
   Status night(const Night& night) {
     return written(console_.timed("write night", [&]() -> io::Outcome {
       const std::string stem = night_stem(options_.output, night.variant);
-      if (auto o = io::write_png(stem + ".png", night.picture); !o) return o;
-      if (auto o = io::write_pfm(stem + ".pfm", night.luminance); !o) return o;
+      const SensorParams& sensor = params_.camera.sensor;
+      const auto picture = std::make_shared<io::Image<Rgb8>>(night.picture.shape());
+      copy_pixels(night.picture, picture->view());
+      const auto add = [&](const std::string& file, const auto& write) {
+        waiting_.push_back({file, [file, picture, write] { return write(file, std::as_const(*picture).view()); }});
+      };
+      add(stem + ".png", [](const std::string& file, const auto& view) { return io::write_png(file, view); });
       if (options_.jpeg > 0) {
-        if (auto o = io::write_jpeg(stem + ".jpg", night.picture, options_.jpeg); !o) return o;
+        add(stem + ".jpg", [quality = options_.jpeg](const std::string& file, const auto& view) {
+          return io::write_jpeg(file, view, quality);
+        });
       }
+      if (auto o = io::write_pfm(stem + ".pfm", night.luminance); !o) return o;
       if (options_.raw) {
-        const SensorParams& sensor = params_.camera.sensor;
         if (auto o = io::write_raw(stem + ".raw", night.raw, sensor, night.exposure); !o) return o;
         if (auto o = io::write_dng(stem + ".dng", night.raw, sensor, night.exposure); !o) return o;
       }
@@ -174,8 +182,16 @@ class NightWriter {
         panels_.push_back(
             {"night " + std::to_string(night.variant), io::resized_nearest(night.picture, scene_.shape())});
       }
-      return io::write_file(stem + ".json", describe(night).dump(2) + "\n");
+      if (auto o = io::write_file(stem + ".json", describe(night).dump(2) + "\n"); !o) return o;
+      if (waiting_.size() < std::min(pool_.thread_count(), kMostWaiting)) return io::Done{};
+      return write_waiting();
     }));
+  }
+
+  // The pictures of the last nights.
+  Status finish_nights() {
+    if (waiting_.empty()) return {};
+    return written(console_.timed("write night", [&] { return write_waiting(); }));
   }
 
   [[nodiscard]] io::Outcome finish(const NightParams& params, const io::HostMemory& memory, const Workspace& workspace,
@@ -339,6 +355,16 @@ class NightWriter {
     return std::any_of(light_set_.begin(), light_set_.end(), [&](const LightSetEntry& e) { return e.cls == cls; });
   }
 
+  [[nodiscard]] io::Outcome write_waiting() {
+    const io::Outcome done = write_files(waiting_, pool_);
+    waiting_.clear();
+    return done;
+  }
+
+  // Coding a picture takes a processor ten times as long as all else of a further night, so those of several are coded
+  // side by side.
+  static constexpr std::size_t kMostWaiting = 8;
+
   const NightOptions& options_;
   Shape photograph_;
   const io::Scene& scene_;
@@ -349,6 +375,7 @@ class NightWriter {
   Console& console_;
   ThreadPool& pool_;
   std::optional<NightLabels> labels_;
+  std::vector<FileTask> waiting_;
   std::vector<Panel> panels_;
   Counts counts_;
   GroundPlane ground_;
@@ -527,6 +554,8 @@ int run_night(const NightOptions& options) {
   DaylightRecorder recorder(console);
   NightWriter writer(options, photograph, scene, doubts, params, recorder, console, pool);
   const Status status = engine::make_large_nights(params, photograph.view(), view, workspace, pool, recorder, writer);
+  static_cast<void>(
+      writer.finish_nights());  // of an interrupted run too; what could not be written is the writer's error
   if (writer.error() != nullptr) return fail(*writer.error());
   if (status.code() == StatusCode::no_valid_input) {
     return fail(io::Error{scene.file, "depth",
