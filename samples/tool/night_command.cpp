@@ -182,7 +182,7 @@ class NightWriter {
         panels_.push_back(
             {"night " + std::to_string(night.variant), io::resized_nearest(night.picture, scene_.shape())});
       }
-      if (auto o = io::write_file(stem + ".json", describe(night).dump(2) + "\n"); !o) return o;
+      descriptions_.emplace_back(stem + ".json", describe(night).dump(2) + "\n");
       if (waiting_.size() < std::min(pool_.thread_count(), kMostWaiting)) return io::Done{};
       return write_waiting();
     }));
@@ -191,7 +191,7 @@ class NightWriter {
   // The pictures of the last nights.
   Status finish_nights() {
     if (waiting_.empty()) return {};
-    return written(console_.timed("write night", [&] { return write_waiting(); }));
+    return written(console_.timed("last pictures", [&] { return write_waiting(); }));
   }
 
   [[nodiscard]] io::Outcome finish(const NightParams& params, const io::HostMemory& memory, const Workspace& workspace,
@@ -272,7 +272,7 @@ class NightWriter {
 
   Status written(const io::Outcome& outcome) {
     if (outcome.ok()) return {};
-    error_ = outcome.error();
+    if (error() == nullptr) error_ = outcome.error();
     return Status(StatusCode::cancelled, "an output could not be written");
   }
 
@@ -355,10 +355,16 @@ class NightWriter {
     return std::any_of(light_set_.begin(), light_set_.end(), [&](const LightSetEntry& e) { return e.cls == cls; });
   }
 
+  // Pictures, then what says how they were made: where that is, so is the picture.
   [[nodiscard]] io::Outcome write_waiting() {
-    const io::Outcome done = write_files(waiting_, pool_);
+    const io::Outcome pictures = write_files(waiting_, pool_);
     waiting_.clear();
-    return done;
+    if (!pictures) return pictures;
+    for (const auto& [file, text] : descriptions_) {
+      if (auto o = io::write_file(file, text); !o) return o;
+    }
+    descriptions_.clear();
+    return io::Done{};
   }
 
   // Coding a picture takes a processor ten times as long as all else of a further night, so those of several are coded
@@ -376,6 +382,7 @@ class NightWriter {
   ThreadPool& pool_;
   std::optional<NightLabels> labels_;
   std::vector<FileTask> waiting_;
+  std::vector<std::pair<std::string, std::string>> descriptions_;  // file, text
   std::vector<Panel> panels_;
   Counts counts_;
   GroundPlane ground_;

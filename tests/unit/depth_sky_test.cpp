@@ -3,6 +3,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -262,17 +263,22 @@ TEST_CASE(
 TEST_CASE(
     "of a network's depth blue beside a white cloud is sky as well, a front as white and nearer by a step is none") {
   for (const bool small_cloud : {false, true}) {
-    const auto cloud = [&](int x, int y) { return x >= (small_cloud ? 90 : 60) && y < 20; };
     const auto front = [](int x, int y) { return x < 25 && y >= 8 && y < 40; };
+    // How white: within 14 px of its rim it is not all of it.
+    const auto cloud = [&](int x, int y) {
+      const int within = std::min(x - (small_cloud ? 84 : 50), 34 - y);
+      return std::fmin(1.0F, std::fmax(0.0F, static_cast<float>(within) / 14.0F));
+    };
     View v;
     for (int y = 0; y < 60; ++y) {
       for (int x = 0; x < 100; ++x) {
         const bool sky = y < 40 && !front(x, y);
-        const auto grain = static_cast<std::uint8_t>((7 * x + 3 * y) % 3);
-        v.image(x, y) = sky && cloud(x, y) ? Rgb8{240, static_cast<std::uint8_t>(242 + 4 * grain), 248}
-                        : sky              ? Rgb8{95, static_cast<std::uint8_t>(140 + grain), 210}
-                        : front(x, y)      ? Rgb8{240, 238, 235}
-                                           : Rgb8{70, 70, 70};
+        const auto code = [&](int blue, int white) {
+          return static_cast<std::uint8_t>(static_cast<float>(blue) + cloud(x, y) * static_cast<float>(white - blue));
+        };
+        v.image(x, y) = sky           ? Rgb8{code(95, 240), code(140 + (7 * x + 3 * y) % 3, 246), code(210, 248)}
+                        : front(x, y) ? Rgb8{240, 238, 235}
+                                      : Rgb8{70, 70, 70};
         // The sky comes nearer to one side, to 55 m.
         v.depth(x, y) = sky ? 80.0F - 0.25F * static_cast<float>(x) : front(x, y) ? 50.0F : 15.0F;
       }
@@ -289,20 +295,55 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("of a stereo pair matched clouds stay sky beside a dark front that was not matched up to the upper edge") {
+TEST_CASE(
+    "of a network's depth clouds end at a step of depth, where what is as white comes near, and where it darkens") {
   View v;
+  const auto stepped = [](int x, int y) { return x >= 62 && x < 70 && y >= 20; };
+  const auto near = [](int x, int y) { return x >= 75 && y >= 10; };
   for (int y = 0; y < 60; ++y) {
     for (int x = 0; x < 100; ++x) {
-      const bool front = x < 12;  // matched from row 30 on
-      const bool sky = y < 40 && !front;
-      v.image(x, y) = sky ? Rgb8{200, 205, 215} : Rgb8{60, 60, 60};
-      const float matched = (7 * x + 3 * y) % 5 < 3 ? 40.0F + static_cast<float>(x % 9) : 0.0F;
-      v.depth(x, y) = sky ? matched : (front && y < 30 ? 0.0F : 15.0F);
+      const float white = std::fmin(1.0F, std::fmax(0.0F, static_cast<float>(x - 40) / 14.0F));
+      const int darker = x < 60 && x >= 54 && y > 20 ? 10 * (y - 20) : 0;
+      const auto code = [&](int blue) {
+        return static_cast<std::uint8_t>(static_cast<float>(blue) + white * static_cast<float>(246 - blue) -
+                                         static_cast<float>(darker));
+      };
+      v.image(x, y) = y < 40 ? Rgb8{code(95), code(140 + (7 * x + 3 * y) % 3), code(210)} : Rgb8{70, 70, 70};
+      const float z = stepped(x, y) ? 58.0F : (near(x, y) ? 70.0F * std::pow(0.98F, static_cast<float>(y - 9)) : 70.0F);
+      v.depth(x, y) = y < 40 ? z : 15.0F;
     }
   }
-  v.run(DepthSource::stereo);
-  for (int y = 0; y < 60; ++y) {
-    for (int x = 0; x < 100; ++x) CHECK(v.surface(x, y) == (y < 40 && x >= 12 ? 0 : 1));
+  v.run(DepthSource::network);
+  CHECK(v.surface(10, 30) == 0);
+  CHECK(v.surface(66, 10) == 0);
+  CHECK(v.surface(90, 8) == 0);
+  CHECK(v.surface(72, 35) == 0);
+  CHECK(v.surface(66, 30) == 1);
+  CHECK(v.surface(90, 30) == 1);
+  CHECK(v.surface(57, 33) == 1);
+}
+
+TEST_CASE("of a stereo pair a found sky stays beside what was not matched up to the upper edge: front, strip, crown") {
+  for (const int kind : {0, 1, 2}) {
+    View v;
+    const auto unmatched = [&](int x, int y) { return x < 12 && (kind == 1 || y < 30); };
+    for (int y = 0; y < 60; ++y) {
+      for (int x = 0; x < 100; ++x) {
+        const bool beside = x < 12;
+        const bool sky = y < 40 && !beside;
+        const auto leaf = static_cast<std::uint8_t>(kind == 2 ? 30 + 20 * ((5 * x + 3 * y) % 4) : 60);
+        v.image(x, y) = sky ? Rgb8{200, 205, 215} : (beside ? Rgb8{leaf, leaf, leaf} : Rgb8{60, 60, 60});
+        // Only beside the front was the sky not matched in places; filled maps have no such holes.
+        const float matched = kind != 0 || (7 * x + 3 * y) % 5 < 3 ? 40.0F + static_cast<float>(x % 9) : 0.0F;
+        v.depth(x, y) = unmatched(x, y) ? 0.0F : (sky ? matched : 15.0F);
+      }
+    }
+    v.run(DepthSource::stereo);
+    CAPTURE(kind);
+    for (int y = 0; y < 60; ++y) {
+      for (int x = 12; x < 100; ++x) CHECK(v.surface(x, y) == (y < 40 ? 0 : 1));
+      CHECK(v.surface(3, y) == 1);
+    }
   }
 }
 

@@ -24,12 +24,12 @@
 // decides in the same way, with all of it where even its darker class is much brighter than what is near; where nine
 // tenths of it are blue, of what is near not half, and nothing else tells it apart, that is how the sky looks. Sky is
 // what looks so and is connected to the upper edge, what looks so elsewhere and is as far, and in dense maps what goes
-// on from these at no step of depth, nearly as far, and is as bright, or deep blue: white clouds, and what is between
+// on from these without a step of depth or colour, nearly as far, and is as bright, or blue: clouds, and what is between
 // them. Where nothing is told apart all is surface.
 // A stereo pair matches clouds with each other: on real frames .4 to .55 of the sky has a depth, from 27 m on. Where
 // the picture tells the sky from the rest of what is missing or beyond kMismatchedSky_m, it decides of all that as it
-// does of what is far in a dense map; where it does not, or what it calls sky was matched while what is missing at the
-// top is not of it (bright houses below a dark sky), what was matched is surface, as for other sensors.
+// does of what is far in a dense map; where it does not, or what it calls sky was matched while the even part that is
+// missing at the top is not of it (bright houses below a dark sky), what was matched is surface, as for other sensors.
 // Exact maps, and those of networks, whose sky is left out have no gaps between samples: of them all that is missing is
 // asked like what is above a sensor's last row, below lamps and measured wires too.
 // Cost: a few passes. Memory: 25 bytes per pixel, for a dense map none.
@@ -300,8 +300,8 @@ template <class Far>
   if (clouds && count > 0) {
     grow_from(surface, kSky, [&](int x, int y, int from_x, int from_y) {
       const Rgb8 c = image(x, y);
-      const bool deep_blue = is_blue(c) && 2 * c.b >= 3 * c.r;
-      return surface(x, y) == kSurface && (deep_blue || luma(c) * count >= kCloudAsBright * luma_sum) &&
+      return surface(x, y) == kSurface && (is_blue(c) || luma(c) * count >= kCloudAsBright * luma_sum) &&
+             difference(c, image(from_x, from_y)) <= kEvenSky &&
              static_cast<double>(depth(x, y)) * inverse_sum >= kCloudAsFar * count &&
              depth(x, y) >= kEvenDepth * depth(from_x, from_y);
     });
@@ -330,31 +330,36 @@ template <class Far>
   return any;
 }
 
-// Whether hardly anything was called sky of what is missing at the top of columns, where that is a part of the picture,
-// and hardly anything is missing of what was called sky: bright houses below a dark sky, say. Of a real sky nearly half
-// is missing.
-[[nodiscard]] inline bool misses_what_is_missing(ImageView<const float> depth,
+// Whether hardly anything was called sky of what is missing at the top of columns, where that is a part of the picture
+// and even, and hardly anything is missing of what was called sky: bright houses below a dark sky, say. Of a real sky
+// nearly half is missing, and crowns that were not matched are rough.
+[[nodiscard]] inline bool misses_what_is_missing(ImageView<const Rgb8> image, ImageView<const float> depth,
                                                  ImageView<const std::uint8_t> surface) noexcept {
   constexpr double kPart = 0.02;
   constexpr double kHardlyAny = 0.1;
+  constexpr double kEvenStep = 4.0;  // codes from row to row
   double at_top = 0;
   double sky_at_top = 0;
+  double steps = 0;
   double sky = 0;
   double missing_sky = 0;
   for (int x = 0; x < depth.width(); ++x) {
-    bool top = true;
+    int top = 0;
+    while (top < depth.height() && !is_valid_depth(depth(x, top))) ++top;
+    if (top == depth.height()) continue;  // beside the other picture of a pair
+    at_top += top;
     for (int y = 0; y < depth.height(); ++y) {
-      const bool missing = !is_valid_depth(depth(x, y));
       const double is_sky = surface(x, y) == kSurface ? 0.0 : 1.0;
-      top = top && missing;
-      at_top += top ? 1.0 : 0.0;
-      sky_at_top += top ? is_sky : 0.0;
       sky += is_sky;
-      missing_sky += missing ? is_sky : 0.0;
+      missing_sky += is_valid_depth(depth(x, y)) ? 0.0 : is_sky;
+      if (y >= top) continue;
+      sky_at_top += is_sky;
+      const int step = luma(image(x, y)) - luma(image(x, y > 0 ? y - 1 : 0));
+      steps += step < 0 ? -step : step;
     }
   }
   return at_top > kPart * static_cast<double>(depth.shape().pixels()) && sky_at_top < kHardlyAny * at_top &&
-         missing_sky < kHardlyAny * sky;
+         steps < kEvenStep * at_top && missing_sky < kHardlyAny * sky;
 }
 
 }  // namespace depth_detail
@@ -379,7 +384,7 @@ template <class Far>
   }
   const auto mismatched = [](float z) { return !is_valid_depth(z) || z > kMismatchedSky_m; };
   if (source == DepthSource::stereo && find_sky_among_far(image, depth, mismatched, false, surface) &&
-      !misses_what_is_missing(depth, surface)) {
+      !misses_what_is_missing(image, depth, surface)) {
     return {};
   }
   const bool whole_areas = source == DepthSource::exact || source == DepthSource::network;
