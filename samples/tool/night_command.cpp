@@ -156,20 +156,9 @@ class NightWriter {
   Status night(const Night& night) {
     return written(console_.timed("write night", [&]() -> io::Outcome {
       const std::string stem = night_stem(options_.output, night.variant);
-      const SensorParams& sensor = params_.camera.sensor;
-      const auto picture = std::make_shared<io::Image<Rgb8>>(night.picture.shape());
-      copy_pixels(night.picture, picture->view());
-      const auto add = [&](const std::string& file, const auto& write) {
-        waiting_.push_back({file, [file, picture, write] { return write(file, std::as_const(*picture).view()); }});
-      };
-      add(stem + ".png", [](const std::string& file, const auto& view) { return io::write_png(file, view); });
-      if (options_.jpeg > 0) {
-        add(stem + ".jpg", [quality = options_.jpeg](const std::string& file, const auto& view) {
-          return io::write_jpeg(file, view, quality);
-        });
-      }
       if (auto o = io::write_pfm(stem + ".pfm", night.luminance); !o) return o;
       if (options_.raw) {
+        const SensorParams& sensor = params_.camera.sensor;
         if (auto o = io::write_raw(stem + ".raw", night.raw, sensor, night.exposure); !o) return o;
         if (auto o = io::write_dng(stem + ".dng", night.raw, sensor, night.exposure); !o) return o;
       }
@@ -182,7 +171,19 @@ class NightWriter {
         panels_.push_back(
             {"night " + std::to_string(night.variant), io::resized_nearest(night.picture, scene_.shape())});
       }
-      descriptions_.emplace_back(stem + ".json", describe(night).dump(2) + "\n");
+      const auto picture = std::make_shared<io::Image<Rgb8>>(night.picture.shape());
+      copy_pixels(night.picture, picture->view());
+      // Last what says how the night was made: where that is, so is all of it.
+      const auto code = [stem, picture, quality = options_.jpeg,
+                         text = describe(night).dump(2) + "\n"]() -> io::Outcome {
+        const ImageView<const Rgb8> view = std::as_const(*picture).view();
+        if (auto o = io::write_png(stem + ".png", view); !o) return o;
+        if (quality > 0) {
+          if (auto o = io::write_jpeg(stem + ".jpg", view, quality); !o) return o;
+        }
+        return io::write_file(stem + ".json", text);
+      };
+      waiting_.push_back({stem + ".png", code});
       if (waiting_.size() < std::min(pool_.thread_count(), kMostWaiting)) return io::Done{};
       return write_waiting();
     }));
@@ -355,16 +356,10 @@ class NightWriter {
     return std::any_of(light_set_.begin(), light_set_.end(), [&](const LightSetEntry& e) { return e.cls == cls; });
   }
 
-  // Pictures, then what says how they were made: where that is, so is the picture.
   [[nodiscard]] io::Outcome write_waiting() {
-    const io::Outcome pictures = write_files(waiting_, pool_);
+    const io::Outcome done = write_files(waiting_, pool_);
     waiting_.clear();
-    if (!pictures) return pictures;
-    for (const auto& [file, text] : descriptions_) {
-      if (auto o = io::write_file(file, text); !o) return o;
-    }
-    descriptions_.clear();
-    return io::Done{};
+    return done;
   }
 
   // Coding a picture takes a processor ten times as long as all else of a further night, so those of several are coded
@@ -381,8 +376,7 @@ class NightWriter {
   Console& console_;
   ThreadPool& pool_;
   std::optional<NightLabels> labels_;
-  std::vector<FileTask> waiting_;
-  std::vector<std::pair<std::string, std::string>> descriptions_;  // file, text
+  std::vector<FileTask> waiting_;  // a night's picture each
   std::vector<Panel> panels_;
   Counts counts_;
   GroundPlane ground_;
