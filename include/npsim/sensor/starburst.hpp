@@ -191,7 +191,7 @@ struct BundleLight {
 inline void fill_table(int steps, Span<float> table) noexcept {
   for (int k = 1 - steps; k < steps; ++k) {
     const auto s = static_cast<float>(k);
-    table[static_cast<std::size_t>(k + steps - 1)] = k * k < 4 ? 0.0F : 1.0F / (s * s - 0.25F);
+    table[static_cast<std::size_t>(k + steps - 1)] = k > -2 && k < 2 ? 0.0F : 1.0F / (s * s - 0.25F);
   }
 }
 
