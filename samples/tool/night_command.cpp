@@ -555,8 +555,8 @@ int run_night(const NightOptions& options) {
   DaylightRecorder recorder(console);
   NightWriter writer(options, photograph, scene, doubts, params, recorder, console, pool);
   const Status status = engine::make_large_nights(params, photograph.view(), view, workspace, pool, recorder, writer);
-  static_cast<void>(
-      writer.finish_nights());  // of an interrupted run too; what could not be written is the writer's error
+  // Of an interrupted run too; what could not be written is the writer's error.
+  static_cast<void>(writer.finish_nights());
   if (writer.error() != nullptr) return fail(*writer.error());
   if (status.code() == StatusCode::no_valid_input) {
     return fail(io::Error{scene.file, "depth",

@@ -188,28 +188,19 @@ void up(const Level& fine, const Level& coarse, ImageView<const Vec3f> in, Execu
   });
 }
 
-// Calls use(i, n) for the batches of `count` channels, n of them whole but in the last.
-template <class F, class Use>
-NPSIM_ALWAYS_INLINE void for_batches(int count, const Use& use) noexcept {
-  for (int i = 0; i < count; i += F::lanes) use(i, count - i < F::lanes ? count - i : F::lanes);
-}
-
 // The light of n pixels, and that which the optics scatter of it: with a largest channel of at most `cap`, its hue
 // kept.
 template <class F>
 void split_light(const Vec3f* in, int n, float cap, Vec3f (&light)[kRun], Vec3f (&scattering)[kRun]) noexcept {
   F most(0.0F);
   for_batches<F>(3 * n, [&](int i, int lanes) {
-    const F sane = min(max(load_first<F>(&in->x + i, lanes), F(0.0F)), F(kMaxSample));
+    const F sane = load_sane<F>(&in->x + i, lanes);
     sane.store(&light->x + i);
     sane.store(&scattering->x + i);
     most = max(sane, most);
   });
   if (none(most > F(cap))) return;
-  for (int i = 0; i < n; ++i) {
-    const float brightest = max_of(light[i].x, light[i].y, light[i].z);
-    if (brightest > cap) scattering[i] = light[i] * (cap / brightest);
-  }
+  for (int i = 0; i < n; ++i) scattering[i] = capped(light[i], cap);
 }
 
 // Share of the light that level k = 1, 2, ... spreads.
@@ -280,7 +271,7 @@ template <class Executor>
                          if (k == 1)
                            glare_detail::split_light<F>(in.row(y) + from, to - from, params.cap, whole, scattering);
                          const float* row = k == 1 ? &scattering->x : &(light[k - 1].row(y) + from)->x;
-                         glare_detail::for_batches<F>(3 * (to - from), [&](int i, int n) {
+                         for_batches<F>(3 * (to - from), [&](int i, int n) {
                            (F::load(&sum->x + i) + load_first<F>(row + i, n) * F(weight)).store(&sum->x + i);
                          });
                        });
@@ -292,7 +283,7 @@ template <class Executor>
     glare_detail::up(
         levels[k - 1], levels[k], light[k], executor, [&](int x, int y, int n, const Vec3f* spread) noexcept {
           float* row = &(light[k - 1].row(y) + x)->x;
-          glare_detail::for_batches<F>(3 * n, [&](int i, int lanes) {
+          for_batches<F>(3 * n, [&](int i, int lanes) {
             store_first(load_first<F>(row + i, lanes) * F(here) + F::load(&spread->x + i) * F(above), row + i, lanes);
           });
         });
@@ -304,7 +295,7 @@ template <class Executor>
     Vec3f scattering[glare_detail::kRun];
     glare_detail::split_light<F>(in.row(y) + x, n, params.cap, whole, scattering);
     float* row = &(out.row(y) + x)->x;
-    glare_detail::for_batches<F>(3 * n, [&](int i, int lanes) {
+    for_batches<F>(3 * n, [&](int i, int lanes) {
       const F kept = F::load(&whole->x + i) - F::load(&scattering->x + i) * F(scattered);
       store_first(kept + F::load(&spread->x + i) * F(above), row + i, lanes);
     });

@@ -203,9 +203,7 @@ template <class Executor>
       const int samples = 3 * (to_column - from);
       for (int i = 0; i < samples; i += F::lanes) {
         const int n = samples - i < F::lanes ? samples - i : F::lanes;
-        const auto sane = [&](int r) {
-          return min(max(load_first<F>(&rows[r][from].x + i, n), F(0.0F)), F(kMaxSample));
-        };
+        const auto sane = [&](int r) { return load_sane<F>(&rows[r][from].x + i, n); };
         store_first(fma(sane(1), F(inner), (sane(0) + sane(2)) * F(outer)), first + i, n);
       }
       for (int c = 0; c < 3; ++c) {

@@ -214,10 +214,9 @@ inline Steps add_spikes(int step, const Steps& whole, const Vec3f& each, float l
   for (int c = 0; c < 3; ++c) {
     const F source((&each.x)[c]);
     float* const sum = light.channel(line, c) + r.from;
-    for (int i = 0; i < n; i += F::lanes) {
-      const int lanes = n - i < F::lanes ? n - i : F::lanes;
+    for_batches<F>(n, [&](int i, int lanes) {
       store_first(load_first<F>(sum + i, lanes) + source * load_first<F>(weights + i, lanes), sum + i, lanes);
-    }
+    });
   }
   lamp -= each * (sum_of_table(step - r.from) + sum_of_table(r.to - step));
   return r;
@@ -260,12 +259,11 @@ inline void lay_down(const Lines& lines, int line, int n, const Steps* reach, co
 inline std::uint32_t take_row(const Vec3f* from, int n, float lamp, Vec3f* to) noexcept {
   using F = simd::F32;
   F most(0.0F);
-  for (int i = 0; i < 3 * n; i += F::lanes) {
-    const int lanes = 3 * n - i < F::lanes ? 3 * n - i : F::lanes;
-    const F sane = min(max(load_first<F>(&from->x + i, lanes), F(0.0F)), F(kMaxSample));
+  for_batches<F>(3 * n, [&](int i, int lanes) {
+    const F sane = load_sane<F>(&from->x + i, lanes);
     store_first(sane, &to->x + i, lanes);
     most = max(sane, most);
-  }
+  });
   if (none(most >= F(lamp))) return 0;
   std::uint32_t count = 0;
   for (int x = 0; x < n; ++x) count += is_lamp(to[x], lamp) ? 1U : 0U;
@@ -279,10 +277,7 @@ inline void collect_lamps(const StarburstParams& params, ImageView<const Vec3f> 
   for (int y = 0; y < image.height(); ++y) {
     if (lamps_of_row[static_cast<std::size_t>(y)] == 0) continue;
     for (int x = 0; x < image.width(); ++x) {
-      const Vec3f& whole = image(x, y);
-      if (!is_lamp(whole, params.lamp)) continue;
-      const float brightest = max_of(whole.x, whole.y, whole.z);
-      lamps[count++] = {brightest > params.cap ? whole * (params.cap / brightest) : whole, x, y};
+      if (is_lamp(image(x, y), params.lamp)) lamps[count++] = {capped(image(x, y), params.cap), x, y};
     }
   }
 }
@@ -301,6 +296,32 @@ inline void sort_by_line(const Lines& lines, Span<const Lamp> lamps, const Sorte
   for (std::size_t i = 1; i < sorted.ends.size(); ++i) sorted.ends[i] += sorted.ends[i - 1];
   for (std::size_t i = 0; i < lamps.size(); ++i) {
     sorted.lamps[sorted.ends[line_of(lamps[i])]++] = static_cast<std::uint32_t>(i);
+  }
+}
+
+// Adds what lamps send along an axis. sorted, table, light: room, of which light is dark before and after.
+inline void add_axis(const StarburstParams& params, const Axis& axis, Span<const Lamp> lamps, const Sorted& sorted,
+                     Span<float> table, BundleLight light, ImageView<Vec3f> out) noexcept {
+  const Lines lines(axis, out.shape());
+  light.steps = lines.steps;
+  fill_table(lines.steps, table);
+  sort_by_line(lines, lamps, sorted);
+  std::size_t next = 0;
+  for (int bundle = 0; bundle < lines.count; bundle += kBundle) {
+    const int n = lines.count - bundle < kBundle ? lines.count - bundle : kBundle;
+    Steps reach[kBundle];
+    for (int i = 0; i < n; ++i) {
+      const std::size_t end = sorted.ends[static_cast<std::size_t>(bundle + i)];
+      if (next == end) continue;
+      const Steps whole = lines.steps_of(bundle + i);
+      reach[i].from = lines.steps;
+      for (; next < end; ++next) {
+        const Lamp& lamp = lamps[sorted.lamps[next]];
+        reach[i].add(add_spikes(lines.step_of(lamp.x, lamp.y), whole, lamp.light * axis.strength * lines.pace,
+                                params.least, table, light, i, out(lamp.x, lamp.y)));
+      }
+    }
+    lay_down(lines, bundle, n, reach, light, out);
   }
 }
 
@@ -369,28 +390,7 @@ template <class Executor>
   d::collect_lamps(params, out, lamps_of_row, lamps);
   for (float& sum : light.sums) sum = 0.0F;
   for (int a = 0; a < axes.count; ++a) {
-    const d::Axis& axis = axes.axis[a];
-    const d::Lines lines(axis, shape);
-    light.steps = lines.steps;
-    d::fill_table(lines.steps, table);
-    d::sort_by_line(lines, lamps, sorted);
-    std::size_t next = 0;
-    for (int bundle = 0; bundle < lines.count; bundle += d::kBundle) {
-      const int n = lines.count - bundle < d::kBundle ? lines.count - bundle : d::kBundle;
-      d::Steps reach[d::kBundle];
-      for (int i = 0; i < n; ++i) {
-        const std::size_t end = sorted.ends[static_cast<std::size_t>(bundle + i)];
-        if (next == end) continue;
-        const d::Steps whole = lines.steps_of(bundle + i);
-        reach[i].from = lines.steps;
-        for (; next < end; ++next) {
-          const d::Lamp& lamp = lamps[sorted.lamps[next]];
-          reach[i].add(d::add_spikes(lines.step_of(lamp.x, lamp.y), whole, lamp.light * axis.strength * lines.pace,
-                                     params.least, table, light, i, out(lamp.x, lamp.y)));
-        }
-      }
-      d::lay_down(lines, bundle, n, reach, light, out);
-    }
+    d::add_axis(params, axes.axis[a], lamps, sorted, table, light, out);
   }
   return {};
 }

@@ -8,6 +8,8 @@
 
 #include <cstddef>
 
+#include "npsim/core/algorithm.hpp"
+#include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
@@ -23,6 +25,12 @@ inline constexpr float kMaxSample = 1e12F;          // the sun's disc is 2e9 cd/
 }
 [[nodiscard]] constexpr Vec3f sane_sample(const Vec3f& rgb) noexcept {
   return {sane_sample(rgb.x), sane_sample(rgb.y), sane_sample(rgb.z)};
+}
+
+// Light with a largest channel of at most `cap`, its hue kept.
+[[nodiscard]] constexpr Vec3f capped(const Vec3f& light, float cap) noexcept {
+  const float brightest = max_of(light.x, light.y, light.z);
+  return brightest > cap ? light * (cap / brightest) : light;
 }
 
 // sane_sample, saturated at full scale.
@@ -57,6 +65,16 @@ NPSIM_ALWAYS_INLINE void store_first(F v, float* p, int n) noexcept {
   } else {
     v.store(p, n);
   }
+}
+template <class F>
+[[nodiscard]] NPSIM_ALWAYS_INLINE F load_sane(const float* p, int n) noexcept {
+  return min(max(load_first<F>(p, n), F(0.0F)), F(kMaxSample));
+}
+
+// Calls use(i, n) for the batches of `count` channels, n of them whole but in the last.
+template <class F, class Use>
+NPSIM_ALWAYS_INLINE void for_batches(int count, const Use& use) noexcept {
+  for (int i = 0; i < count; i += F::lanes) use(i, count - i < F::lanes ? count - i : F::lanes);
 }
 
 }  // namespace NPSIM_ABI

@@ -154,11 +154,10 @@ template <class Executor>
   // Lawns have no holes of asphalt, nor it tufts of grass.
   const auto is_road = [](Label l) { return l == label::road; };
   const auto is_terrain = [](Label l) { return l == label::terrain; };
+  const auto all = [](Label) { return true; };
   const std::size_t small = shape.pixels() / kSmall;
-  const auto no_road = [](Label l) { return l != label::road; };
-  const auto no_terrain = [](Label l) { return l != label::terrain; };
-  NPSIM_RETURN_IF_ERROR(close_pieces(kinds, is_road, no_road, label::terrain, small, workspace));
-  NPSIM_RETURN_IF_ERROR(close_pieces(kinds, is_terrain, no_terrain, label::road, small, workspace));
+  NPSIM_RETURN_IF_ERROR(close_pieces(kinds, is_road, all, label::terrain, small, workspace));
+  NPSIM_RETURN_IF_ERROR(close_pieces(kinds, is_terrain, all, label::road, small, workspace));
   for_pixels(shape, executor, [&](int x, int y) {
     if (!on_ground(x, y)) return;
     float low = least(x, y);

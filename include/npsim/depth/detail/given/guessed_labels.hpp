@@ -196,8 +196,8 @@ template <class Executor>
   depth_detail::grow(plants, kPlant, [](std::uint8_t p) { return p == kMaybe; });
   // The sky does not count: rims of crowns before it are of crowns.
   const auto thing = [](std::uint8_t p) { return p == kThing || p == kMaybe; };
-  const auto other = [](std::uint8_t p) { return p == kPlant || p == kGroundBelow; };
-  NPSIM_RETURN_IF_ERROR(close_pieces(plants, thing, other, kPlant, shape.pixels() / kSmall, workspace));
+  const auto below_sky = [](std::uint8_t p) { return p != kSkyAbove; };
+  NPSIM_RETURN_IF_ERROR(close_pieces(plants, thing, below_sky, kPlant, shape.pixels() / kSmall, workspace));
   for_pixels(labels.shape(), executor, [&](int x, int y) {
     if (stands(x, y) && reduced_at(plants, factor, x, y) == kPlant) labels(x, y) = label::vegetation;
   });

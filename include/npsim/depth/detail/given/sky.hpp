@@ -24,8 +24,8 @@
 // decides in the same way, with all of it where even its darker class is much brighter than what is near; where nine
 // tenths of it are blue, of what is near not half, and nothing else tells it apart, that is how the sky looks. Sky is
 // what looks so and is connected to the upper edge, what looks so elsewhere and is as far, and in dense maps what goes
-// on from these without a step of depth or colour, nearly as far, and is as bright, or blue: clouds, and what is between
-// them. Where nothing is told apart all is surface.
+// on from these without a step of depth or colour, nearly as far, and is as bright, or blue: clouds, and what is
+// between them. Where nothing is told apart all is surface.
 // A stereo pair matches clouds with each other: on real frames .4 to .55 of the sky has a depth, from 27 m on. Where
 // the picture tells the sky from the rest of what is missing or beyond kMismatchedSky_m, it decides of all that as it
 // does of what is far in a dense map; where it does not, or what it calls sky was matched while the even part that is
@@ -92,6 +92,7 @@ class FieldOfView {
 struct SkyLook {
   bool known = false;
   bool all = false;        // even the darker class is much brighter than the measured surfaces
+  bool blue = false;       // nearly all is, and not half of the measured surfaces
   bool by_colour = false;  // else by luma
   int level = 256;
   Rgb8 colour{};
@@ -181,17 +182,20 @@ struct ColourHistogram {
   constexpr int kMuchMore = 10;        // of the upper edge
   constexpr double kRough = 6.0;       // codes from pixel to pixel: skies have 1 to 3
   constexpr double kDarkest = 0.3;     // codes of clouds to those of the bright class
+  constexpr double kNearlyAll = 0.9;
   const FieldOfView field(surface);
   ByteHistogram above{}, unanswered{};
   ColourHistogram unanswered_colour, blue;
   double below_sum = 0;
   double below_count = 0;
+  double below_blue = 0;
   for (int y = 0; y < image.height(); ++y) {
     for (int x = 0; x < image.width(); ++x) {
       const Rgb8 c = image(x, y);
       if (surface(x, y) == kSurface) {
         below_sum += luma(c);
         below_count += 1;
+        below_blue += is_blue(c) ? 1.0 : 0.0;
         continue;
       }
       above[static_cast<std::size_t>(luma(c))] += 1;
@@ -210,6 +214,8 @@ struct ColourHistogram {
   const double darkest = by_luma.level < 256 ? by_luma.low_mean : quantile_of(above, 0.02);
   bright.all = below_count > 0 && darkest * below_count >= kMuchBrighter * below_sum;
   const double pixels = static_cast<double>(image.shape().pixels());
+  const double above_count = pixels - below_count;
+  bright.blue = above_count > 0 && blue.count >= kNearlyAll * above_count && below_blue < 0.5 * below_count;
   if (blue.count >= kLeastBlue * pixels) {
     SkyLook deep = look_alike(blue.median(), image, surface);
     deep.all = bright.all;
@@ -226,6 +232,13 @@ struct ColourHistogram {
                                            !(bright.known && luma(alike.colour) < kDarkest * by_luma.high_mean))) &&
                 !(bright.known && alike.step >= bright.step);
   return alike.known ? alike : bright;
+}
+
+// The row of a column's topmost measurement; the height where there is none.
+[[nodiscard]] inline int topmost_measured(ImageView<const float> depth, int x) noexcept {
+  int top = 0;
+  while (top < depth.height() && !is_valid_depth(depth(x, top))) ++top;
+  return top;
 }
 
 inline constexpr float kFarSky_m = 60.0F;         // networks end at 80 m or more
@@ -249,7 +262,6 @@ inline constexpr double kDense = 0.95;            // share of valid depth, of th
 template <class Far>
 [[nodiscard]] bool find_sky_among_far(ImageView<const Rgb8> image, ImageView<const float> depth, const Far& far,
                                       bool clouds, ImageView<std::uint8_t> surface) noexcept {
-  constexpr double kNearlyAll = 0.9;
   constexpr double kAsFar = 0.9;
   constexpr float kEvenDepth = 0.97F;      // of clouds, of the pixel beside it
   constexpr double kCloudAsFar = 0.8;      // of the sky's mean in 1 / z, which a few far pixels do not move
@@ -264,17 +276,7 @@ template <class Far>
   each([&](int x, int y) { surface(x, y) = is_far(x, y) ? kSky : kSurface; });
   const SkyLook look = sky_look(image, surface, 0.0);
   const bool told = look.known || look.all;
-  double far_count = 0;
-  double far_blue = 0;
-  double near_count = 0;
-  double near_blue = 0;
-  each([&](int x, int y) {
-    const bool near = surface(x, y) == kSurface;
-    (near ? near_count : far_count) += 1;
-    (near ? near_blue : far_blue) += is_blue(image(x, y)) ? 1.0 : 0.0;
-  });
-  const bool blue = far_count > 0 && far_blue >= kNearlyAll * far_count && near_blue < 0.5 * near_count;
-  if (!told && !blue) return false;
+  if (!told && !look.blue) return false;
   each([&](int x, int y) {
     const Rgb8 c = image(x, y);
     const bool like = is_far(x, y) && (told ? look.all || look.of(c) : is_blue(c));
@@ -344,8 +346,7 @@ template <class Far>
   double sky = 0;
   double missing_sky = 0;
   for (int x = 0; x < depth.width(); ++x) {
-    int top = 0;
-    while (top < depth.height() && !is_valid_depth(depth(x, top))) ++top;
+    const int top = topmost_measured(depth, x);
     if (top == depth.height()) continue;  // beside the other picture of a pair
     at_top += top;
     for (int y = 0; y < depth.height(); ++y) {
@@ -394,10 +395,7 @@ template <class Far>
   const WorkspaceScope scope(workspace);
   Span<int> topmost;  // measurement of each column
   NPSIM_RETURN_IF_ERROR(workspace.allocate(static_cast<std::size_t>(shape.width), topmost));
-  for (int x = 0; x < shape.width; ++x) {
-    int& top = topmost[static_cast<std::size_t>(x)];
-    for (top = 0; top < shape.height && !is_valid_depth(depth(x, top));) ++top;
-  }
+  for (int x = 0; x < shape.width; ++x) topmost[static_cast<std::size_t>(x)] = topmost_measured(depth, x);
   const auto topmost_in = [&](int from, int to) {
     int top = shape.height;
     for (int i = max_of(0, from); i < shape.width && i <= to; ++i) {

@@ -19,8 +19,8 @@ namespace refine_detail {
   return allocation_bytes<std::uint8_t>(shape.pixels()) + allocation_bytes<std::uint32_t>(shape.pixels());
 }
 
-// Pieces of what is(value) that have fewer pixels than `small` take `value` where that is most of what counts(value)
-// around them.
+// Pieces of what is(v) that have fewer pixels than `small` take `value` where most of what counts(v) around them has
+// it.
 template <class T, class Is, class Counts>
 [[nodiscard]] Status close_pieces(ImageView<T> map, const Is& is, const Counts& counts, T value, std::size_t small,
                                   Workspace& workspace) {
@@ -40,7 +40,7 @@ template <class T, class Is, class Counts>
       int around = 0;
       int alike = 0;
       const auto look = [&](int u, int v) {
-        if (!map.contains(u, v) || !counts(map(u, v))) return;
+        if (!map.contains(u, v) || is(map(u, v)) || !counts(map(u, v))) return;
         ++around;
         alike += map(u, v) == value ? 1 : 0;
       };
