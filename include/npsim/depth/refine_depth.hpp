@@ -9,8 +9,8 @@
 // wrong and harm what was measured (docs/evaluation.md), so they are left out for stereo, laser and exact depth
 // (depth/depth_source.hpp), and what refinement does to such depth is held within what its source leaves open. The
 // uncertain map is of the filtered depth: refinement moves surfaces, not the edges between them. Guessed labels
-// (depth/detail/given/guessed_labels.hpp) have no say in what is dropped and filled, nor in the filter where it has one
-// reference. Without given normals those of the filtered depth, smoothed within each class, guide the refinement: it
+// (depth/detail/given/guessed_labels.hpp) have no say in what is dropped, nor in the filter where it has one reference;
+// for the fill they tell ground from what stands beside it (depth/detail/given/unlabelled_borders.hpp). Without given normals those of the filtered depth, smoothed within each class, guide the refinement: it
 // then flattens noise rather than correcting shape. What each default is worth on generated streets stands in
 // docs/evaluation.md.
 // Cost: that of the steps. Memory: see refine_depth_workspace_bytes(); the planes of RefinedDepth stay in the
@@ -36,7 +36,10 @@
 #include "npsim/depth/detail/estimated/surface_jumps.hpp"
 #include "npsim/depth/detail/fill/fill_confidence.hpp"
 #include "npsim/depth/detail/given/guessed_labels.hpp"
+#include "npsim/depth/detail/given/unlabelled_borders.hpp"
 #include "npsim/depth/detail/given/unlabelled_ground.hpp"
+#include "npsim/depth/detail/measured/hidden_points.hpp"
+#include "npsim/depth/detail/measured/unlabelled_matches.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
 #include "npsim/depth/refine_depth_params.hpp"
 #include "npsim/labels/cityscapes.hpp"
@@ -110,7 +113,8 @@ template <class Executor>
 // The depth as given without what cannot be.
 template <class Executor>
 [[nodiscard]] Status drop_mismatches(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
-                                     const RefinedDepth& out, ImageView<float> measured, Executor& executor) {
+                                     const RefinedDepth& out, ImageView<float> measured, Workspace& workspace,
+                                     Executor& executor) {
   copy_pixels(scene.depth, measured);
   if (!params.drop_outliers) return {};
   const float height_m = out.ground.inlier_share > 0.0F ? out.ground.camera_height_m : 0.0F;
@@ -118,6 +122,11 @@ template <class Executor>
   outliers.by_object = outliers.by_object || out.trust.focal_baseline_px_m > 0.0F;
   NPSIM_RETURN_IF_ERROR(drop_outliers(outliers, scene.depth, objects, out.ground.up, height_m, scene.camera,
                                       out.trust.focal_baseline_px_m, measured, executor));
+  if (is_laser(params, out)) drop_hidden_points(scene.depth, objects.labels, measured, executor);
+  if (objects.labels.empty() && taken_for(params, out) == DepthSource::stereo) {
+    const int reach = scaled_spill(params.spill, reference_scale(params, scene.shape())).reach_px;
+    NPSIM_RETURN_IF_ERROR(drop_unlabelled_matches(scene.image, scene.depth, reach, measured, workspace, executor));
+  }
   return drop_spill(params, scene, objects, taken_for(params, out), out.ground, measured, executor);
 }
 
@@ -139,13 +148,14 @@ template <class Executor>
                [&](int x, int y) { labels(x, y) = surface(x, y) == 0 ? label::sky : label::unlabeled; });
     return {};
   }
-  NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, ObjectMap{}, out, measured, executor));
+  NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, ObjectMap{}, out, measured, workspace, executor));
   return guess_labels(scene.image, measured, scene.camera, out.ground, out.noise, is_laser(params, out), surface,
                       labels, workspace, executor);
 }
 
 // drawn: the labels before they were cut to outlines. labels: those of scene and objects, which change where a marking
-// was taken for a thing. A guess of labels has no say: where it is wrong it would part what hangs together.
+// was taken for a thing. A guess of labels says no more than where ground may end: where it is wrong it would part what
+// hangs together.
 template <class Executor>
 [[nodiscard]] Status complete_depth(const RefineDepthParams& params, const SceneView& scene,
                                     ImageView<const Label> drawn, ImageView<Label> labels, const ObjectMap& objects,
@@ -158,13 +168,16 @@ template <class Executor>
     NPSIM_RETURN_IF_ERROR(
         estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, out.ground));
   }
-  NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, given, out, measured, executor));
+  NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, given, out, measured, workspace, executor));
   if (!out.labels_guessed) {
     drop_depth_of_outlines(params.outlines, drawn, scene.labels, scene.depth, measured, executor);
     if (params.ground_markings) {  // after that, to which their depth would be one of cut outlines
       NPSIM_RETURN_IF_ERROR(
           lay_markings(scene.depth, scene.camera, out.ground, scene.instances, scene.light_index, labels, workspace));
     }
+  }
+  if (out.trust.bounded) {  // before what is virtual joins it
+    rate_confidence(measured, kConfidenceReach_px * reference_scale(params, shape), out.confidence);
   }
   FillParams fill = params.fill;
   if (out.noise.power == 0) fill.edge_inverse += 1.2F * out.noise.amplitude;
@@ -173,14 +186,12 @@ template <class Executor>
   if (continued) {
     NPSIM_RETURN_IF_ERROR(continue_ground(out.ground, scene.camera, scene.depth, fill.laser ? fill.same_surface : 0.0F,
                                           measured, workspace));
+    if (params.guess_labels && is_noisy(taken_for(params, out))) {
+      NPSIM_RETURN_IF_ERROR(pin_borders(scene.image, scene.labels, out.ground, scene.camera, measured, workspace));
+    }
   }
   NPSIM_RETURN_IF_ERROR(fill_depth(fill, ImageView<const float>(measured), given, out.depth, ImageView<std::uint8_t>(),
                                    workspace, executor));
-  for (int y = 0; y < (continued ? shape.height : 0); ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      if (!is_valid_depth(scene.depth(x, y))) measured(x, y) = 0.0F;
-    }
-  }
   if (is_laser(params, out) && !out.labels_guessed) {
     NPSIM_RETURN_IF_ERROR(
         place_beyond_range(params.beyond_range, ImageView<const float>(measured), scene.labels, out.depth, workspace));
@@ -191,10 +202,7 @@ template <class Executor>
       if (out.surface(x, y) == 0) out.depth(x, y) = 0.0F;
     }
   }
-  if (out.trust.bounded) {
-    copy_pixels(ImageView<const float>(out.depth), out.filled);
-    rate_confidence(measured, kConfidenceReach_px * reference_scale(params, shape), out.confidence);
-  }
+  if (out.trust.bounded) copy_pixels(ImageView<const float>(out.depth), out.filled);
   return {};
 }
 

@@ -22,11 +22,13 @@
 #include "npsim/depth/detail/given/plant_outlines.hpp"
 #include "npsim/depth/detail/given/sign_outlines.hpp"
 #include "npsim/depth/detail/given/sky.hpp"
+#include "npsim/depth/detail/given/unlabelled_borders.hpp"
 #include "npsim/depth/detail/ground_contact.hpp"
 #include "npsim/depth/detail/measured/beyond_range.hpp"
 #include "npsim/depth/detail/measured/border_spill.hpp"
 #include "npsim/depth/detail/measured/ground_mismatches.hpp"
 #include "npsim/depth/detail/measured/smooth_surfaces.hpp"
+#include "npsim/depth/detail/measured/unlabelled_matches.hpp"
 #include "npsim/depth/detail/normals/guiding_normals.hpp"
 #include "npsim/depth/detail/normals/kerb_faces.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
@@ -303,10 +305,13 @@ namespace refine_detail {
   const std::size_t steps = max_of(
       allocation_bytes<float>(pixels) + fill_workspace_bytes(params.fill, shape) +
           max_of(ground_workspace_bytes(params.ground, shape), ground_markings_workspace_bytes(shape),
+                 refine_detail::unlabelled_borders_workspace_bytes(shape),
+                 refine_detail::unlabelled_matches_workspace_bytes(shape),
                  allocation_bytes<float>(static_cast<std::size_t>(shape.width))),
       allocation_bytes<float>(pixels) + allocation_bytes<std::uint8_t>(pixels) +
           max_of(find_sky_workspace_bytes(shape), ground_workspace_bytes(params.ground, shape),
-                 refine_detail::guess_labels_workspace_bytes(shape)),
+                 refine_detail::guess_labels_workspace_bytes(shape),
+                 refine_detail::unlabelled_matches_workspace_bytes(shape)),
       sharpen_edges_workspace_bytes(params.sharpen, shape) + allocation_bytes<float>(pixels),
       anchor_ground_workspace_bytes(shape),
       allocation_bytes<Vec3f>(pixels) + allocation_bytes<float>(pixels) + allocation_bytes<std::uint16_t>(pixels) +

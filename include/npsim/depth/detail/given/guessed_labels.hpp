@@ -8,9 +8,9 @@
 //            moves heights as far, and what lies flat beside it (a street rises and falls), in the lines of a scanner
 //            without a neighbour. What stands is measured twice as far above the plane, or in rays that do not fall. A
 //            seed with less than a fifth of its kind in a window of an 80th of the width around it is a mismatch. All
-//            else takes the label of the seed that is nearest along a path where each step counts as a pixel and half
-//            the codes by which colours differ: a laser's lines are far apart, and things end where colours do. Its
-//            kind: given/ground_kinds.hpp.
+//            else takes the label of the seed that is nearest along a path through the picture
+//            (given/picture_paths.hpp): a laser's lines are far apart, and things end where colours do. Its kind:
+//            given/ground_kinds.hpp.
 //   plants   of what stands, where it looks like leaves (given/plant_look.hpp): what is likely to, what may and hangs
 //            together with it, and small pieces within.
 //   building all else. Cars, poles and people too: the planes that belong to that label are fitted to what is plane.
@@ -33,6 +33,7 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/detail/given/ground_kinds.hpp"
+#include "npsim/depth/detail/given/picture_paths.hpp"
 #include "npsim/depth/detail/given/plant_look.hpp"
 #include "npsim/depth/detail/given/reduced_picture.hpp"
 #include "npsim/depth/detail/given/sky.hpp"
@@ -148,23 +149,15 @@ template <class Executor>
 
 // What is unlabelled takes the label of the seed that is nearest by path and colour, but for the sky.
 [[nodiscard]] inline Status spread_seeds(ImageView<const Rgb8> image, ImageView<Label> labels, Workspace& workspace) {
-  constexpr float kPerCode = 0.5F;
-  constexpr float kFar = 3e38F;
   const WorkspaceScope scope(workspace);
   ImageView<float> way;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(labels.shape(), way));
   for (int y = 0; y < labels.height(); ++y) {
-    for (int x = 0; x < labels.width(); ++x) way(x, y) = labels(x, y) == label::unlabeled ? kFar : 0.0F;
+    for (int x = 0; x < labels.width(); ++x) way(x, y) = labels(x, y) == label::unlabeled ? kFarOff : 0.0F;
   }
-  depth_detail::settle(labels.shape(), [&](int x, int y, int from_x, int from_y) {
-    if (way(x, y) == 0.0F || labels(from_x, from_y) == label::sky || !(way(from_x, from_y) < way(x, y))) return false;
-    const auto codes = static_cast<float>(depth_detail::difference(image(x, y), image(from_x, from_y)));
-    const float by_here = way(from_x, from_y) + 1.0F + kPerCode * codes;
-    if (!(by_here < way(x, y))) return false;
-    way(x, y) = by_here;
-    labels(x, y) = labels(from_x, from_y);
-    return true;
-  });
+  follow_picture(
+      image, way, [&](int, int, int from_x, int from_y) { return labels(from_x, from_y) != label::sky; },
+      [&](int x, int y, int from_x, int from_y) { labels(x, y) = labels(from_x, from_y); });
   for (Label& l : labels.pixels()) l = l == label::unlabeled ? label::building : l;
   return {};
 }

@@ -1,0 +1,323 @@
+// SPDX-License-Identifier: Apache-2.0
+// Borders of things in scenes without labels: what is measured of them, and where they are put.
+#include "npsim/depth/detail/given/unlabelled_borders.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <limits>
+
+#include "fixture.hpp"
+#include "npsim/depth/detail/measured/hidden_points.hpp"
+#include "npsim/depth/detail/measured/unlabelled_matches.hpp"
+
+using namespace npsim;
+using npsim_test::BackwardExecutor;
+using npsim_test::Image;
+using npsim_test::Scratch;
+
+namespace {
+
+constexpr Shape kShape{240, 160};
+constexpr Intrinsics kCamera{200, 200, 120, 40};
+constexpr GroundPlane kGround{{0, -1, 0}, 1.5F, 0.9F};
+constexpr Rgb8 kWall{60, 60, 60};
+constexpr Rgb8 kCar{200, 40, 40};
+
+// What a laser or a stereo pair measured of a picture.
+struct Frame {
+  Image<Rgb8> image{kShape, kWall};
+  Image<Label> labels{kShape, label::building};
+  Image<float> measured{kShape, 0.0F};
+
+  void pin() {
+    Scratch scratch(refine_detail::unlabelled_borders_workspace_bytes(kShape));
+    REQUIRE(refine_detail::pin_borders(image.cview(), labels.cview(), kGround, kCamera, measured.view(),
+                                       scratch.workspace())
+                .ok());
+  }
+  template <class Executor = SerialExecutor>
+  [[nodiscard]] Image<float> visible(ImageView<const Label> known, Executor executor = {}) const {
+    Image<float> kept = measured;
+    refine_detail::drop_hidden_points(measured.cview(), known, kept.view(), executor);
+    return kept;
+  }
+  template <class Executor = SerialExecutor>
+  [[nodiscard]] Image<float> matched(int reach, Executor executor = {}) const {
+    Image<float> kept = measured;
+    Scratch scratch(refine_detail::unlabelled_matches_workspace_bytes(kShape));
+    REQUIRE(refine_detail::drop_unlabelled_matches(image.cview(), measured.cview(), reach, kept.view(),
+                                                   scratch.workspace(), executor)
+                .ok());
+    return kept;
+  }
+};
+
+// A car 10 m away in columns 80 to 159, before a wall 20 m away.
+[[nodiscard]] bool in_car(int x) { return x >= 80 && x < 160; }
+[[nodiscard]] float true_m(int x) { return in_car(x) ? 10.0F : 20.0F; }
+
+}  // namespace
+
+TEST_CASE("unlabelled borders: between two measurements the step lies where the picture's edge is, not halfway") {
+  Frame f;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (in_car(x)) f.image(x, y) = kCar;
+      // The nearest samples of the car lie 3 px from its border, those of the wall 17 px.
+      if (x == 83 || x == 156 || x == 62 || x == 177) f.measured(x, y) = true_m(x);
+    }
+  }
+  const Image<float> before = f.measured;
+  f.pin();
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      const bool beside = x == 79 || x == 80 || x == 159 || x == 160;
+      if (beside) {
+        CHECK(f.measured(x, y) == doctest::Approx(static_cast<double>(true_m(x))));
+      } else {
+        CHECK(f.measured(x, y) == before(x, y));
+      }
+    }
+  }
+}
+
+TEST_CASE("unlabelled borders: a coarse wall, 4 codes from column to column, is no longer way than a smooth car") {
+  Frame f;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (in_car(x)) {
+        f.image(x, y) = {120, 60, 60};
+      } else if (x % 2 == 0) {
+        f.image(x, y) = {64, 60, 60};
+      }
+      if (x == 100 || x == 139 || x == 50 || x == 189) f.measured(x, y) = true_m(x);
+    }
+  }
+  f.pin();
+  CHECK(f.measured(79, 80) == doctest::Approx(20.0));
+  CHECK(f.measured(80, 80) == doctest::Approx(10.0));
+}
+
+TEST_CASE("unlabelled borders: paint on a wall, and a step without an edge in the picture, pin nothing") {
+  Frame painted;
+  Frame plain;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (in_car(x)) painted.image(x, y) = kCar;
+      if (x % 40 != 20) continue;
+      painted.measured(x, y) = 20.0F - 0.02F * static_cast<float>(x);  // 4 % of depth between neighbours
+      plain.measured(x, y) = true_m(x);
+    }
+  }
+  const Image<float> before = painted.measured;
+  const Image<float> before_plain = plain.measured;
+  painted.pin();
+  plain.pin();
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      REQUIRE(painted.measured(x, y) == before(x, y));
+      REQUIRE(plain.measured(x, y) == before_plain(x, y));
+    }
+  }
+}
+
+TEST_CASE("unlabelled borders: ground goes on as its plane up to a thing's foot, the sky stays without depth") {
+  Frame f;
+  const auto road_m = [](int y) { return 1.5F * 200.0F / (static_cast<float>(y) + 0.5F - kCamera.cy); };
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (y < 20) {
+        f.labels(x, y) = label::sky;
+        f.image(x, y) = {250, 250, 250};
+      } else if (y < 90) {
+        if (y == 25 || y == 60) f.measured(x, y) = 4.0F;  // a van that ends above the road
+        f.image(x, y) = kCar;
+      } else {
+        f.labels(x, y) = label::road;
+        if (y == 150) f.measured(x, y) = 0.9F * road_m(y);  // the street rises
+      }
+    }
+  }
+  f.pin();
+  for (int x = 0; x < kShape.width; ++x) {
+    CHECK(f.measured(x, 89) == doctest::Approx(4.0));
+    CHECK(f.measured(x, 90) == doctest::Approx(0.9 * static_cast<double>(road_m(90))).epsilon(1e-4));
+    for (int y = 0; y < 20; ++y) REQUIRE(f.measured(x, y) == 0.0F);
+  }
+}
+
+TEST_CASE("unlabelled borders: nothing measured, one pixel") {
+  Frame f;
+  f.pin();
+  for (const float z : f.measured.view().pixels()) REQUIRE(z == 0.0F);
+  Image<Rgb8> image({1, 1}, kWall);
+  Image<Label> labels({1, 1}, label::building);
+  Image<float> measured({1, 1}, 3.0F);
+  Scratch scratch(refine_detail::unlabelled_borders_workspace_bytes({1, 1}));
+  REQUIRE(
+      refine_detail::pin_borders(image.cview(), labels.cview(), kGround, kCamera, measured.view(), scratch.workspace())
+          .ok());
+  CHECK(measured(0, 0) == 3.0F);
+}
+
+TEST_CASE(
+    "hidden points: wall seen through a car by a higher laser goes; the car, its outline and beside a pole stay") {
+  Frame f;
+  for (int y = 50; y < 76; y += 2) {
+    for (int x = 0; x < kShape.width; ++x) f.measured(x, y) = true_m(x);
+  }
+  for (int x = 100; x < 140; x += 3) f.measured(x, 61) = 20.0F;  // between two lines on the car
+  for (int y = 50; y < 76; ++y) f.measured(30, y) = 8.0F;        // a pole before the wall
+  const Image<float> kept = f.visible({});
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      const bool hidden = y == 61 && f.measured(x, y) == 20.0F;
+      REQUIRE(kept(x, y) == (hidden ? 0.0F : f.measured(x, y)));
+    }
+  }
+  const Image<Label> fence(kShape, label::fence);
+  CHECK(f.visible(fence.cview())(100, 61) == 20.0F);
+  BackwardExecutor backward;
+  const Image<float> again = f.visible({}, backward);
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) REQUIRE(again(x, y) == kept(x, y));
+  }
+}
+
+TEST_CASE("hidden points: a wall 7 % behind stays, and so does what has surfaces of several depths around it") {
+  for (const bool close : {true, false}) {
+    Frame f;
+    for (int y = 65; y < 95; ++y) {
+      for (int x = 0; x < kShape.width; ++x) f.measured(x, y) = !close && x > 120 ? 11.0F : 10.0F;
+    }
+    f.measured(120, 80) = close ? 10.7F : 20.0F;
+    CHECK(f.visible({})(120, 80) == f.measured(120, 80));
+    f.measured(60, 80) = 10.9F;
+    CHECK(f.visible({})(60, 80) == 0.0F);
+  }
+}
+
+TEST_CASE("hidden points: what is seen through a gap wider than a 120th of the picture stays") {
+  for (const int gap : {1, 3}) {
+    Frame f;
+    for (int y = 65; y < 95; ++y) {
+      for (int x = 0; x < kShape.width; ++x) f.measured(x, y) = std::abs(x - 120) < gap ? 0.0F : 10.0F;
+    }
+    f.measured(120, 80) = 20.0F;
+    f.measured(120, 79) = 10.0F;
+    f.measured(120, 81) = 10.0F;
+    CHECK(f.visible({})(120, 80) == (gap == 1 ? 0.0F : 20.0F));
+    for (int y = 0; y < 20; ++y) {  // a quarter of the picture is measured
+      for (int x = 0; x < kShape.width; ++x) f.measured(x, y) = 30.0F;
+    }
+    CHECK(f.visible({})(120, 80) == 20.0F);
+  }
+}
+
+TEST_CASE("unlabelled matches: a near thing loses half a window beside what is behind it, a mast at most a quarter") {
+  Frame f;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      f.measured(x, y) = true_m(x);
+      if (x >= 20 && x < 28) f.measured(x, y) = 10.0F;  // a mast
+      if (in_car(x) || (x >= 20 && x < 28)) f.image(x, y) = kCar;
+    }
+  }
+  const Image<float> kept = f.matched(5);
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      const bool rim = (x >= 80 && x < 85) || (x >= 155 && x < 160) || (x >= 20 && x < 22) || (x >= 26 && x < 28);
+      REQUIRE(kept(x, y) == (rim ? 0.0F : f.measured(x, y)));
+    }
+  }
+  BackwardExecutor backward;
+  const Image<float> again = f.matched(5, backward);
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) REQUIRE(again(x, y) == kept(x, y));
+  }
+}
+
+TEST_CASE("unlabelled matches: a step of 1.15 keeps its rim; holes are no far side, a slanted wall has none") {
+  Frame f;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      f.measured(x, y) =
+          x < 60 ? 11.5F : (x < 90 ? 10.0F : (x < 120 ? 0.0F : 10.0F + 0.2F * static_cast<float>(x - 120)));
+    }
+  }
+  const Image<float> kept = f.matched(5);
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) REQUIRE(kept(x, y) == f.measured(x, y));
+  }
+}
+
+TEST_CASE(
+    "unlabelled matches: the slanted side of a car, 2 % nearer from pixel to pixel, is one thing and loses its rim") {
+  Frame f;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      f.measured(x, y) = x >= 100 && x < 140 ? 10.0F - 0.1F * static_cast<float>(x - 100) : 20.0F;
+      if (x >= 100 && x < 140) f.image(x, y) = kCar;
+    }
+  }
+  const Image<float> kept = f.matched(5);
+  for (int x = 0; x < kShape.width; ++x) {
+    const bool rim = (x >= 100 && x < 105) || (x >= 135 && x < 140);
+    CHECK(kept(x, 80) == (rim ? 0.0F : f.measured(x, 80)));
+  }
+}
+
+TEST_CASE("unlabelled matches: a blot in an even sky goes, one of another colour or as large as a thing stays") {
+  Frame f;
+  const auto blot = [&](int x0, int y0, int width, int height, float z, Rgb8 colour) {
+    for (int y = y0; y < y0 + height; ++y) {
+      for (int x = x0; x < x0 + width; ++x) {
+        f.measured(x, y) = z;
+        f.image(x, y) = colour;
+      }
+    }
+  };
+  blot(30, 30, 8, 8, 7.0F, kWall);         // 64 px of 38,400, of the colour around it
+  blot(80, 30, 8, 8, 7.0F, {75, 60, 60});  // a lamp
+  blot(130, 30, 9, 9, 7.0F, kWall);        // 81 px
+  blot(239, 159, 1, 1, 7.0F, kWall);       // in the corner
+  const Image<float> kept = f.matched(2);
+  CHECK(kept(33, 33) == 0.0F);
+  CHECK(kept(83, 33) == 7.0F);
+  CHECK(kept(133, 33) == 7.0F);
+  CHECK(kept(239, 159) == 0.0F);
+}
+
+TEST_CASE("unlabelled matches: a road in whole pixels of disparity, of one colour, keeps its bands") {
+  Frame f;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) f.measured(x, y) = 100.0F / std::floor(6.0F + static_cast<float>(y) / 20.0F);
+  }
+  for (int y = 0; y < 100; ++y) f.measured(0, y) = f.measured(1, y) = 0.0F;
+  const Image<float> kept = f.matched(5);
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) REQUIRE(kept(x, y) == f.measured(x, y));
+  }
+}
+
+TEST_CASE("unlabelled matches: no depth, NaN, infinite and negative depth, one pixel") {
+  Frame f;
+  f.measured(5, 5) = std::numeric_limits<float>::quiet_NaN();
+  f.measured(6, 5) = std::numeric_limits<float>::infinity();
+  f.measured(7, 5) = -1.0F;
+  const Image<float> kept = f.matched(5);
+  CHECK(std::isnan(kept(5, 5)));
+  CHECK(kept(7, 5) == -1.0F);
+  CHECK(std::isnan(f.visible({})(5, 5)));
+  Image<Rgb8> image({1, 1}, kWall);
+  Image<float> one({1, 1}, 3.0F);
+  Image<float> out = one;
+  Scratch scratch(refine_detail::unlabelled_matches_workspace_bytes({1, 1}));
+  SerialExecutor serial;
+  REQUIRE(refine_detail::drop_unlabelled_matches(image.cview(), one.cview(), 7, out.view(), scratch.workspace(), serial)
+              .ok());
+  CHECK(out(0, 0) == 3.0F);
+}
