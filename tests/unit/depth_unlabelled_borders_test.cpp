@@ -294,9 +294,8 @@ TEST_CASE("unlabelled matches: a blot in an even sky goes, one of another colour
 TEST_CASE("unlabelled matches: a road in whole pixels of disparity, of one colour, keeps its bands") {
   Frame f;
   for (int y = 0; y < kShape.height; ++y) {
-    for (int x = 0; x < kShape.width; ++x) f.measured(x, y) = 100.0F / std::floor(6.0F + static_cast<float>(y) / 20.0F);
+    for (int x = 0; x < 10; ++x) f.measured(x, y) = 100.0F / std::floor(6.0F + static_cast<float>(y) / 5.0F);
   }
-  for (int y = 0; y < 100; ++y) f.measured(0, y) = f.measured(1, y) = 0.0F;
   const Image<float> kept = f.matched(5);
   for (int y = 0; y < kShape.height; ++y) {
     for (int x = 0; x < kShape.width; ++x) REQUIRE(kept(x, y) == f.measured(x, y));
