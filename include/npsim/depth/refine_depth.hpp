@@ -10,9 +10,9 @@
 // (depth/depth_source.hpp), and what refinement does to such depth is held within what its source leaves open. The
 // uncertain map is of the filtered depth: refinement moves surfaces, not the edges between them. Guessed labels
 // (depth/detail/given/guessed_labels.hpp) have no say in what is dropped, nor in the filter where it has one reference;
-// for the fill they tell ground from what stands beside it (depth/detail/given/unlabelled_borders.hpp). Without given normals those of the filtered depth, smoothed within each class, guide the refinement: it
-// then flattens noise rather than correcting shape. What each default is worth on generated streets stands in
-// docs/evaluation.md.
+// for the fill they tell ground from what stands beside it (depth/detail/given/unlabelled_borders.hpp). Without given
+// normals those of the filtered depth, smoothed within each class, guide the refinement: it then flattens noise rather
+// than correcting shape. What each default is worth on generated streets stands in docs/evaluation.md.
 // Cost: that of the steps. Memory: see refine_depth_workspace_bytes(); the planes of RefinedDepth stay in the
 // workspace.
 #ifndef NPSIM_DEPTH_REFINE_DEPTH_HPP

@@ -8,7 +8,7 @@
 // differ by more than kBorderJump of 1/z and in colour by kEdgeCodes, a surface ends: both get that depth, as virtual
 // measurements for the fill alone. Where the picture shows no edge the ramp stays: either side may be wrong.
 // Error: on four generated streets, within 4 px of edges of depth, mean relative error .17 where it was .28 (a laser of
-// 64 lines), .071 where it was .081 (stereo, with measured/unlabelled_matches.hpp).
+// 64 lines), .070 where it was .081 (stereo, with measured/unlabelled_matches.hpp).
 // Cost: at most 16 passes to and fro. Memory: unlabelled_borders_workspace_bytes().
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_UNLABELLED_BORDERS_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_UNLABELLED_BORDERS_HPP

@@ -5,8 +5,8 @@
 // points project into the picture of the near thing: its roof and its sides are torn by the depth of what lies behind.
 // Hidden is a point with nearer ones, by kHiddenFarther of its depth, to its left and right and above and below it,
 // within a 120th of the width, of which the nearest each way are of one surface: within kHiddenSurface of one another.
-// At the outline of a thing, and beside a pole, one way is free. What is seen through a fence whose bars are closer than
-// that is dropped as well, but where labels say that there is a fence. Where a quarter of the picture or more is
+// At the outline of a thing, and beside a pole, one way is free. What is seen through a fence whose bars are closer
+// than that is dropped as well, but where labels say that there is a fence. Where a quarter of the picture or more is
 // measured sweeps were put together, from which whoever did that has taken such points.
 // Cost: a window of a 60th of the width for each measured pixel. Memory: none.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_HIDDEN_POINTS_HPP

@@ -2,9 +2,9 @@
 // Drops stereo matches that the picture contradicts, in scenes without labels.
 //
 // Rims: a window that straddles the border of a near thing finds the thing's disparity, so its depth reaches over its
-// border by half a window (measured/border_spill.hpp, which knows the borders from labels). Along rows and columns what
-// is nearer than its neighbours in the line by more than kMatchContrast of 1/z loses `reach` samples beside them, and at
-// most a quarter of itself: the fill finds its border again by the picture (given/unlabelled_borders.hpp).
+// border by half a window (measured/border_spill.hpp, which knows the borders from labels). Along rows and columns
+// what is nearer than its neighbours in the line by more than kMatchContrast of 1/z loses `reach` samples beside them,
+// and at most a quarter of itself: the fill finds its border again by the picture (given/unlabelled_borders.hpp).
 // Islands: what matching finds where nothing can be matched, in the sky, on smooth asphalt, is a blot of its own depth.
 // A connected piece of less than a 500th of the picture, without such a border in it (disparities may be whole
 // pixels), is no thing where its mean colour just inside its outline is within kIslandCodes of that just outside.
@@ -140,8 +140,8 @@ struct OutlineColours {
   return {};
 }
 
-// depth: as matched. measured: the same without what else cannot be, other memory. reach: half a window of the matching; 0: nothing
-// happens.
+// depth: as matched. measured: the same without what else cannot be, other memory. reach: half a window of the matching;
+// 0: nothing happens.
 template <class Executor>
 [[nodiscard]] Status drop_unlabelled_matches(ImageView<const Rgb8> image, ImageView<const float> depth, int reach,
                                              ImageView<float> measured, Workspace& workspace, Executor& executor) {
