@@ -15,7 +15,6 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <cstdlib>
 #include <limits>
 
 #include "npsim/core/camera.hpp"
@@ -43,7 +42,7 @@ inline constexpr std::size_t kOneSweep = 4;
       if (!is_valid_depth(other) || !(other < near_m)) continue;
       const int dx = u - x;
       const int dy = v - y;
-      const std::size_t way = std::abs(dx) >= std::abs(dy) ? (dx < 0 ? 0U : 1U) : (dy < 0 ? 2U : 3U);
+      const std::size_t way = dx * dx >= dy * dy ? (dx < 0 ? 0U : 1U) : (dy < 0 ? 2U : 3U);
       const int apart = dx * dx + dy * dy;
       if (apart > reach * reach || apart >= closest[way]) continue;
       closest[way] = apart;

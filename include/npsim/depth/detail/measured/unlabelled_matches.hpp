@@ -140,8 +140,8 @@ struct OutlineColours {
   return {};
 }
 
-// depth: as matched. measured: the same without what else cannot be, other memory. reach: half a window of the matching;
-// 0: nothing happens.
+// depth: as matched. measured: the same without what else cannot be, other memory. reach: half a window of the
+// matching; 0: nothing happens.
 template <class Executor>
 [[nodiscard]] Status drop_unlabelled_matches(ImageView<const Rgb8> image, ImageView<const float> depth, int reach,
                                              ImageView<float> measured, Workspace& workspace, Executor& executor) {
