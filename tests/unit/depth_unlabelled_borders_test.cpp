@@ -149,6 +149,22 @@ TEST_CASE("unlabelled borders: ground goes on as its plane up to a thing's foot,
   }
 }
 
+TEST_CASE("unlabelled borders: samples of a patched road that disagree by a fifth make no step in it") {
+  Frame f;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      f.labels(x, y) = label::road;
+      if (in_car(x)) f.image(x, y) = kCar;
+      if (y == 150) f.measured(x, y) = true_m(x) * (in_car(x) ? 0.4F : 0.16F);
+    }
+  }
+  const Image<float> before = f.measured;
+  f.pin();
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) REQUIRE(f.measured(x, y) == before(x, y));
+  }
+}
+
 TEST_CASE("unlabelled borders: nothing measured, one pixel") {
   Frame f;
   f.pin();

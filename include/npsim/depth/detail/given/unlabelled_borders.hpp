@@ -7,6 +7,7 @@
 // what stands as guessed: as far away as that, on the ground as its plane scaled to it. Where two neighbours then
 // differ by more than kBorderJump of 1/z and in colour by kEdgeCodes, a surface ends: both get that depth, as virtual
 // measurements for the fill alone. Where the picture shows no edge the ramp stays: either side may be wrong.
+// Ground has no such steps within it, only measurements that disagree.
 // Error: on four generated streets, within 4 px of edges of depth, mean relative error .17 where it was .28 (a laser of
 // 64 lines), .070 where it was .081 (stereo, with measured/unlabelled_matches.hpp).
 // Cost: at most 16 passes to and fro. Memory: unlabelled_borders_workspace_bytes().
@@ -75,6 +76,7 @@ namespace refine_detail {
     for (int x = 0; x < w.width(); ++x) {
       const auto compare = [&](int u, int v) {
         if (!w.contains(u, v) || !(w(x, y) > 0.0F && w(u, v) > 0.0F)) return;
+        if (side(x, y) == 1 && side(u, v) == 1) return;
         const float more = w(x, y) > w(u, v) ? w(x, y) : w(u, v);
         if (!(std::fabs(w(x, y) - w(u, v)) > kBorderJump * more)) return;
         if (depth_detail::difference(image(x, y), image(u, v)) < kEdgeCodes) return;
