@@ -122,7 +122,7 @@ template <class Executor>
   outliers.by_object = outliers.by_object || out.trust.focal_baseline_px_m > 0.0F;
   NPSIM_RETURN_IF_ERROR(drop_outliers(outliers, scene.depth, objects, out.ground.up, height_m, scene.camera,
                                       out.trust.focal_baseline_px_m, measured, executor));
-  if (is_laser(params, out)) drop_hidden_points(scene.depth, objects.labels, measured, executor);
+  if (objects.labels.empty() && is_laser(params, out)) drop_hidden_points(scene.depth, measured, executor);
   if (objects.labels.empty() && taken_for(params, out) == DepthSource::stereo) {
     const int reach = scaled_spill(params.spill, reference_scale(params, scene.shape())).reach_px;
     NPSIM_RETURN_IF_ERROR(drop_unlabelled_matches(scene.image, scene.depth, reach, measured, workspace, executor));

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Drops points of a laser that the camera cannot see.
+// Drops points of a laser that the camera cannot see, in scenes without labels.
 //
 // A scanner stands higher than the camera or beside it and looks past what hides a wall or a road from the camera. Such
 // points project into the picture of the near thing: its roof and its sides are torn by the depth of what lies behind.
 // Hidden is a point with nearer ones, by kHiddenFarther of its depth, to its left and right and above and below it,
 // within a 120th of the width, of which the nearest each way are of one surface: within kHiddenSurface of one another.
 // At the outline of a thing, and beside a pole, one way is free. What is seen through a fence whose bars are closer
-// than that is dropped as well, but where labels say that there is a fence. Where a quarter of the picture or more is
-// measured sweeps were put together, from which whoever did that has taken such points.
+// than that is dropped as well. Where a quarter of the picture or more is measured sweeps were put together, from which
+// whoever did that has taken such points. Labels know borders better (measured/border_spill.hpp).
 // Cost: a window of a 60th of the width for each measured pixel. Memory: none.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_HIDDEN_POINTS_HPP
 #define NPSIM_DEPTH_DETAIL_MEASURED_HIDDEN_POINTS_HPP
@@ -20,7 +20,6 @@
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/window_filter.hpp"
-#include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -53,10 +52,9 @@ inline constexpr std::size_t kOneSweep = 4;
   return *least > 0.0F && *most <= kHiddenSurface * *least;
 }
 
-// labels: may be empty. measured: the shape of depth, and other memory; what is hidden becomes 0.
+// measured: the shape of depth, and other memory; what is hidden becomes 0.
 template <class Executor>
-void drop_hidden_points(ImageView<const float> depth, ImageView<const Label> labels, ImageView<float> measured,
-                        Executor& executor) noexcept {
+void drop_hidden_points(ImageView<const float> depth, ImageView<float> measured, Executor& executor) noexcept {
   std::size_t count = 0;
   for (int y = 0; y < depth.height(); ++y) {
     for (int x = 0; x < depth.width(); ++x) count += is_valid_depth(depth(x, y)) ? 1U : 0U;
@@ -64,8 +62,7 @@ void drop_hidden_points(ImageView<const float> depth, ImageView<const Label> lab
   if (kOneSweep * count >= depth.shape().pixels()) return;
   const int reach = std::max(2, depth.width() / 120);
   for_pixels(depth.shape(), executor, [&](int x, int y) {
-    if (!is_valid_depth(depth(x, y)) || (!labels.empty() && labels(x, y) == label::fence)) return;
-    if (is_hidden(depth, reach, x, y)) measured(x, y) = 0.0F;
+    if (is_valid_depth(depth(x, y)) && is_hidden(depth, reach, x, y)) measured(x, y) = 0.0F;
   });
 }
 
