@@ -89,7 +89,7 @@ TEST_CASE("unlabelled borders: a coarse wall, 4 codes from column to column, is 
   for (int y = 0; y < kShape.height; ++y) {
     for (int x = 0; x < kShape.width; ++x) {
       if (in_car(x)) {
-        f.image(x, y) = {120, 60, 60};
+        f.image(x, y) = {90, 60, 60};
       } else if (x % 2 == 0) {
         f.image(x, y) = {64, 60, 60};
       }

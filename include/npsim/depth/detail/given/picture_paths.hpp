@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Paths through a picture along which each step counts as a pixel, and colours that differ count more: things end
-// where colours do. At a width of 960 a code of difference beyond the grain is as long as kPerCode pixels, in wider
+// where colours do. Up to a width of 960 a code of difference beyond the grain is as long as kPerCode pixels, in wider
 // pictures as a longer way, since the edges of things are as strong there and everything is farther apart.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_PICTURE_PATHS_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_PICTURE_PATHS_HPP
@@ -24,7 +24,7 @@ void follow_picture(ImageView<const Rgb8> image, ImageView<float> way, const May
   constexpr float kReferenceWidth = 960.0F;
   constexpr float kPerCode = 1.0F;
   constexpr int kGrain = 4;  // codes of 255: noise and texture, which would make every way in a surface longer
-  const float per_code = kPerCode * static_cast<float>(image.width()) / kReferenceWidth;
+  const float per_code = kPerCode * std::max(static_cast<float>(image.width()) / kReferenceWidth, 1.0F);
   depth_detail::settle(way.shape(), [&](int x, int y, int from_x, int from_y) {
     if (!(way(from_x, from_y) + 1.0F < way(x, y)) || !may(x, y, from_x, from_y)) return false;
     const int codes = depth_detail::difference(image(x, y), image(from_x, from_y));
