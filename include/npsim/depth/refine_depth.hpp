@@ -101,11 +101,18 @@ inline void mark_surface(const SceneView& scene, ImageView<const float> depth,
 template <class Executor>
 [[nodiscard]] Status drop_spill(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
                                 DepthSource source, const GroundPlane& ground, ImageView<float> measured,
-                                Executor& executor) {
+                                Workspace& workspace, Executor& executor) {
   if (!is_noisy(source)) return {};
   const bool stereo = source == DepthSource::stereo;
   const BorderSpillParams spill =
       scaled_spill(stereo ? params.spill : params.laser_spill, reference_scale(params, scene.shape()));
+  if (objects.labels.empty()) {
+    if (stereo) {
+      return drop_unlabelled_matches(scene.image, scene.depth, spill.reach_px, measured, workspace, executor);
+    }
+    drop_hidden_points(scene.depth, measured, executor);
+    return {};
+  }
   const SpillView view{scene.camera, ground, stereo ? stereo_focal_baseline_px_m(params.source, scene) : 0.0F};
   return drop_border_spill(spill, scene.depth, objects, view, measured, executor);
 }
@@ -122,12 +129,7 @@ template <class Executor>
   outliers.by_object = outliers.by_object || out.trust.focal_baseline_px_m > 0.0F;
   NPSIM_RETURN_IF_ERROR(drop_outliers(outliers, scene.depth, objects, out.ground.up, height_m, scene.camera,
                                       out.trust.focal_baseline_px_m, measured, executor));
-  if (objects.labels.empty() && is_laser(params, out)) drop_hidden_points(scene.depth, measured, executor);
-  if (objects.labels.empty() && taken_for(params, out) == DepthSource::stereo) {
-    const int reach = scaled_spill(params.spill, reference_scale(params, scene.shape())).reach_px;
-    NPSIM_RETURN_IF_ERROR(drop_unlabelled_matches(scene.image, scene.depth, reach, measured, workspace, executor));
-  }
-  return drop_spill(params, scene, objects, taken_for(params, out), out.ground, measured, executor);
+  return drop_spill(params, scene, objects, taken_for(params, out), out.ground, measured, workspace, executor);
 }
 
 // Of a scene without labels, and its ground. Where none shall be guessed there is the sky and all else.
