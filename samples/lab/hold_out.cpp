@@ -44,7 +44,7 @@ enum Role : std::uint8_t { kUnjudged, kKept, kLeftOut, kNeither };  // neither g
   Workspace workspace(memory.data(), memory.size());
   GroundPlane ground;  // without inliers unless it is found
   (void)estimate_ground(steps.ground, scene.depth, scene.labels, scene.camera, workspace, ground).ok();
-  (void)refine_detail::drop_spill(steps, scene, objects, source, ground, out.view(), pool).ok();
+  (void)refine_detail::drop_spill(steps, scene, objects, source, ground, out.view(), workspace, pool).ok();
   ImageView<Label> labels;
   if (source == DepthSource::stereo && !scene.labels.empty() &&
       refine_detail::own_labels(steps, scene, workspace, pool, labels).ok()) {
