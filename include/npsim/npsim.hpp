@@ -46,6 +46,7 @@
 #include "npsim/depth/refine.hpp"
 #include "npsim/depth/refine_depth.hpp"
 #include "npsim/depth/refine_depth_params.hpp"
+#include "npsim/depth/things.hpp"
 #include "npsim/depth/uncertainty.hpp"
 
 // sections 3.1, 3.3, 3.5: the layered scene mesh

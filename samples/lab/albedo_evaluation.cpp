@@ -88,11 +88,14 @@ void judge_shadow(std::vector<Asphalt>& pixels, AlbedoErrors& out) {
 Status albedo_errors(const AlbedoParams& params, const SceneView& scene, ImageView<const Vec3f> true_albedo,
                      const RefinedDepth& refined, ThreadPool& pool, AlbedoErrors& out) {
   const Shape shape = scene.shape();
-  std::vector<unsigned char> memory(estimate_albedo_workspace_bytes(params, shape));
+  std::vector<unsigned char> memory(albedo_scene_workspace_bytes(shape) +
+                                    estimate_albedo_workspace_bytes(params, shape));
   Workspace workspace(memory.data(), memory.size());
   io::Image<Vec3f> albedo(shape);
-  NPSIM_RETURN_IF_ERROR(engine::estimate_albedo(params, albedo_scene(scene, refined), workspace,
-                                                AlbedoEstimate{albedo.view(), {}}, out.report, pool));
+  AlbedoScene day;
+  NPSIM_RETURN_IF_ERROR(albedo_scene(scene, refined, workspace, day));
+  NPSIM_RETURN_IF_ERROR(
+      engine::estimate_albedo(params, day, workspace, AlbedoEstimate{albedo.view(), {}}, out.report, pool));
   const auto label_at = [&](int x, int y) { return scene.labels.empty() ? label::unlabeled : scene.labels(x, y); };
   const auto judged = [&](int x, int y) {
     return refined.surface(x, y) != 0 && (scene.labels.empty() || label_at(x, y) > label::out_of_roi);

@@ -118,24 +118,32 @@ constexpr void for_neighbours(int x, int y, F&& f) {
   f(x, y + 1);
 }
 
-// Takes the pixels that hang together with (x, y), along rows and columns, and have its value in `open`, which is not 0:
-// there they become 0, and y * width + x of each goes to `list`, which has room for all. Returns how many there are.
-[[nodiscard]] inline std::size_t take_piece(ImageView<std::uint8_t> open, int x, int y,
-                                            Span<std::uint32_t> list) noexcept {
+// Takes the pixels that hang together with (x, y), along rows and columns, and have its value in `open`, which is not 0,
+// as far as joined(u, v, i, j) is true for neighbours: in `open` they become 0, and y * width + x of each goes to
+// `list`, which has room for all. Returns how many there are.
+template <class Joined>
+[[nodiscard]] std::size_t take_piece(ImageView<std::uint8_t> open, int x, int y, Span<std::uint32_t> list,
+                                     const Joined& joined) noexcept {
   const auto width = static_cast<std::uint32_t>(open.width());
   const std::uint8_t value = open(x, y);
   std::size_t count = 0;
   const auto add = [&](int u, int v) {
-    if (!open.contains(u, v) || open(u, v) == 0 || open(u, v) != value) return;
     open(u, v) = 0;
     list[count++] = static_cast<std::uint32_t>(v) * width + static_cast<std::uint32_t>(u);
   };
   add(x, y);
   for (std::size_t next = 0; next < count; ++next) {
-    const auto [u, v] = place_of(list[next], open.width());
-    for_neighbours(u, v, add);
+    const PixelPlace from = place_of(list[next], open.width());
+    for_neighbours(from.x, from.y, [&](int u, int v) {
+      if (open.contains(u, v) && open(u, v) != 0 && open(u, v) == value && joined(from.x, from.y, u, v)) add(u, v);
+    });
   }
   return count;
+}
+
+[[nodiscard]] inline std::size_t take_piece(ImageView<std::uint8_t> open, int x, int y,
+                                            Span<std::uint32_t> list) noexcept {
+  return take_piece(open, x, y, list, [](int, int, int, int) { return true; });
 }
 
 }  // namespace NPSIM_ABI

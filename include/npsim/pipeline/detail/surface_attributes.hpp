@@ -15,6 +15,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/refine_depth_params.hpp"
+#include "npsim/depth/things.hpp"
 #include "npsim/material/albedo.hpp"
 #include "npsim/material/retroreflection.hpp"
 #include "npsim/material/roughness.hpp"
@@ -24,19 +25,32 @@
 namespace npsim {
 inline namespace NPSIM_ABI {
 
-// What the estimate of albedo is made from.
-[[nodiscard]] inline AlbedoScene albedo_scene(const SceneView& scene, const RefinedDepth& refined) noexcept {
-  AlbedoScene out;
+// What the estimate of albedo is made from. Where labels are a guess, cars and people are told from buildings, in memory
+// of the workspace.
+[[nodiscard]] inline Status albedo_scene(const SceneView& scene, const RefinedDepth& refined, Workspace& workspace,
+                                         AlbedoScene& out) {
   out.image = scene.image;
-  if (!scene.labels.empty()) {
-    out.labels = refined.labels;
-    out.instances = scene.instances;
-  }
+  out.labels = refined.labels;
+  out.instances = scene.instances;
   out.depth = refined.depth;
   out.normals = refined.normals;
   out.camera = scene.camera;
   out.ground = refined.ground;
-  return out;
+  if (!refined.labels_guessed) return {};
+  ImageView<Label> labels;
+  ImageView<std::uint16_t> things;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), labels));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), things));
+  copy_pixels(ImageView<const Label>(refined.labels), labels);
+  NPSIM_RETURN_IF_ERROR(tell_things(refined.depth, scene.camera, refined.ground, labels, things, workspace));
+  out.labels = labels;
+  out.instances = things;
+  return {};
+}
+
+[[nodiscard]] constexpr std::size_t albedo_scene_workspace_bytes(Shape shape) noexcept {
+  return allocation_bytes<Label>(shape.pixels()) + allocation_bytes<std::uint16_t>(shape.pixels()) +
+         tell_things_workspace_bytes(shape);
 }
 
 // How material is guessed where the scene does not give it, and what no scene gives.
@@ -63,8 +77,9 @@ inline constexpr float kHiddenAlpha = 0.8F;
 // guessed: the scene gives no albedo.
 [[nodiscard]] constexpr std::size_t surface_attributes_workspace_bytes(const MaterialParams& params, Shape shape,
                                                                        bool guessed) noexcept {
-  const std::size_t estimate =
-      guessed ? allocation_bytes<float>(shape.pixels()) + estimate_albedo_workspace_bytes(params.albedo, shape) : 0;
+  const std::size_t estimate = guessed ? albedo_scene_workspace_bytes(shape) + allocation_bytes<float>(shape.pixels()) +
+                                             estimate_albedo_workspace_bytes(params.albedo, shape)
+                                       : 0;
   return 2 * allocation_bytes<Vec3f>(shape.pixels()) + allocation_bytes<float>(shape.pixels()) +
          2 * allocation_bytes<std::uint8_t>(shape.pixels()) + allocation_bytes<Retroreflector>(shape.pixels()) +
          max_of(find_retroreflectors_workspace_bytes(shape), estimate) + kWorkspaceAlignment;
@@ -114,9 +129,11 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
     const WorkspaceScope estimate(workspace);
     ImageView<float> sun;
     DaylightReport report;
+    AlbedoScene day;
+    NPSIM_RETURN_IF_ERROR(albedo_scene(scene, refined, workspace, day));
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, sun));
-    NPSIM_RETURN_IF_ERROR(estimate_albedo(params.albedo, albedo_scene(scene, refined), workspace,
-                                          AlbedoEstimate{albedo, sun}, report, executor));
+    NPSIM_RETURN_IF_ERROR(
+        estimate_albedo(params.albedo, day, workspace, AlbedoEstimate{albedo, sun}, report, executor));
     observer.daylight(albedo, sun, report);
   } else {
     for (int y = 0; y < shape.height; ++y) {

@@ -14,6 +14,7 @@
 //   plants   of what stands, where it looks like leaves (given/plant_look.hpp): what is likely to, what may and hangs
 //            together with it, and small pieces within.
 //   building all else. Cars, poles and people too: the planes that belong to that label are fitted to what is plane.
+//            For materials alone those that stand apart are told from buildings later (depth/things.hpp).
 // Cost: some 20 passes over the picture and those of the looks. Memory: guess_labels_workspace_bytes().
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_GUESSED_LABELS_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_GUESSED_LABELS_HPP
