@@ -88,8 +88,7 @@ void judge_shadow(std::vector<Asphalt>& pixels, AlbedoErrors& out) {
 Status albedo_errors(const AlbedoParams& params, const SceneView& scene, ImageView<const Vec3f> true_albedo,
                      const RefinedDepth& refined, ThreadPool& pool, AlbedoErrors& out) {
   const Shape shape = scene.shape();
-  std::vector<unsigned char> memory(albedo_scene_workspace_bytes(shape) +
-                                    estimate_albedo_workspace_bytes(params, shape));
+  std::vector<unsigned char> memory(guessed_albedo_workspace_bytes(params, shape));
   Workspace workspace(memory.data(), memory.size());
   io::Image<Vec3f> albedo(shape);
   AlbedoScene day;

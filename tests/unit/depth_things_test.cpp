@@ -130,6 +130,20 @@ TEST_CASE("things: the foot of a house that the upper border of the picture cuts
   CHECK(street.count(label::dynamic_object) == 0);
 }
 
+TEST_CASE("things: houses down the slope, whose roofs are no higher over the plane than a car, stay buildings") {
+  Street street;
+  street.stand(40, 200, 30.0F, 2.0F, label::building, -4.0F);
+  street.tell();
+  CHECK(street.count(label::dynamic_object) == 0);
+  Street noisy;  // a car of which a twentieth was measured below the ground
+  noisy.stand(80, 140, 10.0F, 1.5F, label::building, -0.05F);
+  for (int x = 80; x < 140; ++x) noisy.depth(x, Street::row(0.0F, 10.0F)) = 10.9F;
+  for (int x = 80; x < 100; ++x) noisy.put(x, Street::row(-0.6F, 10.0F), 10.0F, label::building);
+  for (int y = Street::row(0.0F, 10.0F); y < Street::row(-0.6F, 10.0F); ++y) noisy.put(90, y, 10.0F, label::building);
+  noisy.tell();
+  CHECK(noisy.things(100, Street::row(0.7F, 10.0F)) != 0);
+}
+
 TEST_CASE("things: what hangs before a house, and does not come down to the ground, is part of it") {
   Street street;
   street.stand(0, 240, 20.0F, 12.0F);

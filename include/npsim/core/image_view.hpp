@@ -118,8 +118,8 @@ constexpr void for_neighbours(int x, int y, F&& f) {
   f(x, y + 1);
 }
 
-// Takes the pixels that hang together with (x, y), along rows and columns, and have its value in `open`, which is not 0,
-// as far as joined(u, v, i, j) is true for neighbours: in `open` they become 0, and y * width + x of each goes to
+// Takes the pixels that hang together with (x, y), along rows and columns, and have its value in `open`, which is not
+// 0, as far as joined(u, v, i, j) is true for neighbours: in `open` they become 0, and y * width + x of each goes to
 // `list`, which has room for all. Returns how many there are.
 template <class Joined>
 [[nodiscard]] std::size_t take_piece(ImageView<std::uint8_t> open, int x, int y, Span<std::uint32_t> list,

@@ -25,8 +25,8 @@
 namespace npsim {
 inline namespace NPSIM_ABI {
 
-// What the estimate of albedo is made from. Where labels are a guess, cars and people are told from buildings, in memory
-// of the workspace.
+// What the estimate of albedo is made from. Where labels are a guess, cars and people are told from buildings; their
+// labels and numbers lie in the workspace.
 [[nodiscard]] inline Status albedo_scene(const SceneView& scene, const RefinedDepth& refined, Workspace& workspace,
                                          AlbedoScene& out) {
   out.image = scene.image;
@@ -48,9 +48,11 @@ inline namespace NPSIM_ABI {
   return {};
 }
 
-[[nodiscard]] constexpr std::size_t albedo_scene_workspace_bytes(Shape shape) noexcept {
+// For albedo_scene() and estimate_albedo() with the sun's share.
+[[nodiscard]] constexpr std::size_t guessed_albedo_workspace_bytes(const AlbedoParams& params, Shape shape) noexcept {
+  const std::size_t estimate = allocation_bytes<float>(shape.pixels()) + estimate_albedo_workspace_bytes(params, shape);
   return allocation_bytes<Label>(shape.pixels()) + allocation_bytes<std::uint16_t>(shape.pixels()) +
-         tell_things_workspace_bytes(shape);
+         max_of(tell_things_workspace_bytes(shape), estimate);
 }
 
 // How material is guessed where the scene does not give it, and what no scene gives.
@@ -77,9 +79,7 @@ inline constexpr float kHiddenAlpha = 0.8F;
 // guessed: the scene gives no albedo.
 [[nodiscard]] constexpr std::size_t surface_attributes_workspace_bytes(const MaterialParams& params, Shape shape,
                                                                        bool guessed) noexcept {
-  const std::size_t estimate = guessed ? albedo_scene_workspace_bytes(shape) + allocation_bytes<float>(shape.pixels()) +
-                                             estimate_albedo_workspace_bytes(params.albedo, shape)
-                                       : 0;
+  const std::size_t estimate = guessed ? guessed_albedo_workspace_bytes(params.albedo, shape) : 0;
   return 2 * allocation_bytes<Vec3f>(shape.pixels()) + allocation_bytes<float>(shape.pixels()) +
          2 * allocation_bytes<std::uint8_t>(shape.pixels()) + allocation_bytes<Retroreflector>(shape.pixels()) +
          max_of(find_retroreflectors_workspace_bytes(shape), estimate) + kWorkspaceAlignment;
