@@ -42,9 +42,9 @@ inline constexpr int kCellOctaves = 12;           // of depth, from half a metre
 inline constexpr std::size_t kLeastThing = 4000;  // that many fill the picture
 inline constexpr float kFarther = 1.1F;           // of depth: no longer the thing
 
+[[nodiscard]] constexpr int cell_width_px(Shape picture) noexcept { return std::max(1, picture.width / kCellsAcross); }
 [[nodiscard]] constexpr Shape cells_shape(Shape picture) noexcept {
-  const int column_px = std::max(1, picture.width / kCellsAcross);
-  return {(picture.width + column_px - 1) / column_px, kCellsPerOctave * kCellOctaves};
+  return {(picture.width - 1) / cell_width_px(picture) + 1, kCellsPerOctave * kCellOctaves};
 }
 
 // How many pixels stand where, seen from above.
@@ -54,7 +54,7 @@ struct StreetCells {
   int column_px = 1;
 
   [[nodiscard]] Status allocate(Shape picture, Workspace& workspace) {
-    column_px = std::max(1, picture.width / kCellsAcross);
+    column_px = cell_width_px(picture);
     for (ImageView<std::uint32_t>* cells : {&all, &tall}) {
       NPSIM_RETURN_IF_ERROR(workspace.allocate_image(cells_shape(picture), *cells));
       for (std::uint32_t& n : cells->pixels()) n = 0;
@@ -145,8 +145,7 @@ struct Standing {
 [[nodiscard]] constexpr std::size_t tell_things_workspace_bytes(Shape shape) noexcept {
   return 2 * allocation_bytes<std::uint32_t>(things_detail::cells_shape(shape).pixels()) +
          allocation_bytes<std::uint8_t>(things_detail::cells_shape(shape).pixels()) +
-         max_of(allocation_bytes<std::uint8_t>(shape.pixels()) + allocation_bytes<std::uint32_t>(shape.pixels()),
-                refine_detail::close_pieces_bytes(shape)) +
+         refine_detail::close_pieces_bytes(shape) +  // telling pieces apart takes as much
          kWorkspaceAlignment;
 }
 
