@@ -144,6 +144,43 @@ TEST_CASE("things: houses down the slope, whose roofs are no higher over the pla
   CHECK(noisy.things(100, Street::row(0.7F, 10.0F)) != 0);
 }
 
+TEST_CASE("things: of a car of which half stands in cells with a house, no half is taken for a thing") {
+  const auto told = [](int left, int right) {  // columns in which a house goes on above the car
+    Street street;
+    street.stand(left, right, 10.0F, 4.0F);
+    street.stand(80, 140, 10.0F, 1.5F);
+    street.tell();
+    return street.count(label::dynamic_object);
+  };
+  CHECK(told(110, 140) == 0);
+  CHECK(told(0, 0) > 0);
+
+  Street street;  // a fifth of the sides
+  street.stand(110, 140, 10.0F, 4.0F);
+  street.stand(80, 140, 10.0F, 1.0F);
+  street.stand(80, 100, 10.0F, 2.4F);
+  street.tell();
+  CHECK(street.count(label::dynamic_object) == 0);
+}
+
+TEST_CASE("things: a car before which a pole of its depth stands is told, for its sides go on beside little of it") {
+  Street street;
+  street.stand(80, 140, 10.0F, 1.5F);
+  street.stand(70, 80, 10.05F, 0.25F);
+  street.stand(66, 72, 10.05F, 6.0F);
+  street.tell();
+  CHECK(street.things(100, Street::row(0.7F, 10.0F)) != 0);
+}
+
+TEST_CASE("things: a car in a gap between walls that stand back from its front by 9 % of its distance is told") {
+  Street street;
+  street.stand(40, 80, 10.9F, 5.0F);
+  street.stand(140, 180, 10.9F, 5.0F);
+  street.stand(80, 140, 10.0F, 1.5F);
+  street.tell();
+  CHECK(street.things(100, Street::row(0.7F, 10.0F)) != 0);
+}
+
 TEST_CASE("things: what hangs before a house, and does not come down to the ground, is part of it") {
   Street street;
   street.stand(0, 240, 20.0F, 12.0F);

@@ -6,7 +6,9 @@
 //             around it is higher than kThing_m over the ground plane. A wall that goes on above is not low.
 //   apart     Low pixels that hang together are one thing if they are no specks, stand on the ground plane, neither
 //             above nor below it, and end: above most of their upper outline something farther away or the sky is seen.
-//             (Below a crown only the foot of a house is seen, and nothing says that it ends there.)
+//             (Below a crown only the foot of a house is seen, and nothing says that it ends there.) Nor does the same
+//             surface go on beside more than a fifth of its outline, in a cell that is not low: half a car would differ
+//             from the other half by more than their paint.
 // Only materials ask (material/albedo.hpp): a black car is no dark facade. The mesh does not, which would take what is
 // missed of a thing's rim for what stands behind it.
 // Error: what touches a wall, lorries, poles, and what stands where the street leaves the plane stay buildings. Low
@@ -16,6 +18,7 @@
 #define NPSIM_DEPTH_THINGS_HPP
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -119,24 +122,43 @@ struct Standing {
     }
     return false;
   }
+  // Beside (x, y) in its row: whether the piece ends there, and whether its surface goes on all the same.
+  struct Side {
+    bool outline = false;
+    bool goes_on = false;
+  };
+  [[nodiscard]] Side side(int x, int y, int u) const noexcept {
+    constexpr float kSame = 0.01F;  // of depth, from pixel to pixel
+    if (u < 0 || u >= depth.width() || !stands(u, y)) return {true, false};
+    if (is_low(u, y)) return {!joined(x, y, u, y), false};
+    return {true, std::fabs(depth(x, y) - depth(u, y)) < kSame * depth(x, y)};
+  }
   // piece: y * width + x of low pixels.
   [[nodiscard]] bool is_thing(Span<const std::uint32_t> piece) const noexcept {
     constexpr float kFoot_m = 0.5F;   // as near does a thing come to the ground plane
     constexpr std::size_t kFew = 10;  // a tenth of it may be below that
+    constexpr std::size_t kPart = 5;  // a fifth of its sides may go on
     if (piece.size() * kLeastThing < depth.shape().pixels()) return false;
     float lowest_m = kThing_m;
     std::size_t below = 0;
     std::size_t outline = 0;
     std::size_t ended = 0;
+    std::size_t sides = 0;
+    std::size_t cut = 0;
     for (const std::uint32_t pixel : piece) {
       const auto [x, y] = place_of(pixel, depth.width());
       lowest_m = std::min(lowest_m, height_m(x, y));
       if (height_m(x, y) < -kFoot_m) ++below;
+      for (const int u : {x - 1, x + 1}) {
+        const Side beside = side(x, y, u);
+        sides += beside.outline ? 1 : 0;
+        cut += beside.goes_on ? 1 : 0;
+      }
       if (y > 0 && is_low(x, y - 1) && joined(x, y, x, y - 1)) continue;
       ++outline;
       if (ends(x, y)) ++ended;
     }
-    return lowest_m < kFoot_m && below * kFew < piece.size() && 2 * ended > outline;
+    return lowest_m < kFoot_m && below * kFew < piece.size() && 2 * ended > outline && cut * kPart < sides;
   }
 };
 
