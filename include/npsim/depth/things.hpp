@@ -68,8 +68,9 @@ struct StreetCells {
     return clamp_to(static_cast<int>((log2_of(z) + 1.0F) * kCellsPerOctave), 0, all.height() - 1);
   }
   void add(int x, float z, bool is_tall) const noexcept {
-    ++all(x / column_px, row(z));
-    if (is_tall) ++tall(x / column_px, row(z));
+    const int far = row(z);
+    ++all(x / column_px, far);
+    if (is_tall) ++tall(x / column_px, far);
   }
   // After all was added.
   void settle() const noexcept {
@@ -147,8 +148,9 @@ struct Standing {
     std::size_t cut = 0;
     for (const std::uint32_t pixel : piece) {
       const auto [x, y] = place_of(pixel, depth.width());
-      lowest_m = std::min(lowest_m, height_m(x, y));
-      if (height_m(x, y) < -kFoot_m) ++below;
+      const float high_m = height_m(x, y);
+      lowest_m = std::min(lowest_m, high_m);
+      if (high_m < -kFoot_m) ++below;
       for (const int u : {x - 1, x + 1}) {
         const Side beside = side(x, y, u);
         sides += beside.outline ? 1 : 0;

@@ -37,7 +37,7 @@ inline constexpr std::size_t kIslands = 500;
 inline constexpr float kIslandCodes = 6.0F;
 
 [[nodiscard]] constexpr std::size_t unlabelled_matches_workspace_bytes(Shape shape) noexcept {
-  return allocation_bytes<std::uint32_t>(shape.pixels()) + allocation_bytes<std::uint32_t>(shape.pixels()) +
+  return allocation_bytes<std::uint8_t>(shape.pixels()) + allocation_bytes<std::uint32_t>(shape.pixels()) +
          kWorkspaceAlignment;
 }
 
@@ -97,44 +97,37 @@ struct OutlineColours {
 [[nodiscard]] inline Status drop_islands(ImageView<const Rgb8> image, int reach, ImageView<float> measured,
                                          Workspace& workspace) noexcept {
   const WorkspaceScope scope(workspace);
-  const int width = measured.width();
+  constexpr std::uint8_t kOpen = 1, kPiece = 2;
   const std::size_t small = measured.shape().pixels() / kIslands;
-  ImageView<std::uint32_t> piece_of;  // number of the piece; 0: not yet known
+  ImageView<std::uint8_t> open;
   Span<std::uint32_t> list;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(measured.shape(), piece_of));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(measured.shape(), open));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(measured.shape().pixels(), list));
-  for (std::uint32_t& p : piece_of.pixels()) p = 0;
-  std::uint32_t number = 0;
-  for (int y = 0; y < measured.height(); ++y) {
-    for (int x = 0; x < width; ++x) {
-      if (piece_of(x, y) != 0 || !is_valid_depth(measured(x, y))) continue;
-      std::size_t count = 0;
-      const auto reach_pixel = [&](int u, int v) {
-        piece_of(u, v) = number;
-        list[count++] =
-            static_cast<std::uint32_t>(v) * static_cast<std::uint32_t>(width) + static_cast<std::uint32_t>(u);
-      };
-      ++number;
-      reach_pixel(x, y);
-      for (std::size_t i = 0; i < count; ++i) {
-        const auto [px, py] = place_of(list[i], width);
-        const float z = measured(px, py);
-        for_neighbours(px, py, [&](int u, int v) {
-          if (!measured.contains(u, v) || piece_of(u, v) != 0 || !is_valid_depth(measured(u, v))) return;
-          if (within(kMatchContrast, z, measured(u, v))) reach_pixel(u, v);
-        });
-      }
-      if (count >= small) continue;
+  for (int y = 0; y < open.height(); ++y) {
+    for (int x = 0; x < open.width(); ++x) open(x, y) = is_valid_depth(measured(x, y)) ? kOpen : std::uint8_t{0};
+  }
+  const auto joined = [&](int x, int y, int u, int v) {
+    return within(kMatchContrast, measured(x, y), measured(u, v));
+  };
+  for (int y = 0; y < open.height(); ++y) {
+    for (int x = 0; x < open.width(); ++x) {
+      if (open(x, y) == 0) continue;
+      const Span<const std::uint32_t> piece = list.sub(0, take_piece(open, x, y, list, joined));
+      if (piece.size() >= small) continue;
+      for (const std::uint32_t pixel : piece) open(place_of(pixel, open.width())) = kPiece;
       OutlineColours colours;
-      for (std::size_t i = 0; i < count; ++i) {
-        const auto [px, py] = place_of(list[i], width);
+      for (const std::uint32_t pixel : piece) {
+        const auto [px, py] = place_of(pixel, open.width());
         for (const auto& [u, v] : {std::array{px - reach, py}, std::array{px + reach, py}, std::array{px, py - reach},
                                    std::array{px, py + reach}}) {
-          if (measured.contains(u, v) && piece_of(u, v) != number) colours.add(image(px, py), image(u, v));
+          if (open.contains(u, v) && open(u, v) != kPiece) colours.add(image(px, py), image(u, v));
         }
       }
-      if (colours.differ()) continue;
-      for (std::size_t i = 0; i < count; ++i) measured(place_of(list[i], width)) = 0.0F;
+      for (const std::uint32_t pixel : piece) {
+        const PixelPlace at = place_of(pixel, open.width());
+        open(at) = 0;
+        if (!colours.differ()) measured(at) = 0.0F;
+      }
     }
   }
   return {};
