@@ -16,9 +16,9 @@
 // 5. Colour: the road's cast is divided out to the share that `cast_removal` states. What is dark, or saturated (a
 //    channel at or above saturated_level) and nearly white, has no trustworthy colour and becomes grey, or of the
 //    colour of the picture's other plants; no channel leaves the bounds of paint.
-// 6. Sheen: what ground mirrors of the sky at the sight's angle (bsdf.hpp), the same of dark and bright, is taken out
-//    of its contrast, where a road gave the scale and camera and ground plane are known; before doubtful colours become
-//    grey.
+// 6. Sheen (detail/daylight/sheen.hpp): what ground mirrors of the sky at the sight's angle (bsdf.hpp), the same of dark
+//    and bright, is taken out of its contrast, and what things mirror of sky and street is taken off, grey as it is;
+//    where a road gave the scale and camera and ground plane are known, and before doubtful colours become grey.
 // 7. Bounds: a pixel brighter than its class's level by more than a factor of `free_ratio` is drawn in, by a slope, not
 //    cut, so that what differs stays different; values in [min_albedo, max_albedo].
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.
@@ -50,10 +50,10 @@
 #include "npsim/material/detail/daylight/objects.hpp"
 #include "npsim/material/detail/daylight/panes.hpp"
 #include "npsim/material/detail/daylight/picture.hpp"
+#include "npsim/material/detail/daylight/sheen.hpp"
 #include "npsim/material/detail/daylight/standing_light.hpp"
 #include "npsim/material/detail/daylight/sun.hpp"
 #include "npsim/material/detail/daylight/sunny_faces.hpp"
-#include "npsim/material/detail/specular_albedo.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -295,11 +295,11 @@ Status light_objects(const StandingLightParams& p, Context& c, Workspace& worksp
       sun += (1.0F - sun) * clamp_to((c.working_height(x, y) - p.low_m) / (p.high_m - p.low_m), 0.0F, 1.0F);
     const float upward = clamp_to(dot(c.working_normal(x, y), c.scene.ground.up), 0.0F, 1.0F);
     if (c.ground.shadow) sun *= faces.share(seen_face(normal(x, y)));
-    c.light(x, y) = c.scale + log_light(sun, c.ground.ratio_y) + (1.0F - upward) * p.upright;
+    c.light(x, y) =
+        c.scale + log_light(sun, c.ground.ratio_y) + (1.0F - upward) * (c.ground.shadow ? p.upright : p.upright_cloudy);
     c.sun(x, y) = sun;
   });
   heights_of_objects(c.scene, picture, c.objects);
-  paint_of_objects(c.scene, picture, c.light, c.objects);
   return {};
 }
 
@@ -353,6 +353,43 @@ struct Light {
     gain[i] = exp2_of(-(common + own + c.params.cast_removal * c.cast[i]));
   }
   return {gain[0], gain[1], gain[2]};
+}
+
+// Step 6 for things: what a pixel of the photograph mirrors, as an albedo would look to which gain_of leads.
+[[nodiscard]] inline Vec3f mirrored_look(const Context& c, Label label, int x, int y, float level, float sun) noexcept {
+  if (!c.sheen) return {};
+  Vec3f normal = c.scene.normals.empty() ? Vec3f{} : c.scene.normals(x, y);
+  if (!(dot(normal, normal) > 0.9F && dot(normal, normal) < 1.1F)) normal = {};
+  const Vec3f sight = normalized(unproject_pixel(c.scene.camera, x, y, 1.0F));
+  const Mirrored m = mirrored_by(surface_prior(label).alpha, sight, seen_face(normal), c.scene.ground.up);
+  const float ratio[3] = {c.ground.ratio.x, c.ground.ratio.y, c.ground.ratio.z};
+  float light[3];
+  for (int i = 0; i < 3; ++i) {
+    const float of_sky = c.ground.shadow ? exp2_of(-ratio[i]) : 1.0F;
+    const float of_street = c.ground.shadow ? exp2_of(log_light(sun, ratio[i])) : 1.0F;
+    light[i] = exp2_of(c.scale + c.cast[i]) * (m.sky * of_sky + m.street * of_street);
+  }
+  return Vec3f{light[0], light[1], light[2]} * gain_of(c, level, sun);
+}
+
+// The paint of objects, and the panes of cars, without what they mirror.
+template <class Executor>
+Status tell_paint(Context& c, Workspace& workspace, Executor& executor) {
+  const AlbedoScene& s = c.scene;
+  const WorkspaceScope scope(workspace);
+  Plane bare;  // log2 of luminance over albedo
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), bare));
+  for_pixels(c.picture.shape(), executor, [&](int x, int y) {
+    bare(x, y) = c.light(x, y);
+    const int u = c.picture.middle_x(x, s.image.width());
+    const int v = c.picture.middle_y(y, s.image.height());
+    if (c.objects.of(s, u, v) == 0) return;
+    const float seen = exp2_of(c.picture.log_y(x, y) - c.light(x, y));
+    const Vec3f mirrored = mirrored_look(c, s.labels(u, v), u, v, c.light(x, y), c.sun(x, y));
+    bare(x, y) -= log2_of(share_without(seen, luminance(mirrored)));
+  });
+  paint_of_objects(s, c.picture, bare, c.objects);
+  return find_panes({}, s, c.picture, c.objects, bare, workspace, c.pane, executor);
 }
 
 // Bounds of a channel over luminance.
@@ -490,29 +527,13 @@ inline constexpr LabelSet kThinLabels = kPoleLabels | LabelSet::of(label::person
   return best;
 }
 
-// What ground mirrors of the sky adds the same to dark and bright, so a photograph shows less contrast than its albedo
-// has: where the road's median looks like its albedo, what looks like `a` has road + (a - road) * contrast. A street
-// that shows no shadow counts as overcast.
+// Step 6 for ground. A street that shows no shadow counts as overcast.
 [[nodiscard]] inline float contrast_of_ground(const Context& c, Label label, int x, int y, float sun) noexcept {
-  constexpr float kDryF0 = 0.04F;
-  constexpr float kOfSun = 0.5F;  // of what is mirrored on average lies away from the sun's mirror image
-  const float alpha = surface_prior(label).alpha;
-  if (!c.sheen || alpha > 1.0F) return 1.0F;
+  if (!c.sheen) return 1.0F;
   const Vec3f sight = normalized(unproject_pixel(c.scene.camera, x, y, 1.0F));
   const float sky = c.ground.shadow ? exp2_of(-c.ground.ratio_y - log_light(sun, c.ground.ratio_y)) : 1.0F;
-  const float mirrored =
-      SpecularAlbedo(alpha, kDryF0)(-dot(sight, c.scene.ground.up)) * (kOfSun + (1.0F - kOfSun) * sky);
-  return 1.0F + mirrored / ((1.0F - mirrored) * surface_prior(label::road).albedo);
-}
-
-// Albedo of ground that looks like `a` where the road's median looks like `road`. Below that, where noise and dirt
-// would become negative, by the power that has the same slope there.
-[[nodiscard]] inline Vec3f without_sheen(const Vec3f& road, const Vec3f& a, float contrast) noexcept {
-  const auto channel = [contrast](float v, float own) {
-    if (!(v > 0.0F)) return v;
-    return v > own ? own + (v - own) * contrast : own * exp2_of(contrast * log2_of(v / own));
-  };
-  return {channel(a.x, road.x), channel(a.y, road.y), channel(a.z, road.z)};
+  return contrast_under_sheen(surface_prior(label).alpha, -dot(sight, c.scene.ground.up), sky,
+                              surface_prior(label::road).albedo);
 }
 
 template <class Executor>
@@ -539,6 +560,10 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
     Vec3f a = c.picture.light_of(seen) * gain_of(c, light.level, light.sun);
     if (region < kGroundRegions) {
       a = without_sheen(road, a, contrast_of_ground(c, s.labels.empty() ? label::road : label, x, y, light.sun));
+    } else if (region == kVehicle || region == kOther) {
+      const Vec3f mirrored = mirrored_look(c, label, x, y, light.level, light.sun);
+      const float seen_light = luminance(a), of_it = luminance(mirrored);
+      if (of_it > 0.0F) a = a - mirrored * (seen_light * (1.0F - share_without(seen_light, of_it)) / of_it);
     }
     // In half shade the colour of the light is the least certain; thin things have that of what they stand before.
     constexpr float kTrustAtBorder = 0.3F;
@@ -577,9 +602,9 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
 [[nodiscard]] constexpr std::size_t estimate_albedo_workspace_bytes(const AlbedoParams&, Shape shape) noexcept {
   using namespace daylight_detail;
   const Shape working = working_shape(shape);
-  constexpr std::size_t kPlanes = kPicturePlanes + 2 + kGroundLightPlanes;
-  // The ground's result, and the share of panes; the sun is found before objects are listed.
-  static_assert(2 + 1 + kPanePlanes <= kGroundLightPlanes && 2 + 1 + kSunPlanes <= kGroundLightPlanes);
+  // The ground's result, the share of panes and light without sheen; the sun is found before objects are listed.
+  constexpr std::size_t kPlanes = kPicturePlanes + 2 + std::max(kGroundLightPlanes, 2 + 1 + 1 + kPanePlanes);
+  static_assert(2 + 1 + kSunPlanes <= kGroundLightPlanes);
   static_assert(kSunBytes <= kObjectsBytes);
   return kPlanes * allocation_bytes<float>(working.pixels()) + 3 * allocation_bytes<std::uint8_t>(working.pixels()) +
          allocation_bytes<std::uint32_t>(static_cast<std::size_t>(kCellsY * kCellsC)) +
@@ -623,7 +648,7 @@ Status estimate_albedo(const AlbedoParams& p, const AlbedoScene& scene, Workspac
   NPSIM_RETURN_IF_ERROR(place_sun(standing, c.picture, c.ground, workspace, c.sun, executor));
   NPSIM_RETURN_IF_ERROR(light_objects(standing, c, workspace, executor));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.pane));
-  NPSIM_RETURN_IF_ERROR(find_panes({}, c.scene, c.picture, c.objects, c.light, workspace, c.pane, executor));
+  NPSIM_RETURN_IF_ERROR(tell_paint(c, workspace, executor));
   if (c.day.found) NPSIM_RETURN_IF_ERROR(light_walls(sun, c, workspace, executor));
   NPSIM_RETURN_IF_ERROR(light_classes(standing, c, histogram, workspace, executor));
   for_pixels(c.picture.shape(), executor, [&](int x, int y) {

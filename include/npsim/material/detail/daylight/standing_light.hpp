@@ -37,9 +37,11 @@ struct StandingLightParams {
   // What stands in the shadow may rise out of it: between these heights its light becomes that of the sun.
   float low_m = 1.5F;
   float high_m = 4.5F;
-  // log2 of what upright faces of objects show over level ground of their albedo: half the sky, what the ground throws
-  // back, and the gloss of paint, which shows the sky besides.
+  // log2 of the light of upright faces over that of level ground. On a sunny day the sun, or the lower sky and what it
+  // shines on; under clouds (CIE overcast, .4) houses across the street hide some of the sky, and the ground throws a
+  // tenth back.
   float upright = -0.5F;
+  float upright_cloudy = -1.15F;
 };
 
 // Directions by which facades are told apart: left, right, towards the camera, up and the corners between.
