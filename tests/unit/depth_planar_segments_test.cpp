@@ -452,6 +452,32 @@ TEST_CASE("planar segments: above the topmost line of a laser a wall goes on as 
   CHECK(s.depth(400, 10) == doctest::Approx(s.truth(400, 10)).epsilon(0.02));
 }
 
+TEST_CASE("planar segments: of guessed labels a crown's rim far above a car does not come to where the car is") {
+  // One label: the rear of a car 7 m away below, a house 30 m away beside it, and above the laser's rows what was made
+  // up 45 m away over the car, 33 m over the house.
+  for (const bool guessed : {true, false}) {
+    Street s;
+    s.wall(kFront, 30.0F, 0, kShape.width);
+    s.noise = {0.02F, 2, 1.0F};
+    s.measure();
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        const bool car = x < 240;
+        if (y >= 110 && car) s.measured(x, y) = s.depth(x, y) = 7.0F;
+        if (y >= 110 && y % 4 == 0 && x % 2 == 0) continue;
+        s.measured(x, y) = 0.0F;
+        if (y < 110) s.depth(x, y) = car ? 45.0F : 33.0F;
+      }
+    }
+    PlanarSegmentsParams params;
+    params.guessed = guessed;
+    SerialExecutor serial;
+    REQUIRE(s.run(serial, params).ok());
+    CHECK(s.depth(100, 20) == doctest::Approx(guessed ? 45.0F : 7.0F).epsilon(0.01));
+    CHECK(s.depth(400, 20) == doctest::Approx(30.0F).epsilon(0.01));
+  }
+}
+
 TEST_CASE("planar segments: a gap in a small oriel keeps its fill, not the far wall that the rows above it show") {
   Street s;
   s.wall(kFront, 80.0F, 0, 480);

@@ -287,6 +287,7 @@ template <class Executor>
 [[nodiscard]] Status fit_planes(const RefineDepthParams& params, const SceneView& scene, const ObjectMap& objects,
                                 Workspace& workspace, Executor& executor, RefinedDepth& out) {
   PlanarSegmentsParams planes = params.planes;
+  planes.guessed = planes.guessed || out.labels_guessed;
   if (!(out.ground.inlier_share > 0.0F)) planes.plumb = {};  // nothing says what is upright
   NPSIM_RETURN_IF_ERROR(planar_segments(planes, scene.depth, objects, out.noise, out.ground.up, scene.camera, out.depth,
                                         out.planes, workspace, executor));

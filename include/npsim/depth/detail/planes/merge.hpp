@@ -220,8 +220,8 @@ void smooth_regions(const Grid& grid, const PlaneOf& plane_of, const UprightBasi
 // support(n): of plane n. w_of(n, column, row): its inverse depth in the middle of a square.
 // made_up(column, row, slot): the mean of the inverse depth there.
 template <class Support, class InverseDepth, class MadeUp>
-void extend_planes(const Grid& grid, const Support& support, const InverseDepth& w_of, const MadeUp& made_up,
-                   Span<Cell> cells) noexcept {
+void extend_planes(const Grid& grid, bool guessed, const Support& support, const InverseDepth& w_of,
+                   const MadeUp& made_up, Span<Cell> cells) noexcept {
   constexpr int kSideways = 4;
   constexpr int kBack = 3;
   constexpr float kAgree = 0.33F;
@@ -248,7 +248,7 @@ void extend_planes(const Grid& grid, const Support& support, const InverseDepth&
       float most = 0.0F;
       bool copied = false;
       const bool between = ends(cell, column, row, dx, dy);
-      const float here = dx != 0 || between ? made_up(column, row, slot) : 0.0F;
+      const float here = dx != 0 || between || guessed ? made_up(column, row, slot) : 0.0F;
       const float agree = between ? kAgreeBetween : kAgree;
       for (int back = 1; back <= kBack && !copied; ++back) {
         const int i = column + dx * back;

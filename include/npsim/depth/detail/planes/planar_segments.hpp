@@ -52,6 +52,7 @@ struct PlanarSegmentsParams {
                    label::traffic_sign, label::truck, label::bus, label::caravan, label::trailer, label::train);
   LabelSet upright = labels;
   LabelSet plumb = kHouseLabels;   // never lean where depth drifts, above the eye
+  bool guessed = false;            // the labels are: what has one need not be one thing
   float cell_px = 24.0F;           // of an image 2048 wide
   float min_support_px = 4000.0F;  // of an image 2048 x 1024; fewer, at least three squares, where the noise is so low
   float sure_rad = 0.035F;         // that the plane's angle is known to this
@@ -506,7 +507,7 @@ template <class Executor>
   const auto plane_of = [&](std::uint16_t n) { return map.segments[n - std::size_t{1}].q; };
   const auto support = [&](std::uint16_t n) { return map.segments[n - std::size_t{1}].support_px; };
   extend_planes(
-      grid, support,
+      grid, params.guessed, support,
       [&](std::uint16_t n, int column, int row) {
         return plane_of_ray(in, plane_of(n), column * grid.cell_px + grid.cell_px / 2,
                             row * grid.cell_px + grid.cell_px / 2);
