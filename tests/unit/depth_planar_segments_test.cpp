@@ -452,7 +452,7 @@ TEST_CASE("planar segments: above the topmost line of a laser a wall goes on as 
   CHECK(s.depth(400, 10) == doctest::Approx(s.truth(400, 10)).epsilon(0.02));
 }
 
-TEST_CASE("planar segments: of guessed labels a crown's rim far above a car does not come to where the car is") {
+TEST_CASE("planar segments: where labels are guessed, what a laser has no rows on does not come to the car below it") {
   // One label: the rear of a car 7 m away below, a house 30 m away beside it, and above the laser's rows what was made
   // up 45 m away over the car, 33 m over the house.
   for (const bool guessed : {true, false}) {

@@ -713,8 +713,8 @@ TEST_CASE("paint on a road that mirrors a cloudy sky is as much whiter than its 
 }
 
 TEST_CASE("what paint mirrors of a cloudy day is not in its albedo: black stays black, dark red stays red") {
-  // Rears that lean by 20 degrees, 8 m away, and one of cloth. What they mirror: 4 % at right angles (Schlick) of the sky
-  // as bright as a cloudy one (CIE) by its elevation, over a street of .1 up to a sine of .35.
+  // Rears that lean by 20 degrees, 8 m away, and one of cloth. What they mirror: 4 % at right angles (Schlick) of the
+  // sky as bright as a cloudy one (CIE) by its elevation, over a street of .1 up to a sine of .35.
   const Vec3f paints[] = {{0.02F, 0.02F, 0.02F}, {0.12F, 0.02F, 0.02F}, {0.6F, 0.6F, 0.6F}, {0.02F, 0.02F, 0.02F}};
   const Vec3f normal{0, -0.342F, -0.94F};
   Picture p = level_road([](float, float) { return Vec3f{0.24F, 0.24F, 0.24F}; });

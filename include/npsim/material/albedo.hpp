@@ -16,9 +16,9 @@
 // 5. Colour: the road's cast is divided out to the share that `cast_removal` states. What is dark, or saturated (a
 //    channel at or above saturated_level) and nearly white, has no trustworthy colour and becomes grey, or of the
 //    colour of the picture's other plants; no channel leaves the bounds of paint.
-// 6. Sheen (detail/daylight/sheen.hpp): what ground mirrors of the sky at the sight's angle (bsdf.hpp), the same of dark
-//    and bright, is taken out of its contrast, and what things mirror of sky and street is taken off, grey as it is;
-//    where a road gave the scale and camera and ground plane are known, and before doubtful colours become grey.
+// 6. Sheen (detail/daylight/sheen.hpp): what ground mirrors of the sky at the sight's angle (bsdf.hpp), the same of
+//    dark and bright, is taken out of its contrast, and what things mirror of sky and street is taken off, grey as it
+//    is; where a road gave the scale and camera and ground plane are known, and before doubtful colours become grey.
 // 7. Bounds: a pixel brighter than its class's level by more than a factor of `free_ratio` is drawn in, by a slope, not
 //    cut, so that what differs stays different; values in [min_albedo, max_albedo].
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.

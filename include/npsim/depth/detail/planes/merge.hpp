@@ -217,10 +217,11 @@ void smooth_regions(const Grid& grid, const PlaneOf& plane_of, const UprightBasi
 // A plane that would be much nearer or farther there ends: it is steep, and how far it goes is not known. Sideways it
 // must also agree with what was made up there, which knows what stands below, but for a third; and closely in a gap
 // whose far side was measured too, since what was made up there is interpolated.
+// unsure: one object need not be one thing, so upwards and downwards a plane must agree as it does sideways.
 // support(n): of plane n. w_of(n, column, row): its inverse depth in the middle of a square.
 // made_up(column, row, slot): the mean of the inverse depth there.
 template <class Support, class InverseDepth, class MadeUp>
-void extend_planes(const Grid& grid, bool guessed, const Support& support, const InverseDepth& w_of,
+void extend_planes(const Grid& grid, bool unsure, const Support& support, const InverseDepth& w_of,
                    const MadeUp& made_up, Span<Cell> cells) noexcept {
   constexpr int kSideways = 4;
   constexpr int kBack = 3;
@@ -248,7 +249,7 @@ void extend_planes(const Grid& grid, bool guessed, const Support& support, const
       float most = 0.0F;
       bool copied = false;
       const bool between = ends(cell, column, row, dx, dy);
-      const float here = dx != 0 || between || guessed ? made_up(column, row, slot) : 0.0F;
+      const float here = dx != 0 || between || unsure ? made_up(column, row, slot) : 0.0F;
       const float agree = between ? kAgreeBetween : kAgree;
       for (int back = 1; back <= kBack && !copied; ++back) {
         const int i = column + dx * back;

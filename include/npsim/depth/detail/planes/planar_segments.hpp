@@ -9,8 +9,8 @@
 // and those with enough support are kept. Inverse depth of a plane is linear in the image, and everything is measured
 // in deviations of it (depth_source.hpp).
 // A pixel that a plane explains is on it and takes its normal; where several do, neighbours agree (agreed_plane()), and
-// borders are straight (edges.hpp). Its depth stays as it was measured: buildings have relief, and on held-out points of
-// real frames depth drawn to planes, even within the noise, is worse. Only where nothing was measured does the plane
+// borders are straight (edges.hpp). Its depth stays as it was measured: buildings have relief, and on held-out points
+// of real frames depth drawn to planes, even within the noise, is worse. Only where nothing was measured does the plane
 // stand in (extend_planes()), and where a mismatch makes a dent (PlanarSegmentsParams::dent_m). A bulge as large is on
 // the plane, and its depth stays.
 // Invariant: all other depth is not touched.
@@ -52,7 +52,7 @@ struct PlanarSegmentsParams {
                    label::traffic_sign, label::truck, label::bus, label::caravan, label::trailer, label::train);
   LabelSet upright = labels;
   LabelSet plumb = kHouseLabels;   // never lean where depth drifts, above the eye
-  bool guessed = false;            // the labels are: what has one need not be one thing
+  bool guessed = false;            // labels are: above a laser's rows a car and a crown may have one
   float cell_px = 24.0F;           // of an image 2048 wide
   float min_support_px = 4000.0F;  // of an image 2048 x 1024; fewer, at least three squares, where the noise is so low
   float sure_rad = 0.035F;         // that the plane's angle is known to this
@@ -86,7 +86,7 @@ struct PlanarSegment {
 
 namespace planes_detail {
 
-// What it costs a cell, in rises that two planes are united at, that a neighbour lies on another plane; that it has none.
+// What it costs a cell, in rises at which two planes unite, that a neighbour lies on another plane; that it has none.
 inline constexpr double kStray = 2.0;
 inline constexpr double kNone = 8.0;
 inline constexpr double kSamplesWanted = 32.0;  // of a square
@@ -507,7 +507,7 @@ template <class Executor>
   const auto plane_of = [&](std::uint16_t n) { return map.segments[n - std::size_t{1}].q; };
   const auto support = [&](std::uint16_t n) { return map.segments[n - std::size_t{1}].support_px; };
   extend_planes(
-      grid, params.guessed, support,
+      grid, params.guessed && noise.power == 2, support,
       [&](std::uint16_t n, int column, int row) {
         return plane_of_ray(in, plane_of(n), column * grid.cell_px + grid.cell_px / 2,
                             row * grid.cell_px + grid.cell_px / 2);

@@ -41,8 +41,8 @@ inline constexpr float kDryF0 = 0.04F;
   return {channel(a.x, road.x), channel(a.y, road.y), channel(a.z, road.z)};
 }
 
-// Albedo that would look like what a face mirrors, had it the light of level ground: of the sky alone, and of the street
-// in the same light as it.
+// Albedo that would look like what a face mirrors, had it the light of level ground: of the sky alone, and of the
+// street in the same light as it.
 struct Mirrored {
   float sky = 0.0F, street = 0.0F;
 };
