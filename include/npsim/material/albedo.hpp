@@ -24,8 +24,8 @@
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.
 // It is an estimate up to a factor that the road's prior sets, not a measurement.
 // Cost: some 200 loops over the working image, 370 where there is a shadow, 100 more where there are cars; steps 1 and
-// 2 twice where tones are steep, step 2 where white paint seemed to be the sun; 50 ns a pixel of ground for step 6. The
-// same bits for any thread count.
+// 2 twice where tones are steep, step 2 where white paint seemed to be the sun; 50 ns a pixel of ground and
+// things for step 6. The same bits for any thread count.
 // Memory: estimate_albedo_workspace_bytes().
 #ifndef NPSIM_MATERIAL_ALBEDO_HPP
 #define NPSIM_MATERIAL_ALBEDO_HPP
@@ -106,13 +106,14 @@ struct Context {
   GroundLight ground;
   Objects objects;
   Sun day;
-  float scale = 0.0F;  // log2 of the luminance of albedo 1 on sunlit level ground
-  float cast[3] = {};  // log2 of the sun's channels over its luminance
-  Plane light;         // log2 of luminance over albedo
-  Plane sun;           // share of the sun
-  Plane pane;          // share of panes in what cars show, 0..1
-  Vec3f plants;        // colour of plants that do not show theirs, of luminance 1
-  bool sheen = false;  // step 6: a road gave the scale, camera and ground plane are known
+  float scale = 0.0F;    // log2 of the luminance of albedo 1 on sunlit level ground
+  float cast[3] = {};    // log2 of the sun's channels over its luminance
+  Plane light;           // log2 of luminance over albedo
+  Plane sun;             // share of the sun
+  Plane pane;            // share of panes in what cars show, 0..1
+  Vec3f plants;          // colour of plants that do not show theirs, of luminance 1
+  bool by_road = false;  // gave the scale: it is that of level ground
+  bool sheen = false;    // step 6: by_road, and camera and ground plane are known
 
   [[nodiscard]] Label label_at(int x, int y) const noexcept {
     if (scene.labels.empty()) return label::unlabeled;
@@ -183,6 +184,7 @@ inline void find_scale(Context& c, Span<std::uint32_t> histogram) {
       return picture.log_y(x, y) - c.ground.level(x, y) - log_light(c.ground.sun(x, y), c.ground.ratio_y);
     });
     c.scale = level - log2_of(surface_prior(label::road).albedo);
+    c.by_road = true;
     c.sheen = c.params.remove_light && c.scene.ground.inlier_share > 0.0F && validate(c.scene.camera).ok();
     cast_of(road);
   } else if (any(paved)) {
@@ -194,13 +196,14 @@ inline void find_scale(Context& c, Span<std::uint32_t> histogram) {
   }
 }
 
-// Unit normals; zero where none is known.
+// A unit normal; zero where none is known.
+[[nodiscard]] inline Vec3f known_normal(const Vec3f& n) noexcept {
+  const float square = dot(n, n);
+  return square > 0.9F && square < 1.1F ? n : Vec3f{};
+}
+
 [[nodiscard]] inline auto normals_of(const Context& c) noexcept {
-  return [&c](int x, int y) {
-    const Vec3f n = c.working_normal(x, y);
-    const float square = dot(n, n);
-    return square > 0.9F && square < 1.1F ? n : Vec3f{};
-  };
+  return [&c](int x, int y) { return known_normal(c.working_normal(x, y)); };
 }
 
 // Step 4 for facades and plants: `share` of what is smooth in a class is light, besides that of the sun on walls, which
@@ -282,6 +285,8 @@ Status light_objects(const StandingLightParams& p, Context& c, Workspace& worksp
     return slot == 0 ? c.sun(x, y) : c.objects.sun[slot];
   };
   const auto normal = normals_of(c);
+  const bool cloudy = c.params.remove_light && !c.ground.shadow;
+  const float upright = !c.by_road ? 0.0F : (cloudy ? p.upright_cloudy : p.upright);
   SunnyFaces faces;
   if (c.ground.shadow) {
     constexpr float kInSun = 0.9F;
@@ -293,10 +298,9 @@ Status light_objects(const StandingLightParams& p, Context& c, Workspace& worksp
     float sun = place(x, y);
     if (picture.region(x, y) == kOther)
       sun += (1.0F - sun) * clamp_to((c.working_height(x, y) - p.low_m) / (p.high_m - p.low_m), 0.0F, 1.0F);
-    const float upward = clamp_to(dot(c.working_normal(x, y), c.scene.ground.up), 0.0F, 1.0F);
+    const float upward = clamp_to(dot(normal(x, y), c.scene.ground.up), 0.0F, 1.0F);
     if (c.ground.shadow) sun *= faces.share(seen_face(normal(x, y)));
-    c.light(x, y) =
-        c.scale + log_light(sun, c.ground.ratio_y) + (1.0F - upward) * (c.ground.shadow ? p.upright : p.upright_cloudy);
+    c.light(x, y) = c.scale + log_light(sun, c.ground.ratio_y) + (1.0F - upward) * upright;
     c.sun(x, y) = sun;
   });
   heights_of_objects(c.scene, picture, c.objects);
@@ -355,11 +359,12 @@ struct Light {
   return {gain[0], gain[1], gain[2]};
 }
 
-// Step 6 for things: what a pixel of the photograph mirrors, as an albedo would look to which gain_of leads.
-[[nodiscard]] inline Vec3f mirrored_look(const Context& c, Label label, int x, int y, float level, float sun) noexcept {
-  if (!c.sheen) return {};
-  Vec3f normal = c.scene.normals.empty() ? Vec3f{} : c.scene.normals(x, y);
-  if (!(dot(normal, normal) > 0.9F && dot(normal, normal) < 1.1F)) normal = {};
+// Step 6 for things: what is left of the albedo `a` that gain_of gives a pixel of the photograph, without what it
+// mirrors.
+[[nodiscard]] inline Vec3f without_mirrored(const Context& c, Label label, int x, int y, float level, float sun,
+                                            const Vec3f& a) noexcept {
+  if (!c.sheen) return a;
+  const Vec3f normal = known_normal(c.scene.normals.empty() ? Vec3f{} : c.scene.normals(x, y));
   const Vec3f sight = normalized(unproject_pixel(c.scene.camera, x, y, 1.0F));
   const Mirrored m = mirrored_by(surface_prior(label).alpha, sight, seen_face(normal), c.scene.ground.up);
   const float ratio[3] = {c.ground.ratio.x, c.ground.ratio.y, c.ground.ratio.z};
@@ -369,7 +374,7 @@ struct Light {
     const float of_street = c.ground.shadow ? exp2_of(log_light(sun, ratio[i])) : 1.0F;
     light[i] = exp2_of(c.scale + c.cast[i]) * (m.sky * of_sky + m.street * of_street);
   }
-  return Vec3f{light[0], light[1], light[2]} * gain_of(c, level, sun);
+  return taken_off(a, Vec3f{light[0], light[1], light[2]} * gain_of(c, level, sun)) / m.through;
 }
 
 // The paint of objects, and the panes of cars, without what they mirror.
@@ -377,16 +382,16 @@ template <class Executor>
 Status tell_paint(Context& c, Workspace& workspace, Executor& executor) {
   const AlbedoScene& s = c.scene;
   const WorkspaceScope scope(workspace);
-  Plane bare;  // log2 of luminance over albedo
+  Plane bare;  // log2 of luminance over albedo, of objects
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), bare));
   for_pixels(c.picture.shape(), executor, [&](int x, int y) {
-    bare(x, y) = c.light(x, y);
     const int u = c.picture.middle_x(x, s.image.width());
     const int v = c.picture.middle_y(y, s.image.height());
+    bare(x, y) = 0.0F;
     if (c.objects.of(s, u, v) == 0) return;
     const float seen = exp2_of(c.picture.log_y(x, y) - c.light(x, y));
-    const Vec3f mirrored = mirrored_look(c, s.labels(u, v), u, v, c.light(x, y), c.sun(x, y));
-    bare(x, y) -= log2_of(share_without(seen, luminance(mirrored)));
+    const Vec3f own = without_mirrored(c, s.labels(u, v), u, v, c.light(x, y), c.sun(x, y), {seen, seen, seen});
+    bare(x, y) = c.picture.log_y(x, y) - log2_of(luminance(own));
   });
   paint_of_objects(s, c.picture, bare, c.objects);
   return find_panes({}, s, c.picture, c.objects, bare, workspace, c.pane, executor);
@@ -561,9 +566,7 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
     if (region < kGroundRegions) {
       a = without_sheen(road, a, contrast_of_ground(c, s.labels.empty() ? label::road : label, x, y, light.sun));
     } else if (region == kVehicle || region == kOther) {
-      const Vec3f mirrored = mirrored_look(c, label, x, y, light.level, light.sun);
-      const float seen_light = luminance(a), of_it = luminance(mirrored);
-      if (of_it > 0.0F) a = a - mirrored * (seen_light * (1.0F - share_without(seen_light, of_it)) / of_it);
+      a = without_mirrored(c, label, x, y, light.level, light.sun, a);
     }
     // In half shade the colour of the light is the least certain; thin things have that of what they stand before.
     constexpr float kTrustAtBorder = 0.3F;
@@ -602,9 +605,9 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
 [[nodiscard]] constexpr std::size_t estimate_albedo_workspace_bytes(const AlbedoParams&, Shape shape) noexcept {
   using namespace daylight_detail;
   const Shape working = working_shape(shape);
+  constexpr std::size_t kPlanes = kPicturePlanes + 2 + kGroundLightPlanes;
   // The ground's result, the share of panes and light without sheen; the sun is found before objects are listed.
-  constexpr std::size_t kPlanes = kPicturePlanes + 2 + std::max(kGroundLightPlanes, 2 + 1 + 1 + kPanePlanes);
-  static_assert(2 + 1 + kSunPlanes <= kGroundLightPlanes);
+  static_assert(2 + 1 + 1 + kPanePlanes <= kGroundLightPlanes && 2 + 1 + kSunPlanes <= kGroundLightPlanes);
   static_assert(kSunBytes <= kObjectsBytes);
   return kPlanes * allocation_bytes<float>(working.pixels()) + 3 * allocation_bytes<std::uint8_t>(working.pixels()) +
          allocation_bytes<std::uint32_t>(static_cast<std::size_t>(kCellsY * kCellsC)) +

@@ -399,6 +399,7 @@ Status soften_edges(const GroundLightParams& p, const Picture& picture, Plane sm
     return picture.is_ground(x, y) && c > 0.95F ? 1.0F : 0.0F;
   };
   const auto own_level = [&](int x, int y) {
+    if (!picture.is_ground(x, y)) return 0.0F;
     const LightMixture& m = out.mixture[picture.region(x, y)];
     return picture.log_y(x, y) - log_light(out.sun(x, y), out.ratio_y) - m.sun_y;
   };

@@ -45,7 +45,7 @@ struct PaneParams {
   return clamp_to((by - kAlike) / (kUnlike - kAlike), 0.0F, 1.0F);
 }
 
-inline constexpr std::size_t kPanePlanes = 2 + kMeanFieldPlanes;  // one of them of bytes
+inline constexpr std::size_t kPanePlanes = 1 + kMeanFieldPlanes;  // and one of bytes
 
 // pane(x, y): share of panes in what is seen, 0..1; 0 but for cars that are told apart. light: log2 of luminance over
 // albedo.

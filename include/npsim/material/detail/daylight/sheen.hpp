@@ -42,9 +42,9 @@ inline constexpr float kDryF0 = 0.04F;
 }
 
 // Albedo that would look like what a face mirrors, had it the light of level ground: of the sky alone, and of the
-// street in the same light as it.
+// street in the same light as it. through: share of the light that the gloss lets through to the albedo below.
 struct Mirrored {
-  float sky = 0.0F, street = 0.0F;
+  float sky = 0.0F, street = 0.0F, through = 1.0F;
 };
 
 // sight, normal, up: unit. The sky is as bright as a cloudy one by its elevation (CIE overcast), over roofs and crowns.
@@ -55,20 +55,23 @@ struct Mirrored {
   constexpr float kGrazing = 0.25F;  // least cosine: at outlines normals are the least sure, and mirroring grows fast
   constexpr float kStreet = 0.1F;    // asphalt, and walls in half of the light
   if (alpha > 1.0F) return {};
-  const float cosine = std::max(kGrazing, -dot(sight, normal));
-  const float elevation = dot(sight, up) + 2.0F * cosine * dot(normal, up);
+  const float cosine = -dot(sight, normal);
+  const float elevation = clamp_to(dot(sight, up) + 2.0F * cosine * dot(normal, up), -1.0F, 1.0F);
   const float over = clamp_to((elevation - kStreetTo) / (kSkyFrom - kStreetTo), 0.0F, 1.0F);
-  const float reflected = SpecularAlbedo(alpha, kDryF0)(cosine);
-  return {reflected * over * (1.0F + 2.0F * std::max(elevation, 0.0F)) * (3.0F / 7.0F),
-          reflected * (1.0F - over) * kStreet};
+  const float reflected = SpecularAlbedo(alpha, kDryF0)(std::max(kGrazing, cosine));
+  const float sky = (1.0F + 2.0F * std::max(elevation, 0.0F)) * (3.0F / 7.0F);
+  return {reflected * over * sky, reflected * (1.0F - over) * kStreet, 1.0F - reflected};
 }
 
-// What is left of a luminance without what is mirrored: 1 - x + O(x^3), where that is x of it, and never below 0, since
-// it is known to a factor.
-[[nodiscard]] inline float share_without(float luminance, float mirrored) noexcept {
-  if (!(luminance > 0.0F)) return 1.0F;
-  const float x = mirrored / luminance;
-  return 1.0F / (1.0F + x + x * x);
+// What is left without what is mirrored, which is known to a factor: of the luminance 1 - x + O(x^3) where that is x of
+// it, and never less than nothing.
+[[nodiscard]] inline Vec3f taken_off(const Vec3f& seen, const Vec3f& mirrored) noexcept {
+  const float own = luminance(seen);
+  const float off = luminance(mirrored);
+  if (!(own > 0.0F) || !(off > 0.0F)) return seen;
+  const float x = off / own;
+  const float share = 1.0F / (1.0F + x + x * x);
+  return seen - mirrored * ((1.0F - share) / x);
 }
 
 }  // namespace daylight_detail

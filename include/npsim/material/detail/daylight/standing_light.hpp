@@ -38,8 +38,8 @@ struct StandingLightParams {
   float low_m = 1.5F;
   float high_m = 4.5F;
   // log2 of the light of upright faces over that of level ground. On a sunny day the sun, or the lower sky and what it
-  // shines on; under clouds (CIE overcast, .4) houses across the street hide some of the sky, and the ground throws a
-  // tenth back.
+  // shines on; under clouds .40 of the sky's (CIE overcast) and what the ground throws back. A street that shows no
+  // shadow counts as cloudy.
   float upright = -0.5F;
   float upright_cloudy = -1.15F;
 };
