@@ -765,7 +765,8 @@ TEST_CASE("what paint mirrors of a cloudy day is not in its albedo: black stays 
   // sky as bright as a cloudy one (CIE) by its elevation, over a street of .1 up to a sine of .35.
   const Vec3f paints[] = {{0.02F, 0.02F, 0.02F}, {0.12F, 0.02F, 0.02F}, {0.6F, 0.6F, 0.6F}, {0.02F, 0.02F, 0.02F}};
   const Vec3f normal{0, -0.342F, -0.94F};
-  Picture p = level_road([](float, float) { return Vec3f{0.24F, 0.24F, 0.24F}; });
+  const Vec3f cast{0.85F, 1.05F, 0.9F};  // of the whole picture; what is mirrored is a little bluer
+  Picture p = level_road([&](float, float) { return cast * 0.24F; });
   p.instances.assign(p.shape.pixels(), 0);
   Ground ground;
   for (int k = 0; k < 4; ++k) {
@@ -786,7 +787,8 @@ TEST_CASE("what paint mirrors of a cloudy day is not in its albedo: black stays 
         const auto sheen = static_cast<float>(shown);
         const float through = cloth ? 1.0F : 1.0F - static_cast<float>(fresnel);
         const float light = (0.45F + 0.55F * 0.342F) * through;
-        const Vec3f seen = (paints[k] * light + Vec3f{sheen, sheen, sheen}) * 2.4F;  // the road of .1 looks like .24
+        const Vec3f seen =
+            cast * (paints[k] * light + Vec3f{0.9F, 1.0F, 1.15F} * sheen) * 2.4F;  // the road of .1 looks like .24
         p.day[i] = {encode(seen.x), encode(seen.y), encode(seen.z)};
       }
     }
@@ -794,6 +796,8 @@ TEST_CASE("what paint mirrors of a cloudy day is not in its albedo: black stays 
   REQUIRE(ground.run(p, true).ok());
   const auto of = [&](int k) { return mean(p, 50 + 100 * k, 110 + 100 * k, 150, 190); };
   CHECK(of(0) < 0.045);  // looks like .11
+  const Vec3f black = p.albedo[p.i(80, 170)];
+  CHECK(max_of(black.x, black.y, black.z) < 1.5F * std::min(black.x, std::min(black.y, black.z)));
   CHECK(of(2) == doctest::Approx(0.6).epsilon(0.1));
   CHECK(of(3) == doctest::Approx(0.025).epsilon(0.1));
   const Vec3f red = p.albedo[p.i(180, 170)];

@@ -563,15 +563,18 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
     bool at_border = false;
     const Rgb8 seen = region < kGroundRegions ? s.image(x, y) : without_border(c, x, y, at_border);
     Vec3f a = c.picture.light_of(seen) * gain_of(c, light.level, light.sun);
+    // In half shade the colour of the light is the least certain; thin things have that of what they stand before. Of
+    // what mirrors more than it throws back the rest tells little.
+    constexpr float kTrustAtBorder = 0.3F;
+    constexpr float kTold = 0.5F;  // share of what is seen whose colour is told
+    float trust = region < kGroundRegions ? std::fabs(2.0F * light.sun - 1.0F) : (at_border ? kTrustAtBorder : 1.0F);
     if (region < kGroundRegions) {
       a = without_sheen(road, a, contrast_of_ground(c, s.labels.empty() ? label::road : label, x, y, light.sun));
     } else if (region == kVehicle || region == kOther) {
+      const float looks = luminance(a);
       a = without_mirrored(c, label, x, y, light.level, light.sun, a);
+      if (looks > 0.0F) trust = std::min(trust, std::max(luminance(a), 0.0F) / (kTold * looks));
     }
-    // In half shade the colour of the light is the least certain; thin things have that of what they stand before.
-    constexpr float kTrustAtBorder = 0.3F;
-    const float trust =
-        region < kGroundRegions ? std::fabs(2.0F * light.sun - 1.0F) : (at_border ? kTrustAtBorder : 1.0F);
     const std::size_t object = c.objects.of(s, x, y);
     const float row = (static_cast<float>(y) + 0.5F) / static_cast<float>(f) - 0.5F;
     const float down = label == label::car ? c.objects.down(s, object, x, y, row) : 0.0F;
