@@ -760,6 +760,22 @@ TEST_CASE("a car's side that is seen from above mirrors the street, what leans b
   CHECK(mirrored_by(kMatt, down(30), down(30) * -1.0F, up).sky == 0.0F);
 }
 
+TEST_CASE("a black bonnet under a sky ten thousand times as bright is as black as paint can be") {
+  Picture p = level_road([](float, float) { return Vec3f{1, 1, 1}; });
+  p.instances.assign(p.shape.pixels(), 0);
+  Ground ground;  // whose normals face up
+  for (int y = 140; y < 200; ++y) {
+    for (int x = 100; x < 300; ++x) {
+      p.labels[p.i(x, y)] = label::car;
+      p.instances[p.i(x, y)] = 26001;
+      p.day[p.i(x, y)] = {};
+      ground.depth[p.i(x, y)] = 8.0F;
+    }
+  }
+  REQUIRE(ground.run(p, true).ok());
+  CHECK(p.median(label::car) == doctest::Approx(0.015).epsilon(0.01));
+}
+
 TEST_CASE("what paint mirrors of a cloudy day is not in its albedo: black stays black, dark red stays red") {
   // Rears that lean by 20 degrees, 8 m away, and one of cloth. What they mirror: 4 % at right angles (Schlick) of the
   // sky as bright as a cloudy one (CIE) by its elevation, over a street of .1 up to a sine of .35.

@@ -382,7 +382,8 @@ template <class Executor>
 Status tell_paint(Context& c, Workspace& workspace, Executor& executor) {
   const AlbedoScene& s = c.scene;
   const WorkspaceScope scope(workspace);
-  Plane bare;  // log2 of luminance over albedo, of objects
+  constexpr float kNothing = 1e-6F;  // where all is mirrored, rounding may leave less than none
+  Plane bare;                        // log2 of luminance over albedo, of objects
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), bare));
   for_pixels(c.picture.shape(), executor, [&](int x, int y) {
     const int u = c.picture.middle_x(x, s.image.width());
@@ -391,7 +392,7 @@ Status tell_paint(Context& c, Workspace& workspace, Executor& executor) {
     if (c.objects.of(s, u, v) == 0) return;
     const float seen = exp2_of(c.picture.log_y(x, y) - c.light(x, y));
     const Vec3f own = without_mirrored(c, s.labels(u, v), u, v, c.light(x, y), c.sun(x, y), {seen, seen, seen});
-    bare(x, y) = c.picture.log_y(x, y) - log2_of(luminance(own));
+    bare(x, y) = c.picture.log_y(x, y) - log2_of(std::max(luminance(own), kNothing));
   });
   paint_of_objects(s, c.picture, bare, c.objects);
   return find_panes({}, s, c.picture, c.objects, bare, workspace, c.pane, executor);

@@ -21,7 +21,7 @@ namespace daylight_detail {
 
 inline constexpr float kDryF0 = 0.04F;
 
-// Power of the contrast that ground shows over that of its albedo: where the road's median looks like its `albedo`,
+// How much more contrast the albedo of ground has than ground shows: where the road's median looks like its `albedo`,
 // what looks like `a` has road + (a - road) * contrast. cosine: of the sight to the ground's normal; sky: light of the
 // sky over all light there is.
 [[nodiscard]] inline float contrast_under_sheen(float alpha, float cosine, float sky, float albedo) noexcept {
