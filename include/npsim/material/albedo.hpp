@@ -120,10 +120,16 @@ struct Context {
     const Label l = scene.labels(x, y);
     return l < kLabelCount ? l : label::unlabeled;
   }
+  // Unit; zero where none is known.
+  [[nodiscard]] Vec3f normal_at(int x, int y) const noexcept {
+    if (scene.normals.empty()) return {};
+    const Vec3f n = scene.normals(x, y);
+    const float square = dot(n, n);
+    return square > 0.9F && square < 1.1F ? n : Vec3f{};
+  }
   // Of a working pixel.
   [[nodiscard]] Vec3f working_normal(int x, int y) const noexcept {
-    if (scene.normals.empty()) return {};
-    return scene.normals(picture.middle_x(x, scene.image.width()), picture.middle_y(y, scene.image.height()));
+    return normal_at(picture.middle_x(x, scene.image.width()), picture.middle_y(y, scene.image.height()));
   }
   [[nodiscard]] float working_height(int x, int y) const noexcept {
     return height_m(scene, picture.middle_x(x, scene.image.width()), picture.middle_y(y, scene.image.height()));
@@ -196,14 +202,8 @@ inline void find_scale(Context& c, Span<std::uint32_t> histogram) {
   }
 }
 
-// A unit normal; zero where none is known.
-[[nodiscard]] inline Vec3f known_normal(const Vec3f& n) noexcept {
-  const float square = dot(n, n);
-  return square > 0.9F && square < 1.1F ? n : Vec3f{};
-}
-
 [[nodiscard]] inline auto normals_of(const Context& c) noexcept {
-  return [&c](int x, int y) { return known_normal(c.working_normal(x, y)); };
+  return [&c](int x, int y) { return c.working_normal(x, y); };
 }
 
 // Step 4 for facades and plants: `share` of what is smooth in a class is light, besides that of the sun on walls, which
@@ -364,9 +364,8 @@ struct Light {
 [[nodiscard]] inline Vec3f without_mirrored(const Context& c, Label label, int x, int y, float level, float sun,
                                             const Vec3f& a) noexcept {
   if (!c.sheen) return a;
-  const Vec3f normal = known_normal(c.scene.normals.empty() ? Vec3f{} : c.scene.normals(x, y));
   const Vec3f sight = normalized(unproject_pixel(c.scene.camera, x, y, 1.0F));
-  const Mirrored m = mirrored_by(surface_prior(label).alpha, sight, seen_face(normal), c.scene.ground.up);
+  const Mirrored m = mirrored_by(surface_prior(label).alpha, sight, seen_face(c.normal_at(x, y)), c.scene.ground.up);
   const float ratio[3] = {c.ground.ratio.x, c.ground.ratio.y, c.ground.ratio.z};
   float light[3];
   for (int i = 0; i < 3; ++i) {
