@@ -464,43 +464,11 @@ void remove_older_nights(const NightOptions& options, const InputFiles& inputs) 
   return read;
 }
 
-}  // namespace
-
-int run_night(const NightOptions& options) {
-  Console console(options.quiet);
+// What the options ask for. `light_set` becomes the lamps that the parameters point to; files that are read join `inputs`.
+[[nodiscard]] io::Expected<NightParams> params_of(const NightOptions& options, io::LightSet& light_set,
+                                                  InputFiles& inputs) {
   NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
-  if (!options.size.empty()) {
-    if (const io::Expected<Shape> parsed = parse_size(options.size); !parsed) return fail(parsed.error());
-  }
-  io::Expected<io::Scene> loaded = console.timed("read scene", [&] { return load_scene(options.scene, ""); });
-  if (!loaded) return fail(loaded.error());
-  io::Scene& photograph = loaded.value();
-  const io::Expected<std::vector<std::uint8_t>> shops =
-      console.timed("shop fronts", [&] { return shop_fronts(params, photograph, options.threads); });
-  if (!shops) return fail(shops.error());
-  if (const io::Outcome resized = resize_to(photograph, options.size); !resized) return fail(resized.error());
-  const std::vector<std::string> doubts = io::scene_doubts(photograph);
-  const io::Expected<io::Scene> reduced =
-      console.timed("scene at work size", [&] { return at_work_size(photograph, options.work_size); });
-  if (!reduced) return fail(reduced.error());
-  const io::Scene& scene = reduced.value();
-  for (const std::string& note : scene.notes) {
-    if (!options.quiet) std::fprintf(stderr, "  note: %s\n", note.c_str());
-  }
-  for (const std::string& doubt : doubts) {
-    if (!options.quiet) std::fprintf(stderr, "  doubt: %s\n", doubt.c_str());
-  }
-  const bool dark =
-      options.assume_lamps_m <= 0 && std::none_of(scene.lights.begin(), scene.lights.end(),
-                                                  [](const LightMark& mark) { return is_street_lamp(mark.cls); });
-  if (dark && !options.quiet) {
-    std::fprintf(stderr,
-                 "  note: no street lamp is marked, so what headlamps do not reach stays dark; mark them, or "
-                 "--assume-lamps 8 lights a road of 8 m\n");
-  }
   params.seed = options.seed;
-  params.relight.shop_fronts = {shops.value().data(), shops.value().size()};
-  params.photograph = scene.photograph;
   params.variants = options.variants;
   params.relight.gather.rays = options.rays;
   params.relight.max_rays = std::max(params.relight.max_rays, options.rays);
@@ -517,7 +485,7 @@ int run_night(const NightOptions& options) {
   params.relight.following_car_m = options.following_car_m;
   if (!options.moon.empty()) {
     const io::Expected<Vec3f> moon = parse_moon(options.moon);
-    if (!moon) return fail(moon.error());
+    if (!moon) return moon.error();
     params.relight.rows.moon = moon.value();
   }
   if (options.mesh_error >= 0.0F) {
@@ -525,26 +493,69 @@ int run_night(const NightOptions& options) {
     params.mesh.simplify.max_relative_depth_error = options.mesh_error;
   }
   const io::Expected<io::CameraModel> camera = chosen_camera(options);
-  if (!camera) return fail(camera.error());
+  if (!camera) return camera.error();
   params.camera = camera.value().params();
+  if (camera.value().from_file()) inputs.add(options.camera, "--camera");
   params.raw = options.raw;
   if (options.raw && (params.camera.ideal_sensor || params.camera.sensor.exposures != 1)) {
-    return fail(io::Error{
+    return io::Error{
         "", "--raw",
-        "camera '" + camera.value().name + "' has no single raw picture, expected one with filters and one exposure"});
+        "camera '" + camera.value().name + "' has no single raw picture, expected one with filters and one exposure"};
   }
-  InputFiles inputs(scene);
-  if (camera.value().from_file()) inputs.add(options.camera, "--camera");
-  io::LightSet light_set;
   if (!options.light_set.empty()) {
     io::Expected<io::LightSet> read = io::read_light_set(options.light_set);
-    if (!read) return fail(read.error());
+    if (!read) return read.error();
     light_set = std::move(read.value());
     params.relight.activation.light_set = light_set.view();
     inputs.add(options.light_set, "--lights");
     for (const std::string& file : light_set.luminaire_files) inputs.add(file, "a luminaire of --lights");
   }
+  return params;
+}
+
+// What is odd about the scene, and what follows from it.
+void print_notes(const NightOptions& options, const io::Scene& scene, const std::vector<std::string>& doubts) {
+  for (const std::string& note : scene.notes) std::fprintf(stderr, "  note: %s\n", note.c_str());
+  for (const std::string& doubt : doubts) std::fprintf(stderr, "  doubt: %s\n", doubt.c_str());
+  const bool dark =
+      options.assume_lamps_m <= 0 && std::none_of(scene.lights.begin(), scene.lights.end(),
+                                                  [](const LightMark& mark) { return is_street_lamp(mark.cls); });
+  if (dark) {
+    std::fprintf(stderr,
+                 "  note: no street lamp is marked, so what headlamps do not reach stays dark; mark them, or "
+                 "--assume-lamps 8 lights a road of 8 m\n");
+  }
+}
+
+}  // namespace
+
+int run_night(const NightOptions& options) {
+  Console console(options.quiet);
+  if (!options.size.empty()) {
+    if (const io::Expected<Shape> parsed = parse_size(options.size); !parsed) return fail(parsed.error());
+  }
+  io::Expected<io::Scene> loaded = console.timed("read scene", [&] { return load_scene(options.scene, ""); });
+  if (!loaded) return fail(loaded.error());
+  io::Scene& photograph = loaded.value();
+  InputFiles inputs(photograph);
+  io::LightSet light_set;
+  io::Expected<NightParams> asked = params_of(options, light_set, inputs);
+  if (!asked) return fail(asked.error());
+  NightParams& params = asked.value();
+  params.photograph = photograph.photograph;
   if (const io::Outcome apart = inputs.expect_none_of(night_outputs(options)); !apart) return fail(apart.error());
+
+  const io::Expected<std::vector<std::uint8_t>> shops =
+      console.timed("shop fronts", [&] { return shop_fronts(params, photograph, options.threads); });
+  if (!shops) return fail(shops.error());
+  params.relight.shop_fronts = {shops.value().data(), shops.value().size()};
+  if (const io::Outcome resized = resize_to(photograph, options.size); !resized) return fail(resized.error());
+  const std::vector<std::string> doubts = io::scene_doubts(photograph);
+  const io::Expected<io::Scene> reduced =
+      console.timed("scene at work size", [&] { return at_work_size(photograph, options.work_size); });
+  if (!reduced) return fail(reduced.error());
+  const io::Scene& scene = reduced.value();
+  if (!options.quiet) print_notes(options, scene, doubts);
   if (const io::Outcome made = make_folder(options.output); !made) return fail(made.error());
 
   const SceneView view = scene.view();

@@ -95,11 +95,12 @@ TEST_CASE("a shadow that the estimate cannot know counts as one that is left; ev
 TEST_CASE("lab: a scene without materials is judged by its truth, and comes out as the same scene with them") {
   using namespace tool_test;
   const std::string street = fixture().out("without_materials");
-  REQUIRE(run_tool("street '" + street + "' --seed 1 --size 320x180 --albedo none --quiet").status == 0);
+  const std::string size = " --size " + size_of(kStreet);
+  REQUIRE(run_tool("street '" + street + "' --seed 1 --albedo none --quiet" + size).status == 0);
   REQUIRE(!json_of(street + "/scene.json").contains("albedo"));
   const auto albedo_of = [](const std::string& scene, const std::string& name) {
     const std::string file = fixture().out(name);
-    const Run run = run_tool("evaluate '" + scene + "' --size 160x90 --quiet -o '" + file + "'");
+    const Run run = run_tool("evaluate '" + scene + "' --size 96x54 --quiet -o '" + file + "'");
     REQUIRE_MESSAGE(run.status == 0, run.output);
     return json_of(file).at("albedo");
   };

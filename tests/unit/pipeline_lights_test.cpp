@@ -203,8 +203,8 @@ street::Street measured_street(DepthSource source) {
 TEST_CASE("lights: the error that is said is that of the noise within a factor of two, and one asked for is reached") {
   NightParams params = default_night_params();
   params.relight.denoise.iterations = 0;  // nothing but noise
-  params.relight.gather.rays = 1024;
-  params.relight.max_rays = 1024;
+  params.relight.gather.rays = 256;
+  params.relight.max_rays = 256;
   const Sink converged = npsim::testing::night_of<Sink>(small_street(), params);
   params.relight.gather.rays = 4;
   const Sink noisy = npsim::testing::night_of<Sink>(small_street(), params);
@@ -227,7 +227,7 @@ TEST_CASE(
     SceneView view = view_of(street);
     view.depth_source = source;  // of so small a picture a laser's is not told
     NightParams params = default_night_params();
-    params.relight.gather.rays = 256;
+    params.relight.gather.rays = 64;
     const Sink converged = npsim::testing::night_of<Sink>(view, params);
     params.relight.gather.rays = 4;
     const Sink noisy = npsim::testing::night_of<Sink>(view, params);
@@ -289,6 +289,7 @@ TEST_CASE("vehicles are matt where their normals and roughness are guessed, but 
     if (!c.normals) view.normals = {};
     if (c.roughness) view.roughness = street.roughness.view();
     NightParams params = default_night_params();
+    params.relight.gather.rays = 1;  // one is enough to differ
     const Sink matt = npsim::testing::night_of<Sink>(view, params);
     params.relight.material.matt_if_guessed = {};
     const Sink glossy = npsim::testing::night_of<Sink>(view, params);

@@ -483,7 +483,7 @@ TEST_CASE(
   const street::Street street = testing::made_street(street_params);
   ThreadPool pool(2);
   NightParams params = default_night_params();
-  params.relight.gather.rays = 8;
+  params.relight.gather.rays = 1;
   struct Case {
     bool labelled;
     float wetness;

@@ -83,10 +83,10 @@ TEST_CASE("tool: raw pictures and JPEG are written beside the night, and go wher
   REQUIRE(run_night("raw", "--camera automotive-raw --raw --jpeg 80").status == 0);
   const auto raw = npsim::io::read_raw(out + "/night_000.raw");
   REQUIRE(raw.ok());
-  CHECK(raw.value().levels.width() == 320);
+  CHECK(raw.value().levels.width() == kStreet.width);
   CHECK(raw.value().white == 4095);
   CHECK(npsim::io::read_rgb8(out + "/night_000.jpg").ok());
-  CHECK(fs::file_size(out + "/night_000.dng") > 320 * 180 * 2);
+  CHECK(fs::file_size(out + "/night_000.dng") > 2 * kStreet.pixels());
   REQUIRE(run_night("raw", "").status == 0);
   for (const char* file : {"night_000.raw", "night_000_raw.json", "night_000.dng", "night_000.jpg"}) {
     CHECK_FALSE(fs::exists(fs::path(out) / file));

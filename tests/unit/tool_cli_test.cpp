@@ -116,7 +116,7 @@ TEST_CASE("tool: a scene of nothing but image, depth and camera runs on its own 
 TEST_CASE("tool: inspect says what is there and what is missing") {
   const Run run = run_tool("inspect '" + fixture().street + "'");
   CHECK(run.status == 0);
-  for (const char* word : {"320 x 180", "depth", "missing", "labels", "road", "lights", "window_building"}) {
+  for (const char* word : {"160 x 90", "depth", "missing", "labels", "road", "lights", "window_building"}) {
     CHECK_MESSAGE(run.output.find(word) != std::string::npos, word);
   }
 }
@@ -221,7 +221,7 @@ TEST_CASE("tool: bad input ends in one line that names the file, status 2, and w
   check_refused(night(no_camera), "camera", none);
 
   const std::string unknown_ids = fixture().copy("unknown_ids");
-  REQUIRE(npsim::io::write_png(unknown_ids + "/labels.png", npsim::io::Image<std::uint8_t>({320, 180}, 200).view()).ok());
+  REQUIRE(npsim::io::write_png(unknown_ids + "/labels.png", npsim::io::Image<std::uint8_t>(kStreet, 200).view()).ok());
   check_refused(night(unknown_ids), "labels.png: labels.encoding", none);
 
   const std::string not_json = fixture().copy("not_json");
@@ -231,8 +231,7 @@ TEST_CASE("tool: bad input ends in one line that names the file, status 2, and w
 
 TEST_CASE("tool: depth that is all missing, or all sky, names the scene file and the field") {
   const std::string scene = fixture().copy("all_sky");
-  const npsim::Shape shape{320, 180};
-  const npsim::io::Image<std::uint8_t> sky(shape, npsim::label::sky);
+  const npsim::io::Image<std::uint8_t> sky(kStreet, npsim::label::sky);
   REQUIRE(npsim::io::write_png(scene + "/labels.png", sky.view()).ok());
   const Run run = run_tool("night '" + scene + "' -o '" + fixture().out("all_sky_night") + "' --quiet");
   check_refused(run, "scene.json: depth: ", fixture().out("all_sky_night"));
@@ -240,7 +239,7 @@ TEST_CASE("tool: depth that is all missing, or all sky, names the scene file and
 
 TEST_CASE("tool: pictures of nothing but one object, and of one row, run to the end") {
   const std::string scene = fixture().copy("one_object");
-  const npsim::io::Image<std::uint8_t> car({320, 180}, npsim::label::car);
+  const npsim::io::Image<std::uint8_t> car(kStreet, npsim::label::car);
   REQUIRE(npsim::io::write_png(scene + "/labels.png", car.view()).ok());
   CHECK(run_tool("night '" + scene + "' -o '" + fixture().out("one_object_night") + "' --quiet").status == 0);
   const Run row = run_tool("night '" + fixture().street + "' -o '" + fixture().out("row") + "' --quiet --size 64x1");

@@ -19,6 +19,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "npsim/core/image_view.hpp"
 #include "npsim/io/error.hpp"
 
 namespace tool_test {
@@ -60,13 +61,20 @@ T value_of(npsim::io::Expected<T> read) {
   return std::move(read.value());
 }
 
-// A small street that all cases share, and a folder for what they write; both go at the end.
+inline std::string size_of(npsim::Shape shape) {
+  return std::to_string(shape.width) + "x" + std::to_string(shape.height);
+}
+
+// The size of the small street that all cases share.
+constexpr npsim::Shape kStreet{160, 90};
+
+// That street, and a folder for what the cases write; both go at the end.
 struct Fixture {
   fs::path root = fs::temp_directory_path() / ("npsim_tool_test_" + std::to_string(getpid()));
   std::string street = (root / "street").string();
 
   Fixture() {
-    const Run made = run_tool("street '" + street + "' --seed 1 --size 320x180 --quiet");
+    const Run made = run_tool("street '" + street + "' --seed 1 --size " + size_of(kStreet) + " --quiet");
     REQUIRE_MESSAGE(made.status == 0, made.output);
   }
   ~Fixture() { fs::remove_all(root); }

@@ -24,6 +24,8 @@ namespace {
 
 using namespace npsim;
 
+constexpr Shape kHalf{kStreet.width / 2, kStreet.height / 2};
+
 std::string folder_of_night(const std::string& name, const std::string& options) {
   const std::string out = fixture().out(name);
   const Run run = run_tool("night '" + fixture().street + "' -o '" + out + "' --quiet --camera automotive-raw --raw " +
@@ -36,11 +38,11 @@ std::string folder_of_night(const std::string& name, const std::string& options)
 
 TEST_CASE("work size: pictures, raw and labels have the photograph's size, depth the smaller; the same lamps burn") {
   const std::string whole = folder_of_night("work_size_whole", "");
-  const std::string half = folder_of_night("work_size_half", "--work-size 160x90");
-  const Shape full{320, 180};
+  const std::string half = folder_of_night("work_size_half", "--work-size " + size_of(kHalf));
+  const Shape full = kStreet;
   CHECK(value_of(io::read_rgb8(half + "/night_000.png")).shape() == full);
   CHECK(value_of(io::read_raw(half + "/night_000.raw")).levels.shape() == full);
-  CHECK(value_of(io::read_pfm(half + "/depth.pfm")).shape() == Shape{160, 90});
+  CHECK(value_of(io::read_pfm(half + "/depth.pfm")).shape() == kHalf);
   const auto near = value_of(io::read_pfm(half + "/night_000_depth.pfm"));
   const auto exact = value_of(io::read_pfm(whole + "/night_000_depth.pfm"));
   REQUIRE(near.shape() == full);
@@ -61,8 +63,8 @@ TEST_CASE("work size: pictures, raw and labels have the photograph's size, depth
 
   const auto a = json_of(whole + "/night_000.json");
   const auto b = json_of(half + "/night_000.json");
-  CHECK(b["size"] == nlohmann::json({320, 180}));
-  CHECK(b["work_size"] == nlohmann::json({160, 90}));
+  CHECK(b["size"] == nlohmann::json({full.width, full.height}));
+  CHECK(b["work_size"] == nlohmann::json({kHalf.width, kHalf.height}));
   REQUIRE(a["sources"].size() == b["sources"].size());
   for (std::size_t s = 0; s < a["sources"].size(); ++s) {
     CHECK(a["sources"][s]["lit"] == b["sources"][s]["lit"]);
@@ -74,7 +76,7 @@ TEST_CASE("work size: at half of it the road is lit as at the whole, pixel by pi
   const io::Scene scene = value_of(io::read_scene(fixture().street));
   const auto whole = value_of(io::read_pfm_rgb(folder_of_night("work_size_whole", "") + "/night_000.pfm"));
   const auto half =
-      value_of(io::read_pfm_rgb(folder_of_night("work_size_half", "--work-size 160x90") + "/night_000.pfm"));
+      value_of(io::read_pfm_rgb(folder_of_night("work_size_half", "--work-size " + size_of(kHalf)) + "/night_000.pfm"));
   std::vector<float> stops;
   for (std::size_t i = 0; i < scene.shape().pixels(); ++i) {
     if (scene.labels.data()[i] != label::road) continue;
@@ -92,7 +94,7 @@ TEST_CASE("work size: more than the pictures have, or no size, is refused") {
   };
   refused("--work-size 640x360");
   refused("--work-size 10");
-  refused("--size 160x90 --work-size 320x180");
+  refused("--size 80x45 --work-size 160x90");
 }
 
 TEST_CASE("work size: a phone's picture is reduced, one of two megapixels and a thin strip are what they can be") {
