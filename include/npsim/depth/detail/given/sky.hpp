@@ -30,6 +30,10 @@
 // the picture tells the sky from the rest of what is missing or beyond kMismatchedSky_m, it decides of all that as it
 // does of what is far in a dense map; where it does not, or what it calls sky was matched while the even part that is
 // missing at the top is not of it (bright houses below a dark sky), what was matched is surface, as for other sensors.
+// A laser measures wires, poles and crowns high above the rest, and what hangs or stands before the sky has sky below and
+// beside it. All of its rows look at every column: where on one side of a pixel it answered above and below, but not over
+// three times as many rows as it usually leaves out, the picture is asked as well, and sky is what goes on evenly from that
+// above, across what is no thicker than wires too.
 // Exact maps, and those of networks, whose sky is left out have no gaps between samples: of them all that is missing is
 // asked like what is above a sensor's last row, below lamps and measured wires too.
 // Cost: a few passes. Memory: 25 bytes per pixel, for a dense map none.
@@ -321,7 +325,7 @@ template <class Far>
   for (int x = 0; x < map.width(); ++x) {
     int sky = -1;  // the lowest above
     for (int y = 0; y < map.height() && (measured || map(x, y) != kSurface); ++y) {
-      if (map(x, y) == kLike && sky >= 0 && y - sky <= widest + 1 &&
+      if ((map(x, y) == kLike || map(x, y) == kGap) && sky >= 0 && y - sky <= widest + 1 &&
           difference(image(x, y), image(x, sky)) <= kOneColour) {
         map(x, y) = kSky;
         any = true;
@@ -330,6 +334,44 @@ template <class Far>
     }
   }
   return any;
+}
+
+// Rows that a laser leaves out between two answers to one side of a pixel: those of the `kReach` columns from it to the
+// left, or to the right. f(x, first row, end) is called of each such gap, in no order that matters.
+template <class F>
+void for_gaps(ImageView<const float> depth, int reach, bool to_the_left, Span<int> answered, const F& f) noexcept {
+  for (int& row : answered) row = -1;  // the last that was, of each column's side
+  const int last = depth.width() - 1;
+  for (int y = 0; y < depth.height(); ++y) {
+    int since = reach + 1;  // columns
+    for (int i = 0; i <= last; ++i) {
+      const int x = to_the_left ? i : last - i;
+      since = is_valid_depth(depth(x, y)) ? 0 : since + 1;
+      if (since > reach) continue;
+      int& row = answered[static_cast<std::size_t>(x)];
+      if (row >= 0) f(x, row + 1, y);
+      row = y;
+    }
+  }
+}
+
+// What may be sky where a laser looked without an answer becomes kGap.
+inline void ask_gaps(const SkyLook& look, ImageView<const Rgb8> image, ImageView<const float> depth, int reach,
+                     Span<int> rows, ImageView<std::uint8_t> surface) noexcept {
+  constexpr double kUsual = 0.75;  // of all gaps
+  constexpr int kLong = 3;         // times the usual one
+  ByteHistogram gaps{};
+  const auto both = [&](const auto& f) {
+    for (const bool left : {true, false}) for_gaps(depth, reach, left, rows, f);
+  };
+  both([&](int, int first, int end) { gaps[static_cast<std::size_t>(std::min(end - first, 255))] += 1; });
+  const int most = kLong * max_of(quantile_of(gaps, kUsual), 1);
+  both([&](int x, int first, int end) {
+    if (end - first <= most) return;
+    for (int y = first; y < end; ++y) {
+      if (surface(x, y) == kSurface && (!look.known || look.of(image(x, y)))) surface(x, y) = kGap;
+    }
+  });
 }
 
 // Whether hardly anything was called sky of what is missing at the top of columns, where that is a part of the picture
@@ -413,30 +455,35 @@ template <class Far>
   };
   mark_surface(!whole_areas);
   const SkyLook look = sky_look(image, surface, kDarkestSky);
-  if (!look.known) {
-    if (whole_areas) mark_surface(true);
-    return {};
-  }
-  for (int y = 0; y < shape.height; ++y) {
+  if (!look.known && whole_areas) mark_surface(true);
+  if (look.known) {
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        if (surface(x, y) != kSurface) surface(x, y) = look.of(image(x, y)) ? kLike : kUnlike;
+      }
+    }
+    NPSIM_RETURN_IF_ERROR(drop_walls(image, topmost, surface, workspace));
     for (int x = 0; x < shape.width; ++x) {
-      if (surface(x, y) != kSurface) surface(x, y) = look.of(image(x, y)) ? kLike : kUnlike;
+      const int open = max_of(topmost_in(x - kReach, x), topmost_in(x, x + kReach));  // to one side at least
+      for (int y = 0; y < open; ++y) {
+        if (surface(x, y) == kSurface && look.of(image(x, y))) surface(x, y) = kBeside;
+      }
+      if (surface(x, 0) == kLike) surface(x, 0) = kSky;
     }
   }
-  NPSIM_RETURN_IF_ERROR(drop_walls(image, topmost, surface, workspace));
-  for (int x = 0; x < shape.width; ++x) {
-    const int open = max_of(topmost_in(x - kReach, x), topmost_in(x, x + kReach));  // to one side at least
-    for (int y = 0; y < open; ++y) {
-      if (surface(x, y) == kSurface && look.of(image(x, y))) surface(x, y) = kBeside;
-    }
-    if (surface(x, 0) == kLike) surface(x, 0) = kSky;
-  }
+  const auto grow_evenly = [&](std::uint8_t into) {
+    grow_from(surface, kSky, [&](int x, int y, int from_x, int from_y) {
+      return surface(x, y) == into && difference(image(x, y), image(from_x, from_y)) <= kEvenSky;
+    });
+  };
+  const bool gaps = source == DepthSource::lidar;
+  if (gaps) ask_gaps(look, image, depth, kReach, topmost, surface);
   do {
     grow(surface, kSky, [](std::uint8_t c) { return c == kLike; });
-  } while (cross_wires(image, whole_areas, surface));
-  grow_from(surface, kSky, [&](int x, int y, int from_x, int from_y) {
-    return surface(x, y) == kBeside && difference(image(x, y), image(from_x, from_y)) <= kEvenSky;
-  });
-  for (std::uint8_t& s : surface.pixels()) s = s == kBeside ? kSurface : s;
+    if (gaps) grow_evenly(kGap);
+  } while (cross_wires(image, whole_areas || gaps, surface));
+  grow_evenly(kBeside);
+  for (std::uint8_t& s : surface.pixels()) s = s == kBeside || s == kGap ? kSurface : s;
   grow(surface, kSurface, [](std::uint8_t c) { return c == kLike || c == kUnlike; });
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) surface(x, y) = surface(x, y) == kSurface ? 1 : 0;

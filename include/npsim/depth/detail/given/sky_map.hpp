@@ -20,6 +20,7 @@ inline constexpr std::uint8_t kSurface = 1;
 inline constexpr std::uint8_t kLike = 2;    // looks like the sky
 inline constexpr std::uint8_t kUnlike = 3;  // does not
 inline constexpr std::uint8_t kBeside = 4;  // does, above all of its column, though beside what was measured
+inline constexpr std::uint8_t kGap = 5;     // may be sky: a laser had no answer
 
 [[nodiscard]] inline int luma(const Rgb8& c) noexcept { return (c.r + 2 * c.g + c.b) / 4; }
 
