@@ -810,8 +810,8 @@ TEST_CASE(
 
 namespace {
 
-// A laser of one row in four: a street below row 60, a wall up to row 40 on the right, a pole and a wire across all that
-// both answer from row 10 on. The sky is grey, of clouds as bright as the wall, or told apart by its brightness.
+// A laser of one row in four: a street below row 60, a wall up to row 40 on the right, a pole and a wire across all
+// that both answer from row 10 on. The sky is of clouds, a little or much brighter than the wall.
 struct Wired {
   Shape shape{200, 90};
   Image<Rgb8> image{shape};

@@ -103,6 +103,33 @@ TEST_CASE("ground: few road pixels are joined by the pavement; without labels th
   CHECK(out.camera_height_m == doctest::Approx(1.4).epsilon(1e-3));
 }
 
+TEST_CASE("ground: beside a car that fills most of the lower image the road is found, though fewer points lie on it") {
+  const Vec3f up = normalized(Vec3f{0.02F, -1, 0.01F});
+  const auto behind_car = [&](double share, float under) {
+    Street street(200, 120, up, 1.6F, 0.01F, 0);
+    street.labels.clear();
+    for (int y = 72; y < 120; ++y) {
+      for (int x = 0; x < 200; ++x) {
+        float& z = street.depth[static_cast<std::size_t>(y * 200 + x)];
+        if (x >= share * 200) z = 3.0F + 0.002F * static_cast<float>(x) + 0.001F * static_cast<float>(y);
+        if ((x + y) % 10 == 0 && under > 0) z = under;  // matched wrongly, say
+      }
+    }
+    GroundPlane out;
+    npsim_test::Scratch scratch(ground_workspace_bytes({}, street.shape));
+    REQUIRE(estimate_ground({}, ImageView<const float>(street.depth.data(), street.shape), {}, street.k,
+                            scratch.workspace(), out)
+                .ok());
+    return out;
+  };
+  const GroundPlane beside = behind_car(0.25, 0);
+  CHECK(beside.inlier_share > 0.2F);
+  CHECK(dot(beside.up, up) > std::cos(0.0175F));
+  CHECK(beside.camera_height_m == doctest::Approx(1.6).epsilon(0.03));
+  CHECK(behind_car(0.25, 200.0F).inlier_share == 0.0F);  // the ground has nothing under it
+  CHECK(behind_car(0.1, 0).inlier_share == 0.0F);
+}
+
 TEST_CASE("ground: refuses shapes that disagree, bad parameters and a small workspace; repeats itself") {
   Street street(40, 30, {0, -1, 0}, 1.5F, 0.02F, 0.1F);
   CHECK(street.fit().camera_height_m == street.fit().camera_height_m);

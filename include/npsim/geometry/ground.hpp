@@ -4,7 +4,9 @@
 // A plane is linear in inverse depth: with r = ((u - cx)/fx, (v - cy)/fy, 1) and X = z r, 1/z = q . r where up = -q/|q|
 // and the camera height is 1/|q|. A seeded search over triples of samples (RANSAC; Fischler and Bolles 1981) finds the
 // plane with the smallest truncated relative error, then weighted least squares (weight z^2, so errors count relative
-// to the depth, as those of stereo and of networks do) refines it on its inliers.
+// to the depth, as those of stereo and of networks do) refines it on its inliers. Planes that no camera of a street has
+// under it are left out of the search: a car close ahead may have more samples than the road beside it. Without labels
+// a smaller share of the samples is enough where hardly any lie under the plane, since nothing lies under the ground.
 // Fallback, marked by inlier_share = 0: a level plane 1.5 m below the camera, where too few samples exist or the result
 // is implausible. So the function succeeds for every valid input.
 // Samples: road and parking; pavement and other ground only where those are too few; without labels the lower 40 % of
@@ -39,12 +41,13 @@ struct GroundPlane {
 
 struct GroundParams {
   std::uint64_t seed = 0;
-  int iterations = 128;           // 1..4096; 128 triples miss 50 % inliers with probability 4e-8
-  int max_samples = 4096;         // 16..65536
-  int min_samples = 64;           // >= 3; below this the next set of labels joins, then the fallback
-  float tolerance = 0.05F;        // relative depth error of an inlier, in (0, 0.5]
-  float min_inlier_share = 0.3F;  // below: fallback
-  float min_up_cosine = 0.82F;    // to the image's up direction; 35 degrees of pitch and roll
+  int iterations = 128;            // 1..4096; 128 triples miss 50 % inliers with probability 4e-8
+  int max_samples = 4096;          // 16..65536
+  int min_samples = 64;            // >= 3; below this the next set of labels joins, then the fallback
+  float tolerance = 0.05F;         // relative depth error of an inlier, in (0, 0.5]
+  float min_inlier_share = 0.3F;   // below: fallback
+  float min_lowest_share = 0.15F;  // without labels, where less than a fourth as many samples lie under the plane
+  float min_up_cosine = 0.82F;     // to the image's up direction; 35 degrees of pitch and roll
   float min_height_m = 0.3F;
   float max_height_m = 10.0F;
   float fallback_height_m = 1.5F;
@@ -63,8 +66,8 @@ struct GroundSample {
 [[nodiscard]] inline Status validate(const GroundParams& p) noexcept {
   const bool good = p.iterations >= 1 && p.iterations <= 4096 && p.max_samples >= 16 && p.max_samples <= 65536 &&
                     p.min_samples >= 3 && p.tolerance > 0.0F && p.tolerance <= 0.5F && p.min_inlier_share >= 0.0F &&
-                    p.min_height_m > 0.0F && p.max_height_m >= p.min_height_m && p.fallback_height_m > 0.0F &&
-                    std::isfinite(p.min_up_cosine) && std::isfinite(p.fallback_height_m);
+                    p.min_lowest_share >= 0.0F && p.min_height_m > 0.0F && p.max_height_m >= p.min_height_m &&
+                    p.fallback_height_m > 0.0F && std::isfinite(p.min_up_cosine) && std::isfinite(p.fallback_height_m);
   return good ? Status() : Status(StatusCode::invalid_argument, "ground: a parameter lies outside its range");
 }
 
@@ -80,9 +83,31 @@ namespace geometry_detail {
   return is_finite(q);
 }
 
-[[nodiscard]] inline double ground_error(const GroundSample& s, const Vec3d& q) noexcept {
+// Relative to the sample's 1/z; positive: it lies under the plane.
+[[nodiscard]] inline double signed_ground_error(const GroundSample& s, const Vec3d& q) noexcept {
   const double w = static_cast<double>(s.w);
-  return std::fabs(q.x * static_cast<double>(s.x) + q.y * static_cast<double>(s.y) + q.z - w) / w;
+  return (q.x * static_cast<double>(s.x) + q.y * static_cast<double>(s.y) + q.z - w) / w;
+}
+[[nodiscard]] inline double ground_error(const GroundSample& s, const Vec3d& q) noexcept {
+  return std::fabs(signed_ground_error(s, q));
+}
+
+// Share of the samples that lie under the plane by more than its tolerance.
+[[nodiscard]] inline float share_under(const GroundParams& p, Span<const GroundSample> samples,
+                                       const Vec3d& q) noexcept {
+  std::size_t under = 0;
+  for (const GroundSample& s : samples) {
+    under += signed_ground_error(s, q) > static_cast<double>(p.tolerance) ? 1U : 0U;
+  }
+  return static_cast<float>(static_cast<double>(under) / static_cast<double>(samples.size()));
+}
+
+// Whether a camera of a street may have it under itself.
+[[nodiscard]] inline bool is_plausible_ground(const GroundParams& p, const Vec3d& q) noexcept {
+  const double size = length(q);
+  const double height = 1.0 / size;
+  return std::isfinite(size) && q.y >= static_cast<double>(p.min_up_cosine) * size &&
+         height >= static_cast<double>(p.min_height_m) && height <= static_cast<double>(p.max_height_m);
 }
 
 template <class Wanted>
@@ -129,6 +154,7 @@ template <class Wanted>
     if (!(std::fabs(det) > 1e-9)) continue;
     const Vec3d q{dot(w, cross(column_y, column_1)) / det, dot(column_x, cross(w, column_1)) / det,
                   dot(column_x, cross(column_y, w)) / det};
+    if (!is_plausible_ground(p, q)) continue;
     double cost = 0.0;
     for (std::size_t s = 0; s < n && cost < best_cost; ++s) {
       const double e = ground_error(samples[s], q);
@@ -207,16 +233,16 @@ template <class Wanted>
   Vec3d q;
   float share = 0.0F;
   if (!geometry_detail::fit_ground(p, Span<const GroundSample>(samples.data(), count), q, share)) return {};
-  const double size = length(q);
-  if (!(size > 0.0) || !std::isfinite(size)) return {};
-  const Vec3f up = vec_cast<float>(-q / size);
-  const float height = static_cast<float>(1.0 / size);
-  if (!is_finite(up) || -up.y < p.min_up_cosine || height < p.min_height_m || height > p.max_height_m ||
-      share < p.min_inlier_share) {
-    return {};
+  if (!geometry_detail::is_plausible_ground(p, q)) return {};
+  if (share < p.min_inlier_share) {
+    const bool lowest =
+        labels.empty() && share >= p.min_lowest_share &&
+        4.0F * geometry_detail::share_under(p, Span<const GroundSample>(samples.data(), count), q) < share;
+    if (!lowest) return {};
   }
-  out.up = up;
-  out.camera_height_m = height;
+  const double size = length(q);
+  out.up = vec_cast<float>(-q / size);
+  out.camera_height_m = static_cast<float>(1.0 / size);
   out.inlier_share = share;
   return {};
 }

@@ -30,10 +30,10 @@
 // the picture tells the sky from the rest of what is missing or beyond kMismatchedSky_m, it decides of all that as it
 // does of what is far in a dense map; where it does not, or what it calls sky was matched while the even part that is
 // missing at the top is not of it (bright houses below a dark sky), what was matched is surface, as for other sensors.
-// A laser measures wires, poles and crowns high above the rest, and what hangs or stands before the sky has sky below and
-// beside it. All of its rows look at every column: where on one side of a pixel it answered above and below, but not over
-// three times as many rows as it usually leaves out, the picture is asked as well, and sky is what goes on evenly from that
-// above, across what is no thicker than wires too.
+// A laser measures wires, poles and crowns high above the rest, and what hangs or stands before the sky has sky below
+// and beside it. All of its rows look at every column: where on one side of a pixel it answered above and below, but
+// not over three times as many rows as it usually leaves out, the picture is asked as well, and sky is what goes on
+// evenly from that above, across what is no thicker than wires too.
 // Exact maps, and those of networks, whose sky is left out have no gaps between samples: of them all that is missing is
 // asked like what is above a sensor's last row, below lamps and measured wires too.
 // Cost: a few passes. Memory: 25 bytes per pixel, for a dense map none.
