@@ -464,7 +464,8 @@ void remove_older_nights(const NightOptions& options, const InputFiles& inputs) 
   return read;
 }
 
-// What the options ask for. `light_set` becomes the lamps that the parameters point to; files that are read join `inputs`.
+// What the options ask for. `light_set` becomes the lamps that the parameters point to; files that are read join
+// `inputs`.
 [[nodiscard]] io::Expected<NightParams> params_of(const NightOptions& options, io::LightSet& light_set,
                                                   InputFiles& inputs) {
   NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();

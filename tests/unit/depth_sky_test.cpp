@@ -17,7 +17,9 @@ namespace {
 
 void find(const Image<Rgb8>& image, const Image<float>& depth, DepthSource source, Image<std::uint8_t>& surface) {
   npsim_test::Scratch scratch(find_sky_workspace_bytes(depth.cview().shape()));
-  REQUIRE(find_sky(image.cview(), depth.cview(), source, surface.view(), scratch.workspace()).ok());
+  REQUIRE(find_sky(GroundPlane{}, {100, 100, 50, 30}, image.cview(), depth.cview(), source, surface.view(),
+                   scratch.workspace())
+              .ok());
 }
 
 // Measured below row 40; a dark tower from there up to row 10, and beside it the sky down to row 30.
@@ -768,8 +770,9 @@ TEST_CASE("below wires the sky goes on in its own colour; a ledge as thin above 
 }
 
 TEST_CASE(
-    "of an exact map without its sky, that below a lamp and below measured wires is sky, clouds and all, of a laser's "
-    "too; far houses and a wall that it has not are surface") {
+    "of an exact map without its sky, that below a lamp and below measured wires is sky, clouds and all; far houses "
+    "and "
+    "a wall that it has not are surface; of a laser it is sky below the lamp") {
   View v;
   for (int y = 0; y < 60; ++y) {
     for (int x = 0; x < 100; ++x) {
@@ -810,36 +813,46 @@ TEST_CASE(
 
 namespace {
 
-// A laser of one row in four: a street below row 60, a wall up to row 40 on the right, a pole and a wire across all
-// that both answer from row 10 on. The sky is of clouds, a little or much brighter than the wall.
+// A laser of one row in four: a street below row 60, a wall up to row 40 on the right, a pole and a wire across all that
+// both answer from row 10 on. The sky is of clouds. A dark tower out of reach, up to the upper edge, tells it from the
+// rest where there is one.
 struct Wired {
   Shape shape{200, 90};
   Image<Rgb8> image{shape};
   Image<float> depth{shape, 0.0F};
   Image<std::uint8_t> surface{shape, 9};
+  GroundPlane ground;
+  bool has_tower;
   static bool wall(int x, int y) { return x >= 140 && y >= 40; }
   static bool pole(int x, int y) { return x >= 60 && x < 63 && y >= 10; }
   static bool wire(int y) { return y == 12; }
   static bool street(int y) { return y >= 60; }
-  explicit Wired(std::uint8_t sky) {
+  [[nodiscard]] bool tower(int x) const { return has_tower && x >= 20 && x < 40; }
+  Wired(int sky, bool with_tower) : has_tower(with_tower) {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
         const auto cloud = static_cast<std::uint8_t>(sky + (x / 8 + y / 4) % 5);
         const bool thin = pole(x, y) || wire(y);
-        image(x, y) =
-            thin ? Rgb8{40, 35, 30} : (wall(x, y) || street(y) ? Rgb8{90, 85, 80} : Rgb8{cloud, cloud, cloud});
+        const bool solid = wall(x, y) || street(y) || tower(x);
+        image(x, y) = thin ? Rgb8{40, 35, 30} : (solid ? Rgb8{90, 85, 80} : Rgb8{cloud, cloud, cloud});
         const bool answers = thin || wall(x, y) || street(y);
-        if (answers && (y % 4 == 0)) depth(x, y) = thin ? 15.0F : 25.0F;
+        if (answers && y % 4 == 0) depth(x, y) = thin ? 15.0F : 25.0F;
       }
     }
   }
+  void run() {
+    npsim_test::Scratch scratch(find_sky_workspace_bytes(shape));
+    REQUIRE(find_sky(ground, {100, 100, 100, 45}, image.cview(), depth.cview(), DepthSource::lidar, surface.view(),
+                     scratch.workspace())
+                .ok());
+  }
   // Pixels of the sky called surface, and the other way round.
-  [[nodiscard]] int wrong(DepthSource source) {
-    find(image, depth, source, surface);
+  [[nodiscard]] int wrong() {
+    run();
     int count = 0;
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
-        const bool solid = pole(x, y) || wire(y) || wall(x, y) || street(y);
+        const bool solid = pole(x, y) || wire(y) || wall(x, y) || street(y) || tower(x);
         count += surface(x, y) == (solid ? 1 : 0) ? 0 : 1;
       }
     }
@@ -849,50 +862,72 @@ struct Wired {
 
 }  // namespace
 
-TEST_CASE("of a laser the sky goes on below a wire and beside a pole that answer far up, told apart or not") {
-  for (const int sky : {110, 200}) {
-    CAPTURE(sky);
-    Wired v(static_cast<std::uint8_t>(sky));
-    const int wrong = v.wrong(DepthSource::lidar);
+TEST_CASE("of a laser the sky goes on below a wire and beside a pole that answer far up, told from a tower or alone") {
+  for (const bool with_tower : {false, true}) {
+    CAPTURE(with_tower);
+    Wired v(200, with_tower);
+    const int wrong = v.wrong();
     CAPTURE(wrong);
     CHECK(wrong < 200 * 8);  // rows that no ray of the laser sees, above the street, the wall and the wire
     for (int x = 0; x < v.shape.width; ++x) {
-      CHECK(v.surface(x, 30) == (Wired::pole(x, 30) ? 1 : 0));
+      CHECK(v.surface(x, 30) == (Wired::pole(x, 30) || v.tower(x) ? 1 : 0));
       CHECK(v.surface(x, 64) == 1);
     }
     CHECK(v.surface(150, 44) == 1);
   }
-  Wired house(110);  // out of reach
-  for (int y = 30; y < 60; ++y) {
-    for (int x = 80; x < 100; ++x) house.image(x, y) = Rgb8{84, 80, 78};
+}
+
+TEST_CASE("of a laser with nothing to tell the sky from, a house out of reach below a wire is none, blurred or not") {
+  for (const bool blurred : {false, true}) {
+    CAPTURE(blurred);
+    Wired v(110, false);
+    for (int y = 30; y < 60; ++y) {
+      for (int x = 80; x < 100; ++x) {
+        const int in = std::min({x - 79, 100 - x, y - 29});  // from its edge
+        const int code = blurred ? std::max(78, 110 - 8 * in) : 78;
+        const auto c = static_cast<std::uint8_t>(code);
+        v.image(x, y) = Rgb8{c, c, c};
+      }
+    }
+    v.run();
+    CHECK(v.surface(90, 25) == 0);
+    CHECK(v.surface(90, 45) == 1);
   }
-  find(house.image, house.depth, DepthSource::lidar, house.surface);
-  CHECK(house.surface(90, 25) == 0);
-  CHECK(house.surface(90, 45) == 1);
-  Wired pair(110);
-  CHECK(pair.wrong(DepthSource::stereo) > 3000);  // which leaves out what is even, walls too
+}
+
+TEST_CASE("of a laser what lies below the horizon of a known ground is no sky, haze or not") {
+  Wired v(200, false);
+  v.run();
+  CHECK(v.surface(100, 55) == 0);
+  v.ground.inlier_share = 0.8F;  // level: the horizon is row 45
+  v.run();
+  CHECK(v.surface(100, 43) == 0);
+  for (int y = 46; y < 60; ++y) CHECK(v.surface(100, y) == 1);
 }
 
 TEST_CASE(
     "of a laser a pane that does not answer is no sky, though it shows one, and neither is a wall of its colour") {
-  Wired v(200);
-  for (int y = 44; y < 58; ++y) {
-    for (int x = 150; x < 190; ++x) {
-      v.image(x, y) = Rgb8{200, 200, 200};
-      v.depth(x, y) = 0.0F;
+  for (const bool with_tower : {false, true}) {
+    CAPTURE(with_tower);
+    Wired v(200, with_tower);
+    for (int y = 44; y < 58; ++y) {
+      for (int x = 150; x < 190; ++x) {
+        v.image(x, y) = Rgb8{200, 200, 200};
+        v.depth(x, y) = 0.0F;
+      }
     }
-  }
-  for (int y = 40; y < 60; ++y) {
-    for (int x = 90; x < 130; ++x) {
-      v.image(x, y) = Rgb8{204, 204, 204};
-      const bool lost = x < 104 && y == 48;
-      v.depth(x, y) = y % 4 == 0 && !lost ? 30.0F : 0.0F;
+    for (int y = 40; y < 60; ++y) {
+      for (int x = 90; x < 130; ++x) {
+        v.image(x, y) = Rgb8{204, 204, 204};
+        const bool lost = x < 104 && y == 48;
+        v.depth(x, y) = y % 4 == 0 && !lost ? 30.0F : 0.0F;
+      }
     }
-  }
-  find(v.image, v.depth, DepthSource::lidar, v.surface);
-  CHECK(v.surface(90, 30) == 0);
-  for (int y = 46; y < 56; ++y) {
-    CHECK(v.surface(170, y) == 1);
-    CHECK(v.surface(92, y) == 1);
+    v.run();
+    CHECK(v.surface(80, 30) == 0);
+    for (int y = 46; y < 56; ++y) {
+      CHECK(v.surface(170, y) == 1);
+      CHECK(v.surface(92, y) == 1);
+    }
   }
 }

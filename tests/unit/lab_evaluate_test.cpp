@@ -79,7 +79,7 @@ TEST_CASE("lab: evaluate judges every step by the truth, and says the same on an
 
 TEST_CASE("lab: evaluate renders a night of the simplified mesh when asked to") {
   const std::string file = fixture().out("night_change.json");
-  const Run run = run_tool("evaluate '" + fixture().street + "' --simplified --size 160x90 --quiet -o '" + file + "'");
+  const Run run = run_tool("evaluate '" + fixture().street + "' --simplified --size 96x54 --quiet -o '" + file + "'");
   REQUIRE_MESSAGE(run.status == 0, run.output);
   const nlohmann::json night = json_of(file)["night_of_simplified_mesh"];
   CHECK(night["faces_after"] < night["faces_before"]);
@@ -111,15 +111,15 @@ TEST_CASE("lab: evaluate finds no error in the truth itself") {
 }
 
 TEST_CASE("lab: evaluate takes a size and a preset, and does without true normals and without a file") {
-  const Run thesis = run_tool("evaluate '" + fixture().street + "' --size 160x90 --preset thesis --quiet");
+  const Run thesis = run_tool("evaluate '" + fixture().street + "' --size 96x54 --preset thesis --quiet");
   CHECK_MESSAGE(thesis.status == 0, thesis.output);
-  CHECK(thesis.output.find("160 x 90, preset thesis") != std::string::npos);
+  CHECK(thesis.output.find("96 x 54, preset thesis") != std::string::npos);
   const std::string scene = fixture().copy("no_true_normals");
   nlohmann::json json = json_of(scene + "/scene.json");
   json["truth"].erase("normals");
   std::ofstream(scene + "/scene.json") << json;
   const std::string file = fixture().out("no_true_normals.json");
-  const Run run = run_tool("evaluate '" + scene + "' -o '" + file + "' --size 160x90 --quiet");
+  const Run run = run_tool("evaluate '" + scene + "' -o '" + file + "' --size 96x54 --quiet");
   REQUIRE_MESSAGE(run.status == 0, run.output);
   CHECK(json_of(file)["steps"].back()["normals_of_depth"]["all"].is_null());
   CHECK(json_of(file)["steps"].back()["depth"]["abs_rel"].is_number());

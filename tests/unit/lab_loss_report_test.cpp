@@ -37,7 +37,7 @@ std::size_t count_of(const std::string& text, const std::string& what) {
 
 TEST_CASE("lab: losses are written step by step, and never rise; the sum is that of the weighted terms") {
   const std::string folder = fixture().out("losses");
-  const Run run = run_tool("evaluate '" + fixture().street + "' --size 160x90 --losses '" + folder + "' --quiet");
+  const Run run = run_tool("evaluate '" + fixture().street + "' --size 96x54 --losses '" + folder + "' --quiet");
   REQUIRE_MESSAGE(run.status == 0, run.output);
   const auto rows = rows_of(bytes_of(folder + "/losses.csv"));
   REQUIRE(rows.size() > 3);

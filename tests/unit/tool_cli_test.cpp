@@ -140,7 +140,7 @@ TEST_CASE("tool: view draws the mesh from any side, and an OBJ file, and says wh
   CHECK(side.value().shape() == npsim::Shape{200, 100});
   CHECK(view(fixture().street, "raw.png", "--mesh raw").find("raw") != std::string::npos);
   CHECK(bytes_of(fixture().out("raw.png")) != bytes_of(fixture().out("front.png")));
-  view(fixture().street, "pruned.png", "--mesh pruned --preset thesis --size 160x90");
+  view(fixture().street, "pruned.png", "--mesh pruned --preset thesis --size 96x54");
   view(fixture().street, "background.png", "--mesh background --wire 0.5 --plain");
   view(fixture().street, "objects.png", "--mesh objects --climb 30");
   view(fixture().street + "/truth/street.obj", "truth.png", "--turn 30 --climb 20 --y-down");
@@ -177,7 +177,7 @@ TEST_CASE("tool: view refuses what it cannot draw in one line") {
 }
 
 TEST_CASE("tool: view makes the folder that it writes to") {
-  const Run run = run_tool("view '" + fixture().street + "' --size 160x90 --quiet -o '" + fixture().out("new/folder/v.png") + "'");
+  const Run run = run_tool("view '" + fixture().street + "' --size 96x54 --quiet -o '" + fixture().out("new/folder/v.png") + "'");
   CHECK_MESSAGE(run.status == 0, run.output);
   CHECK(fs::file_size(fixture().out("new/folder/v.png")) > 100);
 }

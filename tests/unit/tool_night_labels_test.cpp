@@ -229,7 +229,7 @@ TEST_CASE(
   fs::create_directories(out + "/night_000_lampIds.png");
   check_refused(run_tool(night + " --labels"), "night_000_lampIds.png: is a folder");
   fs::remove(out + "/night_000_lampIds.png");
-  REQUIRE(run_tool(night + " --size 160x90").status == 0);
+  REQUIRE(run_tool(night + " --size 96x54").status == 0);
   CHECK(fs::exists(out + "/night_001.png"));
   CHECK(!fs::exists(out + "/coco.json"));
   for (const std::string& old : tool::label_files(out + "/night_001")) CHECK_MESSAGE(!fs::exists(old), old);
@@ -242,13 +242,13 @@ TEST_CASE(
   for (const char* key : {"labels", "instances", "lights", "truth"}) json.erase(key);
   std::ofstream(scene + "/scene.json") << json;
   const std::string out = fixture().out("bare_labelled");
-  const std::string night = "night '" + scene + "' -o '" + out + "' --rays 1 --quiet --size 161x91";
+  const std::string night = "night '" + scene + "' -o '" + out + "' --rays 1 --quiet --size 121x67";
   check_refused(run_tool(night + " --least-snr 2"), "--least-snr", out);
   const Run run = run_tool(night + " --labels --least-snr 50");
   REQUIRE_MESSAGE(run.status == 0, run.output);
   const auto instances = value_of(io::read_u16(out + "/night_000_instanceIds.png"));
-  CHECK(instances.shape() == Shape{161, 91});
-  CHECK(std::all_of(instances.data(), instances.data() + 161 * 91, [](int id) { return id == 0; }));
+  CHECK(instances.shape() == Shape{121, 67});
+  CHECK(std::all_of(instances.data(), instances.data() + 121 * 67, [](int id) { return id == 0; }));
   CHECK(json_of(out + "/coco.json")["annotations"].empty());
 }
 

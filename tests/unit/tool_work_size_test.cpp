@@ -51,7 +51,7 @@ TEST_CASE("work size: pictures, raw and labels have the photograph's size, depth
     const bool seen = near.data()[i] > 0.0F && exact.data()[i] > 0.0F;
     off += seen && std::fabs(std::log(near.data()[i] / exact.data()[i])) > 0.1F ? 1 : 0;
   }
-  CHECK(off < 6000);
+  CHECK(10 * off < static_cast<int>(full.pixels()));
   CHECK(value_of(io::read_rgb8(half + "/night_000_normals.png")).shape() == full);
   // Rows of a rolling shutter come from where depth says that they come from; classes differ where depth does.
   const auto ours = value_of(io::read_u8(half + "/night_000_labelIds.png"));
@@ -59,7 +59,7 @@ TEST_CASE("work size: pictures, raw and labels have the photograph's size, depth
   REQUIRE(ours.shape() == full);
   int other = 0;
   for (std::size_t i = 0; i < full.pixels(); ++i) other += ours.data()[i] != theirs.data()[i] ? 1 : 0;
-  CHECK(other < 200);
+  CHECK(250 * other < static_cast<int>(full.pixels()));
 
   const auto a = json_of(whole + "/night_000.json");
   const auto b = json_of(half + "/night_000.json");

@@ -4,9 +4,10 @@
 // A plane is linear in inverse depth: with r = ((u - cx)/fx, (v - cy)/fy, 1) and X = z r, 1/z = q . r where up = -q/|q|
 // and the camera height is 1/|q|. A seeded search over triples of samples (RANSAC; Fischler and Bolles 1981) finds the
 // plane with the smallest truncated relative error, then weighted least squares (weight z^2, so errors count relative
-// to the depth, as those of stereo and of networks do) refines it on its inliers. Planes that no camera of a street has
-// under it are left out of the search: a car close ahead may have more samples than the road beside it. Without labels
-// a smaller share of the samples is enough where hardly any lie under the plane, since nothing lies under the ground.
+// to the depth, as those of stereo and of networks do) refines it on its inliers. A car close ahead may have more samples
+// than the road beside it: without labels, where no plane of a street comes out, those alone are looked for, with eight
+// times as many triples, and a smaller share of the samples is enough where hardly any lie under the plane, since
+// nothing lies under the ground.
 // Fallback, marked by inlier_share = 0: a level plane 1.5 m below the camera, where too few samples exist or the result
 // is implausible. So the function succeeds for every valid input.
 // Samples: road and parking; pavement and other ground only where those are too few; without labels the lower 40 % of
@@ -41,16 +42,16 @@ struct GroundPlane {
 
 struct GroundParams {
   std::uint64_t seed = 0;
-  int iterations = 128;            // 1..4096; 128 triples miss 50 % inliers with probability 4e-8
-  int max_samples = 4096;          // 16..65536
-  int min_samples = 64;            // >= 3; below this the next set of labels joins, then the fallback
-  float tolerance = 0.05F;         // relative depth error of an inlier, in (0, 0.5]
-  float min_inlier_share = 0.3F;   // below: fallback
-  float min_lowest_share = 0.15F;  // without labels, where less than a fourth as many samples lie under the plane
-  float min_up_cosine = 0.82F;     // to the image's up direction; 35 degrees of pitch and roll
+  int iterations = 128;           // 1..4096; 128 triples miss 50 % inliers with probability 4e-8
+  int max_samples = 4096;         // 16..65536
+  int min_samples = 64;           // >= 3; below this the next set of labels joins, then the fallback
+  float tolerance = 0.05F;        // relative depth error of an inlier, in (0, 0.5]
+  float min_inlier_share = 0.3F;  // below: fallback
+  float min_up_cosine = 0.82F;    // to the image's up direction; 35 degrees of pitch and roll
   float min_height_m = 0.3F;
   float max_height_m = 10.0F;
   float fallback_height_m = 1.5F;
+  float min_lowest_share = 0.15F;  // of inliers, without labels, where not a fourth as many lie under the plane
 };
 
 struct GroundSample {
@@ -105,9 +106,10 @@ namespace geometry_detail {
 // Whether a camera of a street may have it under itself.
 [[nodiscard]] inline bool is_plausible_ground(const GroundParams& p, const Vec3d& q) noexcept {
   const double size = length(q);
-  const double height = 1.0 / size;
-  return std::isfinite(size) && q.y >= static_cast<double>(p.min_up_cosine) * size &&
-         height >= static_cast<double>(p.min_height_m) && height <= static_cast<double>(p.max_height_m);
+  if (!(size > 0.0) || !std::isfinite(size)) return false;
+  const Vec3f up = vec_cast<float>(-q / size);
+  const float height = static_cast<float>(1.0 / size);
+  return is_finite(up) && -up.y >= p.min_up_cosine && height >= p.min_height_m && height <= p.max_height_m;
 }
 
 template <class Wanted>
@@ -131,15 +133,40 @@ template <class Wanted>
   return count;
 }
 
-// Best plane through three samples each, then least squares on its inliers. False where nothing fits.
-[[nodiscard]] inline bool fit_ground(const GroundParams& p, Span<const GroundSample> samples, Vec3d& best,
-                                     float& inlier_share) noexcept {
+// Least squares on the inliers of `plane`, in four rounds. inlier_share: of the plane before the last.
+inline void fit_to_inliers(const GroundParams& p, Span<const GroundSample> samples, Vec3d& plane,
+                           float& inlier_share) noexcept {
+  const double tolerance = static_cast<double>(p.tolerance);
+  for (int round = 0; round < 4; ++round) {
+    Vec3d m0, m1, m2, b;
+    std::size_t inliers = 0;
+    for (const GroundSample& s : samples) {
+      if (!(ground_error(s, plane) < tolerance)) continue;
+      ++inliers;
+      const double w = static_cast<double>(s.w);
+      const Vec3d row = Vec3d{static_cast<double>(s.x), static_cast<double>(s.y), 1.0} / w;
+      m0 += row * row.x;
+      m1 += row * row.y;
+      m2 += row * row.z;
+      b += row;  // right side w / w = 1
+    }
+    inlier_share = static_cast<float>(static_cast<double>(inliers) / static_cast<double>(samples.size()));
+    Vec3d q;
+    if (inliers < 3 || !solve3(m0, m1, m2, b, q)) break;
+    plane = q;
+  }
+}
+
+// Best plane through three samples each, fitted to its inliers. False where nothing fits. plausible: among those that a
+// street may have.
+[[nodiscard]] inline bool fit_ground(const GroundParams& p, int iterations, bool plausible,
+                                     Span<const GroundSample> samples, Vec3d& best, float& inlier_share) noexcept {
   const std::size_t n = samples.size();
   const double tolerance = static_cast<double>(p.tolerance);
   double best_cost = tolerance * static_cast<double>(n);
   bool found = false;
   RandomStream random(p.seed, RandomPurpose::generic, 0, 0, 0, 0);
-  for (int i = 0; i < p.iterations; ++i) {
+  for (int i = 0; i < iterations; ++i) {
     // A stream holds 1024 draws; the sample field opens a new one for each 256 triples.
     if (i % 256 == 0) random = RandomStream(p.seed, RandomPurpose::generic, 0, 0, 0, static_cast<std::uint32_t>(i));
     const GroundSample& a = samples[random.next_u32() % n];
@@ -154,7 +181,7 @@ template <class Wanted>
     if (!(std::fabs(det) > 1e-9)) continue;
     const Vec3d q{dot(w, cross(column_y, column_1)) / det, dot(column_x, cross(w, column_1)) / det,
                   dot(column_x, cross(column_y, w)) / det};
-    if (!is_plausible_ground(p, q)) continue;
+    if (plausible && !is_plausible_ground(p, q)) continue;
     double cost = 0.0;
     for (std::size_t s = 0; s < n && cost < best_cost; ++s) {
       const double e = ground_error(samples[s], q);
@@ -166,26 +193,18 @@ template <class Wanted>
       found = true;
     }
   }
-  if (!found) return false;
-  for (int round = 0; round < 4; ++round) {
-    Vec3d m0, m1, m2, b;
-    std::size_t inliers = 0;
-    for (std::size_t s = 0; s < n; ++s) {
-      if (!(ground_error(samples[s], best) < tolerance)) continue;
-      ++inliers;
-      const double w = static_cast<double>(samples[s].w);
-      const Vec3d row = Vec3d{static_cast<double>(samples[s].x), static_cast<double>(samples[s].y), 1.0} / w;
-      m0 += row * row.x;
-      m1 += row * row.y;
-      m2 += row * row.z;
-      b += row;  // right side w / w = 1
-    }
-    inlier_share = static_cast<float>(static_cast<double>(inliers) / static_cast<double>(n));
-    Vec3d q;
-    if (inliers < 3 || !solve3(m0, m1, m2, b, q)) break;
-    best = q;
-  }
-  return true;
+  if (found) fit_to_inliers(p, samples, best, inlier_share);
+  return found;
+}
+
+// Without labels, where the search among all planes finds none of a street.
+[[nodiscard]] inline bool fit_lowest_ground(const GroundParams& p, Span<const GroundSample> samples, Vec3d& q,
+                                            float& inlier_share) noexcept {
+  constexpr int kMoreTriples = 8;
+  if (!fit_ground(p, kMoreTriples * p.iterations, true, samples, q, inlier_share)) return false;
+  if (!is_plausible_ground(p, q)) return false;
+  return inlier_share >= p.min_inlier_share ||
+         (inlier_share >= p.min_lowest_share && 4.0F * share_under(p, samples, q) < inlier_share);
 }
 
 }  // namespace geometry_detail
@@ -230,16 +249,13 @@ template <class Wanted>
   }
   if (count < static_cast<std::size_t>(p.min_samples)) return {};
 
+  const Span<const GroundSample> chosen(samples.data(), count);
   Vec3d q;
   float share = 0.0F;
-  if (!geometry_detail::fit_ground(p, Span<const GroundSample>(samples.data(), count), q, share)) return {};
-  if (!geometry_detail::is_plausible_ground(p, q)) return {};
-  if (share < p.min_inlier_share) {
-    const bool lowest =
-        labels.empty() && share >= p.min_lowest_share &&
-        4.0F * geometry_detail::share_under(p, Span<const GroundSample>(samples.data(), count), q) < share;
-    if (!lowest) return {};
-  }
+  bool found = geometry_detail::fit_ground(p, p.iterations, false, chosen, q, share) &&
+               geometry_detail::is_plausible_ground(p, q) && share >= p.min_inlier_share;
+  if (!found && labels.empty()) found = geometry_detail::fit_lowest_ground(p, chosen, q, share);
+  if (!found) return {};
   const double size = length(q);
   out.up = vec_cast<float>(-q / size);
   out.camera_height_m = static_cast<float>(1.0 / size);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where there is sky, from the picture and the depth, for scenes without labels.
 //
-// What lies beneath the topmost measurement of its surroundings (8 columns to either side) is surface. Above it a range
+// What lies beneath the topmost measurement of its surroundings (8 columns to either side) is surface, but for what a
+// laser looks past. Above it a range
 // sensor sees nothing, be it sky or a tree that is taller than its field of view; there the picture decides. By day the
 // sky is the brightest thing in it: the luma of the pixels above falls into two classes (Otsu, "A threshold selection
 // method from gray-level histograms", 1979), and sky is what is bright and connected to the picture's upper edge. What
@@ -31,9 +32,10 @@
 // does of what is far in a dense map; where it does not, or what it calls sky was matched while the even part that is
 // missing at the top is not of it (bright houses below a dark sky), what was matched is surface, as for other sensors.
 // A laser measures wires, poles and crowns high above the rest, and what hangs or stands before the sky has sky below
-// and beside it. All of its rows look at every column: where on one side of a pixel it answered above and below, but
-// not over three times as many rows as it usually leaves out, the picture is asked as well, and sky is what goes on
-// evenly from that above, across what is no thicker than wires too.
+// and beside it. A gap is what it leaves out between two answers to one side of a pixel, one above the other. Where a
+// gap is three times as high as three of four are, the laser has looked without an answer, if its rows lie equally far
+// apart; there sky is what goes on evenly from that above, across what is no thicker than wires too, looks like it or
+// is of its brightness, and is seen by rays that do not fall to the ground.
 // Exact maps, and those of networks, whose sky is left out have no gaps between samples: of them all that is missing is
 // asked like what is above a sensor's last row, below lamps and measured wires too.
 // Cost: a few passes. Memory: 25 bytes per pixel, for a dense map none.
@@ -55,7 +57,9 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/detail/given/sky_map.hpp"
 #include "npsim/depth/detail/given/sky_walls.hpp"
+#include "npsim/depth/detail/ground_level.hpp"
 #include "npsim/depth/detail/grow.hpp"
+#include "npsim/geometry/ground.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -355,21 +359,38 @@ void for_gaps(ImageView<const float> depth, int reach, bool to_the_left, Span<in
   }
 }
 
-// What may be sky where a laser looked without an answer becomes kGap.
-inline void ask_gaps(const SkyLook& look, ImageView<const Rgb8> image, ImageView<const float> depth, int reach,
-                     Span<int> rows, ImageView<std::uint8_t> surface) noexcept {
-  constexpr double kUsual = 0.75;  // of all gaps
-  constexpr int kLong = 3;         // times the usual one
-  ByteHistogram gaps{};
+// What may be sky where a laser looked without an answer becomes kGap. rows: scratch, one per column.
+inline void ask_gaps(const SkyLook& look, const GroundPlane& ground, const Intrinsics& camera,
+                     ImageView<const Rgb8> image, ImageView<const float> depth, int reach, Span<int> rows,
+                     ImageView<std::uint8_t> surface) noexcept {
+  constexpr double kUsual = 0.75;        // of all gaps
+  constexpr double kInSteepLines = 0.9;  // which answer in several rows of the columns
+  constexpr int kLong = 3;               // times the usual one
+  constexpr double kTail = 0.02;         // of the luma of what is sky for sure
+  ByteHistogram gaps{}, sky{};
   const auto both = [&](const auto& f) {
     for (const bool left : {true, false}) for_gaps(depth, reach, left, rows, f);
   };
   both([&](int, int first, int end) { gaps[static_cast<std::size_t>(std::min(end - first, 255))] += 1; });
-  const int most = kLong * max_of(quantile_of(gaps, kUsual), 1);
+  int usual = quantile_of(gaps, kUsual);
+  if (usual == 0) usual = quantile_of(gaps, kInSteepLines);
+  const int most = kLong * max_of(usual, 1);
+  for (int y = 0; y < depth.height(); ++y) {
+    for (int x = 0; x < depth.width(); ++x) {
+      if (surface(x, y) == kSky) sky[static_cast<std::size_t>(luma(image(x, y)))] += 1;
+    }
+  }
+  const int darkest = quantile_of(sky, kTail) - kEvenSky;
+  const int brightest = quantile_of(sky, 1 - kTail) + kEvenSky;
+  const auto may_be_sky = [&](int x, int y) {
+    if (ground.inlier_share > 0.0F && fall_of_ray(ground, camera, x, y) > 0.0F) return false;
+    const Rgb8 c = image(x, y);
+    return look.known ? look.of(c) : luma(c) >= darkest && luma(c) <= brightest;
+  };
   both([&](int x, int first, int end) {
     if (end - first <= most) return;
     for (int y = first; y < end; ++y) {
-      if (surface(x, y) == kSurface && (!look.known || look.of(image(x, y)))) surface(x, y) = kGap;
+      if (surface(x, y) == kSurface && may_be_sky(x, y)) surface(x, y) = kGap;
     }
   });
 }
@@ -413,8 +434,9 @@ inline void ask_gaps(const SkyLook& look, ImageView<const Rgb8> image, ImageView
 }
 
 // surface: 1 where there is one, 0 for the sky. All of one shape.
-[[nodiscard]] inline Status find_sky(ImageView<const Rgb8> image, ImageView<const float> depth, DepthSource source,
-                                     ImageView<std::uint8_t> surface, Workspace& workspace) noexcept {
+[[nodiscard]] inline Status find_sky(const GroundPlane& ground, const Intrinsics& camera, ImageView<const Rgb8> image,
+                                     ImageView<const float> depth, DepthSource source, ImageView<std::uint8_t> surface,
+                                     Workspace& workspace) noexcept {
   using namespace depth_detail;
   if (is_dense(depth)) {
     if (find_sky_among_far(
@@ -477,7 +499,7 @@ inline void ask_gaps(const SkyLook& look, ImageView<const Rgb8> image, ImageView
     });
   };
   const bool gaps = source == DepthSource::lidar;
-  if (gaps) ask_gaps(look, image, depth, kReach, topmost, surface);
+  if (gaps) ask_gaps(look, ground, camera, image, depth, kReach, topmost, surface);
   do {
     grow(surface, kSky, [](std::uint8_t c) { return c == kLike; });
     if (gaps) grow_evenly(kGap);
