@@ -813,9 +813,9 @@ TEST_CASE(
 
 namespace {
 
-// A laser of one row in four: a street below row 60, a wall up to row 40 on the right, a pole and a wire across all that
-// both answer from row 10 on. The sky is of clouds. A dark tower out of reach, up to the upper edge, tells it from the
-// rest where there is one.
+// A laser of one row in four: a street below row 60, a wall up to row 40 on the right, a pole and a wire across all
+// that both answer from row 10 on. The sky is of clouds. A dark tower out of reach, up to the upper edge, tells it from
+// the rest where there is one.
 struct Wired {
   Shape shape{200, 90};
   Image<Rgb8> image{shape};
@@ -877,21 +877,24 @@ TEST_CASE("of a laser the sky goes on below a wire and beside a pole that answer
   }
 }
 
-TEST_CASE("of a laser with nothing to tell the sky from, a house out of reach below a wire is none, blurred or not") {
-  for (const bool blurred : {false, true}) {
-    CAPTURE(blurred);
-    Wired v(110, false);
-    for (int y = 30; y < 60; ++y) {
-      for (int x = 80; x < 100; ++x) {
-        const int in = std::min({x - 79, 100 - x, y - 29});  // from its edge
-        const int code = blurred ? std::max(78, 110 - 8 * in) : 78;
-        const auto c = static_cast<std::uint8_t>(code);
-        v.image(x, y) = Rgb8{c, c, c};
+TEST_CASE("of a laser a darker house out of reach below a wire is no sky, blurred or not, told from a tower or alone") {
+  for (const bool with_tower : {false, true}) {
+    for (const bool blurred : {false, true}) {
+      CAPTURE(with_tower);
+      CAPTURE(blurred);
+      const int sky = with_tower ? 200 : 110;
+      Wired v(sky, with_tower);
+      for (int y = 20; y < 60; ++y) {
+        for (int x = 72; x < 112; ++x) {
+          const int in = std::min({x - 71, 112 - x, y - 19});  // from its edge
+          const auto c = static_cast<std::uint8_t>(blurred ? std::max(78, sky - 8 * in) : 78);
+          v.image(x, y) = Rgb8{c, c, c};
+        }
       }
+      v.run();
+      CHECK(v.surface(90, 16) == 0);
+      CHECK(v.surface(92, 45) == 1);
     }
-    v.run();
-    CHECK(v.surface(90, 25) == 0);
-    CHECK(v.surface(90, 45) == 1);
   }
 }
 
