@@ -15,11 +15,12 @@ using npsim_test::Image;
 
 namespace {
 
-void find(const Image<Rgb8>& image, const Image<float>& depth, DepthSource source, Image<std::uint8_t>& surface) {
-  npsim_test::Scratch scratch(find_sky_workspace_bytes(depth.cview().shape()));
-  REQUIRE(find_sky(GroundPlane{}, {100, 100, 50, 30}, image.cview(), depth.cview(), source, surface.view(),
-                   scratch.workspace())
-              .ok());
+void find(const Image<Rgb8>& image, const Image<float>& depth, DepthSource source, Image<std::uint8_t>& surface,
+          const GroundPlane& ground = {}) {
+  const Shape shape = depth.cview().shape();
+  const Intrinsics camera{100, 100, 0.5F * static_cast<float>(shape.width), 0.5F * static_cast<float>(shape.height)};
+  npsim_test::Scratch scratch(find_sky_workspace_bytes(shape));
+  REQUIRE(find_sky(ground, camera, image.cview(), depth.cview(), source, surface.view(), scratch.workspace()).ok());
 }
 
 // Measured below row 40; a dark tower from there up to row 10, and beside it the sky down to row 30.
@@ -771,8 +772,7 @@ TEST_CASE("below wires the sky goes on in its own colour; a ledge as thin above 
 
 TEST_CASE(
     "of an exact map without its sky, that below a lamp and below measured wires is sky, clouds and all; far houses "
-    "and "
-    "a wall that it has not are surface; of a laser it is sky below the lamp") {
+    "and a wall that it has not are surface; of a laser it is sky below the lamp") {
   View v;
   for (int y = 0; y < 60; ++y) {
     for (int x = 0; x < 100; ++x) {
@@ -840,12 +840,7 @@ struct Wired {
       }
     }
   }
-  void run() {
-    npsim_test::Scratch scratch(find_sky_workspace_bytes(shape));
-    REQUIRE(find_sky(ground, {100, 100, 100, 45}, image.cview(), depth.cview(), DepthSource::lidar, surface.view(),
-                     scratch.workspace())
-                .ok());
-  }
+  void run() { find(image, depth, DepthSource::lidar, surface, ground); }
   // Pixels of the sky called surface, and the other way round.
   [[nodiscard]] int wrong() {
     run();

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where there is sky, from the picture and the depth, for scenes without labels.
 //
-// What lies beneath the topmost measurement of its surroundings (8 columns to either side) is surface, but for what a
-// laser looks past. Above it a range
-// sensor sees nothing, be it sky or a tree that is taller than its field of view; there the picture decides. By day the
-// sky is the brightest thing in it: the luma of the pixels above falls into two classes (Otsu, "A threshold selection
-// method from gray-level histograms", 1979), and sky is what is bright and connected to the picture's upper edge. What
-// is not, and is connected to the surface below, is surface too, so that trees and houses keep their outlines instead
-// of ending at the sensor's last row. The classes are told apart if the bright one is at least 1.5 times as bright as
-// the dark one, neither holds less than 2 % of the pixels, and the measured surfaces are not brighter than the bright
-// one. Walls that look so are told from it by given/sky_walls.hpp. Beside what was measured the sky comes up to it, as
-// far as it is even and nothing was measured above in the column or to one side. Below what was not measured and is
-// thinner than 1/160 of the width, such as wires, it goes on in the same colour.
+// What lies beneath the topmost measurement of its surroundings (8 columns to either side) is surface, but for the gaps
+// of a laser, below. Above it a range sensor sees nothing, be it sky or a tree that is taller than its field of view;
+// there the picture decides. By day the sky is the brightest thing in it: the luma of the pixels above falls into two
+// classes (Otsu, "A threshold selection method from gray-level histograms", 1979), and sky is what is bright and
+// connected to the picture's upper edge. What is not, and is connected to the surface below, is surface too, so that
+// trees and houses keep their outlines instead of ending at the sensor's last row. The classes are told apart if the
+// bright one is at least 1.5 times as bright as the dark one, neither holds less than 2 % of the pixels, and the
+// measured surfaces are not brighter than the bright one. Walls that look so are told from it by given/sky_walls.hpp.
+// Beside what was measured the sky comes up to it, as far as it is even and nothing was measured above in the column or
+// to one side. Below what was not measured and is thinner than 1/160 of the width, such as wires, it goes on in the
+// same colour.
 // A deep blue sky, or a dark one of clouds, is not the brightest. What the sensor looked at without an answer, below
 // its topmost rows nearby, tells: where less than a tenth of that is in the bright class, or there is none, the classes
 // are of how much pixels differ from its median colour, and sky is what is alike, if that is the smoother one, and
@@ -340,8 +340,8 @@ template <class Far>
   return any;
 }
 
-// Rows that a laser leaves out between two answers to one side of a pixel: those of the `kReach` columns from it to the
-// left, or to the right. f(x, first row, end) is called of each such gap, in no order that matters.
+// Rows that a laser leaves out between two answers to one side of a pixel: those of the `reach` columns beside it to
+// the left, or to the right, and of its own. f(x, first row, end) is called of each such gap, in no order that matters.
 template <class F>
 void for_gaps(ImageView<const float> depth, int reach, bool to_the_left, Span<int> answered, const F& f) noexcept {
   for (int& row : answered) row = -1;  // the last that was, of each column's side
@@ -477,7 +477,7 @@ inline void ask_gaps(const SkyLook& look, const GroundPlane& ground, const Intri
   };
   mark_surface(!whole_areas);
   const SkyLook look = sky_look(image, surface, kDarkestSky);
-  if (!look.known && whole_areas) mark_surface(true);
+  const bool gaps = source == DepthSource::lidar;
   if (look.known) {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
@@ -492,13 +492,15 @@ inline void ask_gaps(const SkyLook& look, const GroundPlane& ground, const Intri
       }
       if (surface(x, 0) == kLike) surface(x, 0) = kSky;
     }
+  } else if (!gaps) {
+    if (whole_areas) mark_surface(true);
+    return {};
   }
   const auto grow_evenly = [&](std::uint8_t into) {
     grow_from(surface, kSky, [&](int x, int y, int from_x, int from_y) {
       return surface(x, y) == into && difference(image(x, y), image(from_x, from_y)) <= kEvenSky;
     });
   };
-  const bool gaps = source == DepthSource::lidar;
   if (gaps) ask_gaps(look, ground, camera, image, depth, kReach, topmost, surface);
   do {
     grow(surface, kSky, [](std::uint8_t c) { return c == kLike; });
