@@ -209,8 +209,10 @@ void add_unseen_lamps(const TrueLamps& lamps, std::vector<DrawnLamp>& drawn) {
   std::vector<unsigned char> memory(find_retroreflectors_workspace_bytes(scene.shape()));
   Workspace workspace(memory.data(), memory.size());
   SerialExecutor serial;
-  const Status found = find_retroreflectors({}, 0.0F, scene.labels.view(), scene.reflectors.view(), scene.albedo.view(),
-                                            out.view(), workspace, serial);
+  ReflectorScene reflecting{scene.labels.view(), scene.reflectors.view(), scene.albedo.view(), scene.depth.view(),
+                            scene.intrinsics};
+  if (scene.camera_height_m > 0) reflecting.camera_height_m = static_cast<float>(scene.camera_height_m);
+  const Status found = find_retroreflectors({}, 0.0F, reflecting, out.view(), workspace, serial);
   return found.ok() ? out : io::Image<Retroreflector>(scene.shape());
 }
 

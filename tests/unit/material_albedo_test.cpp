@@ -503,6 +503,23 @@ TEST_CASE("a dark pole whose label is loose takes nothing of the bright ground b
   }
 }
 
+TEST_CASE("a pole between dark leaves and a bright wall is one grey across, dark rim and bright rim apart") {
+  Picture p = street({1, 1, 1});
+  constexpr float kAcross[] = {0.03F, 0.12F, 0.12F, 0.2F};  // leaves and wall are half of its outer columns
+  for (int y = 20; y < 130; ++y) {
+    for (int x = 100; x < 200; ++x) {
+      const bool is_pole = x >= 150 && x < 154;
+      const float value = is_pole ? kAcross[x - 150] : x < 150 ? 0.015F : 0.6F;
+      p.labels[p.i(x, y)] = is_pole ? label::pole : x < 150 ? label::vegetation : label::building;
+      p.day[p.i(x, y)] = {encode(value), encode(value), encode(value)};
+    }
+  }
+  REQUIRE(p.run().ok());
+  const double core = mean(p, 151, 152, 30, 120);
+  CHECK(mean(p, 152, 153, 30, 120) == doctest::Approx(core).epsilon(0.02));
+  CHECK(mean(p, 153, 154, 30, 120) < 1.1 * core);
+}
+
 TEST_CASE("a car whose doors a railing hides is not taken for glass and rubber") {
   Picture p = street({1, 1, 1});
   p.instances.assign(p.shape.pixels(), 0);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "fixture.hpp"
@@ -18,7 +19,6 @@ namespace {
 
 using namespace npsim;
 
-constexpr ImageView<const ReflectorClass> kNoneMarked;
 constexpr double kPi = 3.14159265358979323846;
 
 Vec3f at_angles(double polar, double azimuth) {
@@ -204,8 +204,7 @@ TEST_CASE("retroreflection: no surface returns more light than arrives, bright p
   }
   npsim_test::Scratch scratch(find_retroreflectors_workspace_bytes(shape));
   SerialExecutor serial;
-  REQUIRE(find_retroreflectors(p, 0.0F, labels.cview(), kNoneMarked, albedo.cview(), found.view(), scratch.workspace(),
-                               serial)
+  REQUIRE(find_retroreflectors(p, 0.0F, {labels.cview(), {}, albedo.cview()}, found.view(), scratch.workspace(), serial)
               .ok());
   for (std::size_t i = 0; i < kAlbedos.size(); ++i) {
     const Retroreflector& r = found.view()(0, static_cast<int>(i));
@@ -247,6 +246,67 @@ TEST_CASE("retroreflection: no surface returns more light than arrives, bright p
   }
 }
 
+TEST_CASE("retroreflection: wide pale ground is no paint, while lines, a stop line and bars of a crossing are") {
+  // 1.4 m above a level road, a pixel 3 to 60 m ahead. Pale ground is a lane wide from 6 to 20 m, 2.4 times the
+  // asphalt; paint of 2.2 to 5 times: a line of .12 m, a stop line of .4 m, worn bars of half a metre with as much
+  // between them.
+  const Shape shape{480, 240};
+  const Intrinsics camera{400.0F, 400.0F, 240.0F, 20.0F};
+  constexpr float kHeight = 1.4F;
+  npsim_test::Image<Label> labels(shape, label::road);
+  npsim_test::Image<Vec3f> albedo(shape, Vec3f{0.1F, 0.1F, 0.1F});
+  npsim_test::Image<float> depth(shape, 0.0F);
+  const auto within = [](float v, float low, float high) { return v >= low && v < high; };
+  enum class Kind { asphalt, pale, line, stop, bars };
+  const auto kind_at = [&](float x, float z) {
+    if (within(x, 0.5F, 5.0F) && within(z, 6.0F, 20.0F)) return Kind::pale;
+    if (within(x, -0.6F, -0.48F) && z > 12.0F) return Kind::line;
+    if (within(x, -4.0F, 0.0F) && within(z, 9.0F, 9.4F)) return Kind::stop;
+    if (within(x, -4.0F, 0.0F) && within(z, 4.0F, 7.0F) && within(x - std::floor(x), 0.25F, 0.75F)) return Kind::bars;
+    return Kind::asphalt;
+  };
+  const auto at = [&](int x, int y) {
+    const float z = camera.fy * kHeight / (static_cast<float>(y) + 0.5F - camera.cy);
+    return std::pair{(static_cast<float>(x) + 0.5F - camera.cx) / camera.fx * z, z};
+  };
+  for (int y = 30; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const auto [side, z] = at(x, y);
+      constexpr float kAlbedo[] = {0.1F, 0.24F, 0.4F, 0.5F, 0.22F};
+      const float a = kAlbedo[static_cast<int>(kind_at(side, z))];
+      depth.view()(x, y) = z;
+      albedo.view()(x, y) = {a, a, a};
+    }
+  }
+  npsim_test::Image<Retroreflector> out(shape);
+  npsim_test::Scratch scratch(find_retroreflectors_workspace_bytes(shape));
+  SerialExecutor serial;
+  const auto share_of_paint = [&](Kind kind, float border_m, bool has_depth) {
+    const ReflectorScene scene{
+        labels.cview(), {}, albedo.cview(), has_depth ? depth.cview() : ImageView<const float>(), camera, kHeight};
+    REQUIRE(find_retroreflectors({}, 0.0F, scene, out.view(), scratch.workspace(), serial).ok());
+    int all = 0, painted = 0;
+    for (int y = 30; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        const auto [side, z] = at(x, y);
+        if (z > 40.0F || kind_at(side, z) != kind) continue;
+        if (kind_at(side - border_m, z) != kind || kind_at(side + border_m, z) != kind) continue;
+        if (kind_at(side, z - border_m) != kind || kind_at(side, z + border_m) != kind) continue;
+        ++all;
+        if (out.view()(x, y).kind == RetroKind::beads) ++painted;
+      }
+    }
+    REQUIRE(all > 50);
+    return static_cast<double>(painted) / all;
+  };
+  CHECK(share_of_paint(Kind::asphalt, 0.0F, true) == 0.0);
+  CHECK(share_of_paint(Kind::pale, 1.2F, true) == 0.0);
+  CHECK(share_of_paint(Kind::pale, 1.2F, false) == 1.0);  // the road's median alone
+  CHECK(share_of_paint(Kind::line, 0.0F, true) == 1.0);
+  CHECK(share_of_paint(Kind::stop, 0.0F, true) == 1.0);
+  CHECK(share_of_paint(Kind::bars, 0.0F, true) > 0.99);
+}
+
 TEST_CASE(
     "retroreflection: faces of signs shine, grey backs with shadows on them do not, paint is told from its road") {
   const Shape shape{80, 40};
@@ -274,8 +334,7 @@ TEST_CASE(
   Workspace& workspace = scratch.workspace();
   SerialExecutor serial;
   const RetroreflectionParams p;
-  REQUIRE(
-      find_retroreflectors(p, 0.0F, labels.cview(), kNoneMarked, albedo.cview(), out.view(), workspace, serial).ok());
+  REQUIRE(find_retroreflectors(p, 0.0F, {labels.cview(), {}, albedo.cview()}, out.view(), workspace, serial).ok());
   const auto at = [&](int x, int y) { return out.view()(x, y); };
   // White of the first sign: .7, so that its white has R_A 250 and its red a seventh of that or so.
   CHECK(at(8, 10).kind == RetroKind::sheeting);
@@ -293,8 +352,7 @@ TEST_CASE(
 
   RetroreflectionParams off = p;
   off.on = false;
-  REQUIRE(
-      find_retroreflectors(off, 0.0F, labels.cview(), kNoneMarked, albedo.cview(), out.view(), workspace, serial).ok());
+  REQUIRE(find_retroreflectors(off, 0.0F, {labels.cview(), {}, albedo.cview()}, out.view(), workspace, serial).ok());
   for (const Retroreflector& r : out.view().pixels()) CHECK(r.kind == RetroKind::none);
 }
 
@@ -328,8 +386,9 @@ TEST_CASE(
   SerialExecutor serial;
   const RetroreflectionParams p;
   for (const bool labelled : {true, false}) {
-    REQUIRE(find_retroreflectors(p, 0.0F, labelled ? labels.cview() : ImageView<const Label>(), marked.cview(),
-                                 albedo.cview(), out.view(), scratch.workspace(), serial)
+    REQUIRE(find_retroreflectors(p, 0.0F,
+                                 {labelled ? labels.cview() : ImageView<const Label>(), marked.cview(), albedo.cview()},
+                                 out.view(), scratch.workspace(), serial)
                 .ok());
     const auto r_a = [&](int x, int y) { return out.view()(x, y).strength * albedo.view()(x, y).x; };
     CHECK(out.view()(3, 12).kind == RetroKind::sheeting);
@@ -341,13 +400,13 @@ TEST_CASE(
     CHECK(out.view()(20, 12).kind == RetroKind::none);
   }
   mark(48, 8, 4, ReflectorClass::vest, 0.4F);
-  REQUIRE(find_retroreflectors(p, 0.0F, labels.cview(), marked.cview(), albedo.cview(), out.view(), scratch.workspace(),
-                               serial)
+  REQUIRE(find_retroreflectors(p, 0.0F, {labels.cview(), marked.cview(), albedo.cview()}, out.view(),
+                               scratch.workspace(), serial)
               .ok());
   CHECK(out.view()(49, 12).strength * albedo.view()(49, 12).x == doctest::Approx(330).epsilon(0.01));
   RetroreflectionParams off = p;
   off.on = false;
-  REQUIRE(find_retroreflectors(off, 0.0F, labels.cview(), marked.cview(), albedo.cview(), out.view(),
+  REQUIRE(find_retroreflectors(off, 0.0F, {labels.cview(), marked.cview(), albedo.cview()}, out.view(),
                                scratch.workspace(), serial)
               .ok());
   for (const Retroreflector& r : out.view().pixels()) CHECK(r.kind == RetroKind::none);

@@ -517,11 +517,14 @@ inline constexpr LabelSet kThinLabels = kPoleLabels | LabelSet::of(label::person
     if (behind != label::sky && !(is_thin && region_of(behind) < kOther)) continue;
     const float leaks = light_at(x + dx, y + dy);
     at_border = at_border || behind == label::sky || leaks > least;
-    // Thin things have it on both sides: then the nearer half of the way.
-    for (const int part : {1, 2}) {
-      const int u = x - dx / part;
-      const int v = y - dy / part;
-      if (!labels.contains(u, v) || labels(u, v) != labels(x, y)) continue;
+    // Thin things have it on both sides: no farther than to the middle of what is left of them.
+    int left = 0;
+    const auto is_own = [&](int u, int v) { return labels.contains(u, v) && labels(u, v) == labels(x, y); };
+    while (left < 2 * reach && is_own(x - (left + 1) * step[0], y - (left + 1) * step[1])) ++left;
+    const int middle = std::min(reach, (left + 1) / 2);
+    for (const int inwards : {middle, middle / 2}) {
+      const int u = x - inwards * step[0];
+      const int v = y - inwards * step[1];
       const float inner = light_at(u, v);
       if (inner >= least || (behind != label::sky && inner >= leaks)) continue;
       least = inner;

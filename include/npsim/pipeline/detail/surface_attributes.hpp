@@ -152,8 +152,10 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
       for (int x = 0; x < shape.width; ++x) alpha(x, y) = alpha_of_roughness(share(scene.roughness(x, y)));
     }
   }
-  NPSIM_RETURN_IF_ERROR(find_retroreflectors(params.retroreflection, params.film.wetness, scene.labels,
-                                             scene.reflectors, albedo, retro, workspace, executor));
+  const ReflectorScene reflecting{scene.labels,  scene.reflectors, albedo,
+                                  refined.depth, scene.camera,     refined.ground.camera_height_m};
+  NPSIM_RETURN_IF_ERROR(
+      find_retroreflectors(params.retroreflection, params.film.wetness, reflecting, retro, workspace, executor));
   NPSIM_RETURN_IF_ERROR(apply_wet_film(params.film, scene.labels, albedo, alpha, film, executor));
   copy_pixels(refined.normals, normal);
 
