@@ -300,8 +300,8 @@ TEST_CASE("retroreflection: wide pale ground is no paint, while lines, a stop li
     return static_cast<double>(painted) / all;
   };
   CHECK(share_of_paint(Kind::asphalt, 0.0F, true) == 0.0);
-  CHECK(share_of_paint(Kind::pale, 1.2F, true) == 0.0);
-  CHECK(share_of_paint(Kind::pale, 1.2F, false) == 1.0);  // the road's median alone
+  CHECK(share_of_paint(Kind::pale, 0.85F, true) == 0.0);
+  CHECK(share_of_paint(Kind::pale, 0.85F, false) == 1.0);  // the road's median alone
   CHECK(share_of_paint(Kind::line, 0.0F, true) == 1.0);
   CHECK(share_of_paint(Kind::stop, 0.0F, true) == 1.0);
   CHECK(share_of_paint(Kind::bars, 0.0F, true) > 0.99);

@@ -67,8 +67,9 @@ struct RetroreflectionParams {
   float marking_cd_lx_m2 = 0.15F;  // R_L of white paint, dry: EN 1436 class R3 [default]; R2 .1, R4 .2, R5 .3
   float road_cd_lx_m2 = 0.0125F;   // R_L of bare asphalt, dry: .010 to .020, less what bsdf.hpp gives there
   float wet_share = 0.2F;          // what a film of water leaves: RW2 .035 of R3 .15
-  float marking_contrast = 2.0F;   // paint has so many times the road's albedo; old concrete has .2 to .1 [default]
-  float local_contrast = 1.5F;     // and so many times that of the ground around it [default]
+  // Paint has so many times the albedo of the picture's road and of the ground around it; old concrete has .2 to
+  // asphalt's .1 [default].
+  float marking_contrast = 2.0F;
 };
 
 // What find_retroreflectors() looks at.
@@ -85,10 +86,10 @@ struct ReflectorScene {
   const auto good = [](float v) { return v >= 0.0F && v <= 1e4F; };
   const bool valid = good(p.sign_cd_lx_m2) && good(p.plate_cd_lx_m2) && good(p.vest_cd_lx_m2) &&
                      good(p.marking_cd_lx_m2) && good(p.road_cd_lx_m2) && p.wet_share >= 0.0F && p.wet_share <= 1.0F &&
-                     p.marking_contrast >= 1.0F && p.local_contrast >= 1.0F;
+                     p.marking_contrast >= 1.0F;
   return valid ? Status()
                : Status(StatusCode::invalid_argument,
-                        "retroreflection: strengths in 0..10000, the share when wet in 0..1, contrasts at least 1");
+                        "retroreflection: strengths in 0..10000, the share when wet in 0..1, contrast at least 1");
 }
 
 namespace retro_detail {
@@ -149,10 +150,8 @@ inline constexpr float kGrazingAt30 = grazing(0.02164F) * grazing(0.03996F);  //
 
 // Memory: nine bytes a pixel.
 [[nodiscard]] constexpr std::size_t find_retroreflectors_workspace_bytes(Shape shape) noexcept {
-  const std::size_t sheeting = allocation_bytes<std::uint32_t>(shape.pixels()) +
-                               allocation_bytes<float>(shape.pixels()) + allocation_bytes<std::uint8_t>(shape.pixels());
-  const std::size_t ground = allocation_bytes<std::uint64_t>(Shape{shape.width + 1, shape.height + 1}.pixels());
-  return max_of(sheeting, ground) + kWorkspaceAlignment;
+  return allocation_bytes<std::uint32_t>(shape.pixels()) + allocation_bytes<float>(shape.pixels()) +
+         allocation_bytes<std::uint8_t>(shape.pixels()) + kWorkspaceAlignment;
 }
 
 namespace retro_detail {
@@ -232,67 +231,41 @@ template <class IsInner>
 
 inline constexpr LabelSet kPainted = LabelSet::of(label::road, label::parking, label::ground);
 
-// Albedo of the ground around a pixel: the harmonic mean over some metres, in which white bars count little beside the
-// asphalt between them. So a crossing is paint, and a wide piece of pale ground is not.
-class GroundAround {
- public:
-  // sums: one column and one row larger than the picture.
-  GroundAround(const ReflectorScene& s, ImageView<std::uint64_t> sums) noexcept : s_(s), sums_(sums) {
-    for (std::uint64_t& sum : sums.pixels()) sum = 0;
-    for (int y = 0; y < s.albedo.height(); ++y) {
-      std::uint64_t row = 0;
-      for (int x = 0; x < s.albedo.width(); ++x) {
-        if (kPainted.contains(s.labels(x, y))) {
-          const float own = luminance(s.albedo(x, y));
-          row += kOne + static_cast<std::uint64_t>(kUnit / (own > kDarkest ? own : kDarkest));
-        }
-        sums(x + 1, y + 1) = sums(x + 1, y) + row;
-      }
+// Albedo of the ground around a pixel: what two fifths of it are darker than, so that a crossing is told from the
+// asphalt between its bars, and a wide piece of pale ground has no paint but .3 m along its borders, .8 m at corners.
+// 0 where depth is missing.
+[[nodiscard]] inline float albedo_around(const ReflectorScene& s, int x, int y) noexcept {
+  constexpr float kReach_m = 1.5F;  // to each side: three bars of a crossing, and no lane [default]
+  constexpr int kSteps = 5;         // to each side, so many samples
+  constexpr int kLeast_px = 2;      // of a side
+  const float z = s.depth.empty() ? 0.0F : s.depth(x, y);
+  if (!is_valid_depth(z)) return 0.0F;
+  const auto reach_px = [](float reach, int size) {
+    return reach < static_cast<float>(size) ? max_of(static_cast<int>(reach), kLeast_px) : size;
+  };
+  const int across = reach_px(s.camera.fx * kReach_m / z, s.albedo.width());
+  const int away = reach_px(s.camera.fy * s.camera_height_m * kReach_m / (z * z), s.albedo.height());
+  float around[(2 * kSteps + 1) * (2 * kSteps + 1)];
+  std::size_t count = 0;
+  for (int j = -kSteps; j <= kSteps; ++j) {
+    for (int i = -kSteps; i <= kSteps; ++i) {
+      const int u = x + i * across / kSteps;
+      const int v = y + j * away / kSteps;
+      if (!s.albedo.contains(u, v) || !kPainted.contains(s.labels(u, v))) continue;
+      const float a = luminance(s.albedo(u, v));
+      if (a >= 0.0F) around[count++] = a;
     }
   }
-
-  // 0 where depth is missing.
-  [[nodiscard]] float operator()(int x, int y) const noexcept {
-    constexpr float kReach_m = 1.5F;  // to each side: three bars of a crossing, and no lane [default]
-    constexpr float kLeast_px = 2.0F;
-    const float z = s_.depth.empty() ? 0.0F : s_.depth(x, y);
-    if (!is_valid_depth(z)) return 0.0F;
-    const float across = s_.camera.fx * kReach_m / z;
-    const float away = s_.camera.fy * s_.camera_height_m * kReach_m / (z * z);
-    const Bounds u = bounds(x, across > kLeast_px ? across : kLeast_px, s_.albedo.width());
-    const Bounds v = bounds(y, away > kLeast_px ? away : kLeast_px, s_.albedo.height());
-    const std::uint64_t sum =
-        sums_(u.end, v.end) - sums_(u.begin, v.end) - sums_(u.end, v.begin) + sums_(u.begin, v.begin);
-    const auto reciprocals = static_cast<float>(sum % kOne);
-    return reciprocals > 0.0F ? kUnit * static_cast<float>(sum / kOne) / reciprocals : 0.0F;
-  }
-
- private:
-  // A sum holds the number of pixels above 40 bits of reciprocals.
-  static constexpr std::uint64_t kOne = std::uint64_t{1} << 40U;
-  static constexpr float kUnit = 256.0F;
-  static constexpr float kDarkest = 0.01F;
-
-  struct Bounds {
-    int begin, end;
-  };
-  [[nodiscard]] static Bounds bounds(int at, float reach, int size) noexcept {
-    const int r = reach < static_cast<float>(size) ? static_cast<int>(reach) : size;
-    return {at > r ? at - r : 0, at + r + 1 < size ? at + r + 1 : size};
-  }
-
-  const ReflectorScene& s_;
-  ImageView<const std::uint64_t> sums_;
-};
+  if (count == 0) return 0.0F;
+  float* const chosen = around + count * 2 / 5;
+  select_nth(around, chosen, around + count);
+  return *chosen;
+}
 
 template <class Executor>
-Status find_ground(const RetroreflectionParams& p, float wetness, const ReflectorScene& s,
-                   ImageView<Retroreflector> out, Workspace& workspace, Executor& executor) {
-  const WorkspaceScope scope(workspace);
-  ImageView<std::uint64_t> sums;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(Shape{out.width() + 1, out.height() + 1}, sums));
-  const GroundAround around(s, sums);
-  const float paint_albedo = p.marking_contrast * albedo_of_road(s.labels, s.albedo);
+void find_ground(const RetroreflectionParams& p, float wetness, const ReflectorScene& s, ImageView<Retroreflector> out,
+                 Executor& executor) {
+  const float road = albedo_of_road(s.labels, s.albedo);
   const float left = 1.0F - (1.0F - p.wet_share) * wetness;
   const Retroreflector paint{left * p.marking_cd_lx_m2 / kWhitePaint, RetroKind::beads};
   const Retroreflector grain{left * p.road_cd_lx_m2 / kAsphalt, RetroKind::grain};
@@ -302,14 +275,13 @@ Status find_ground(const RetroreflectionParams& p, float wetness, const Reflecto
         const Label l = s.labels(x, y);
         if (!kGroundLabels.contains(l)) continue;
         const float own = luminance(s.albedo(x, y));
-        const bool painted =
-            kPainted.contains(l) && paint_albedo > 0.0F && own > paint_albedo && own > p.local_contrast * around(x, y);
+        const bool painted = kPainted.contains(l) && road > 0.0F && own > p.marking_contrast * road &&
+                             own > p.marking_contrast * albedo_around(s, x, y);
         out(x, y) = painted ? paint : grain;
         out(x, y).strength *= share_of_bright(most_of(s.albedo(x, y)));
       }
     }
   });
-  return {};
 }
 
 // Makes sheeting of every piece of the pixels for which is_member(x, y), white of which has the R_A `white_cd_lx_m2`.
@@ -373,7 +345,7 @@ Status find_retroreflectors(const RetroreflectionParams& p, float wetness, const
   for (Retroreflector& r : out.pixels()) r = Retroreflector{};
   if (!p.on) return {};
   if (!scene.labels.empty()) {
-    NPSIM_RETURN_IF_ERROR(find_ground(p, wetness, scene, out, workspace, executor));
+    find_ground(p, wetness, scene, out, executor);
     const auto is_sign = [&](int x, int y) { return scene.labels(x, y) == label::traffic_sign; };
     NPSIM_RETURN_IF_ERROR(find_sheeting(p.sign_cd_lx_m2, false, is_sign, scene.albedo, out, workspace));
   }
