@@ -1130,11 +1130,18 @@ TEST_CASE("roughness follows the label; the priors are usable") {
   CHECK(alpha[2] < alpha[1]);
   CHECK(alpha[3] == surface_prior(label::unlabeled).alpha);
   CHECK(alpha[1] == surface_prior(label::building).alpha);
-  REQUIRE(estimate_roughness(ImageView<const Label>(labels.data(), shape), kVehicleLabels,
-                             ImageView<float>(alpha.data(), shape), serial)
+  // A wide gloss makes what is narrow wide, and nothing else.
+  labels = {label::road, label::car, label::bicycle, label::building};
+  const ImageView<float> out(alpha.data(), shape);
+  REQUIRE(estimate_roughness(ImageView<const Label>(labels.data(), shape),
+                             {kVehicleLabels | LabelSet::of(label::bicycle), 0.7F}, out, serial)
               .ok());
   CHECK(alpha[0] == surface_prior(label::road).alpha);
+  CHECK(alpha[1] == 0.7F);
   CHECK(alpha[2] == kMatt);
+  CHECK(alpha[3] == surface_prior(label::building).alpha);
+  CHECK(estimate_roughness(ImageView<const Label>(labels.data(), shape), {kVehicleLabels, 1.1F}, out, serial).code() ==
+        StatusCode::invalid_argument);
   for (const SurfacePrior& s : kSurfacePriors) {
     CHECK_UNARY(s.albedo > 0.02F && s.albedo < 0.9F && s.alpha > 0.0F && (s.alpha <= 1.0F || s.alpha == kMatt));
   }

@@ -270,7 +270,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("vehicles are matt where their normals and roughness are guessed, but for those of exact depth") {
+TEST_CASE("vehicles have a wide gloss where their normals and roughness are guessed, but for those of exact depth") {
   struct Case {
     DepthSource source;
     bool normals, roughness, changes;
@@ -290,12 +290,12 @@ TEST_CASE("vehicles are matt where their normals and roughness are guessed, but 
     if (c.roughness) view.roughness = street.roughness.view();
     NightParams params = default_night_params();
     params.relight.gather.rays = 1;  // one is enough to differ
-    const Sink matt = npsim::testing::night_of<Sink>(view, params);
-    params.relight.material.matt_if_guessed = {};
+    const Sink wide = npsim::testing::night_of<Sink>(view, params);
+    params.relight.material.wide_if_guessed = {};
     const Sink glossy = npsim::testing::night_of<Sink>(view, params);
     int changed = 0;
     for (int y = 0; y < 90; ++y) {
-      for (int x = 0; x < 160; ++x) changed += matt.night_image(x, y) == glossy.night_image(x, y) ? 0 : 1;
+      for (int x = 0; x < 160; ++x) changed += wide.night_image(x, y) == glossy.night_image(x, y) ? 0 : 1;
     }
     CHECK((changed > 0) == c.changes);
   }

@@ -17,17 +17,32 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 
 // Roughness (GGX alpha) of every pixel by its class, dry, where no inverse-rendering network supplies it, and the alpha
-// of such a network's roughness. Classes whose normals are too unsure to mirror a lamp can be made matt.
+// of such a network's roughness. Classes whose normals are too unsure to mirror a lamp can be given a wider gloss: over
+// normals that scatter, a narrow lobe is on average a wide one (Toksvig, Journal of Graphics Tools 2005).
 //
 // Cost: one look-up per pixel.
 
 // Roughness as renderers, glTF and networks give it, 0..1, looks even; GGX alpha is its square (Burley, SIGGRAPH 2012).
 [[nodiscard]] constexpr float alpha_of_roughness(float roughness) noexcept { return roughness * roughness; }
 
-// GGX alpha by class, kMatt for what has none and for `matt`. `labels` may be empty: one class.
+// Classes that have a GGX alpha of at least `alpha`.
+struct WideGloss {
+  LabelSet labels;
+  float alpha = 0.8F;
+};
+
+[[nodiscard]] inline Status validate(const WideGloss& w) noexcept {
+  return w.alpha > 0.0F && w.alpha <= 1.0F
+             ? Status()
+             : Status(StatusCode::invalid_argument, "roughness: alpha of a wide gloss in (0, 1]");
+}
+
+// GGX alpha by class, kMatt for what has none. `labels` may be empty: one class.
 template <class Executor>
-Status estimate_roughness(ImageView<const Label> labels, LabelSet matt, ImageView<float> alpha, Executor& executor) {
+Status estimate_roughness(ImageView<const Label> labels, const WideGloss& wide, ImageView<float> alpha,
+                          Executor& executor) {
   if (alpha.empty()) return Status(StatusCode::invalid_argument, "roughness: the output is empty");
+  NPSIM_RETURN_IF_ERROR(validate(wide));
   if (!labels.empty() && labels.shape() != alpha.shape()) {
     return Status(StatusCode::shape_mismatch, "roughness: labels must have the shape of the output");
   }
@@ -36,7 +51,8 @@ Status estimate_roughness(ImageView<const Label> labels, LabelSet matt, ImageVie
       const int y = static_cast<int>(row);
       for (int x = 0; x < alpha.width(); ++x) {
         const Label l = labels.empty() ? label::unlabeled : labels(x, y);
-        alpha(x, y) = matt.contains(l) ? kMatt : surface_prior(l).alpha;
+        const float own = surface_prior(l).alpha;
+        alpha(x, y) = wide.labels.contains(l) && own < wide.alpha ? wide.alpha : own;
       }
     }
   });

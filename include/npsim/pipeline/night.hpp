@@ -70,7 +70,7 @@ struct NightParams {
   params.relight.activation.stop_probability = 0.0F;
   params.relight.denoise.iterations = 0;
   params.relight.unsure_light.reach = 0;
-  params.relight.material.matt_if_guessed = {};
+  params.relight.material.wide_if_guessed = {};
   params.relight.veils = VeilParams::none();
   params.relight.bodies = LabelSet();
   return params;

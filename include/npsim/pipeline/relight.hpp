@@ -100,6 +100,7 @@ struct RelightParams {
   NPSIM_RETURN_IF_ERROR(validate(p.unsure_light));
   NPSIM_RETURN_IF_ERROR(validate(p.sky));
   NPSIM_RETURN_IF_ERROR(validate(p.material.albedo));
+  NPSIM_RETURN_IF_ERROR(validate(p.material.wide_if_guessed));
   NPSIM_RETURN_IF_ERROR(validate(p.material.film));
   NPSIM_RETURN_IF_ERROR(validate(p.material.retroreflection));
   NPSIM_RETURN_IF_ERROR(validate(p.veils));

@@ -60,10 +60,10 @@ struct MaterialParams {
   AlbedoParams albedo;
   WetFilmParams film;
   RetroreflectionParams retroreflection;
-  // Without gloss where neither roughness nor normals are given and depth is not exact. Clear coat mirrors a lamp
-  // within some degrees, which normals of a sensor's or a network's depth do not resolve, and a car's back or flank
-  // would glare like chrome in the headlamps.
-  LabelSet matt_if_guessed = kVehicleLabels;
+  // Where neither roughness nor normals are given and depth is not exact. Clear coat mirrors a lamp within some degrees,
+  // which normals of a sensor's or a network's depth do not resolve, and a car's back or flank would glare like chrome in
+  // the headlamps.
+  WideGloss wide_if_guessed{kVehicleLabels};
 };
 
 struct SurfaceAttributes {
@@ -145,8 +145,8 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
   }
   if (scene.roughness.empty()) {
     const bool guessed = scene.normals.empty() && refined.source != DepthSource::exact;
-    const LabelSet matt = guessed ? params.matt_if_guessed : LabelSet{};
-    NPSIM_RETURN_IF_ERROR(estimate_roughness(refined.labels, matt, alpha, executor));
+    const WideGloss wide = guessed ? params.wide_if_guessed : WideGloss{};
+    NPSIM_RETURN_IF_ERROR(estimate_roughness(refined.labels, wide, alpha, executor));
   } else {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) alpha(x, y) = alpha_of_roughness(share(scene.roughness(x, y)));
