@@ -40,6 +40,7 @@
 #include "npsim/render/surface_points.hpp"
 #include "npsim/render/unsure_light.hpp"
 #include "npsim/render/visibility.hpp"
+#include "npsim/simd/fixed.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -389,7 +390,15 @@ class LightTransport {
     }
     for_pixels(begin, end, [&](int, int, std::size_t pixel, std::uint32_t, std::size_t r) {
       float even[kLightLanes], odd[kLightLanes], sum[kLightLanes];
-      gather_exitance(exitance_, scene_.hits.data() + r * static_cast<std::size_t>(rays_), rays_, even, odd);
+      const std::size_t first_hit = r * static_cast<std::size_t>(rays_);
+      // Hits lie anywhere: their lines are asked for some pixels ahead.
+      constexpr std::size_t kAhead = 32;
+      for (std::size_t s = first_hit + kAhead; s < first_hit + kAhead + static_cast<std::size_t>(rays_); ++s) {
+        if (s < scene_.hits.size() && scene_.hits[s] != kNoPoint) {
+          simd::prefetch(exitance_.data() + std::size_t{scene_.hits[s]} * kLightLanes);
+        }
+      }
+      gather_exitance(exitance_, scene_.hits.data() + first_hit, rays_, even, odd);
       for (std::size_t c = 0; c < kLightLanes; ++c) sum[c] = (even[c] + odd[c]) * share;
       for (std::size_t i = 0; i < in_batch_; ++i) add(street[i].luminance(scene_.unseen[r]) * kPi, sum + 3 * i);
       if (first_ == 0) add(scene_.sky_irradiance[r], sum);
