@@ -246,50 +246,57 @@ TEST_CASE("retroreflection: no surface returns more light than arrives, bright p
   }
 }
 
-TEST_CASE("retroreflection: wide pale ground is no paint, while lines, a stop line and bars of a crossing are") {
-  // 1.4 m above a level road, a pixel 3 to 60 m ahead. Pale ground is a lane wide from 6 to 20 m, 2.4 times the
-  // asphalt; paint of 2.2 to 5 times: a line of .12 m, a stop line of .4 m, worn bars of half a metre with as much
-  // between them.
-  const Shape shape{480, 240};
-  const Intrinsics camera{400.0F, 400.0F, 240.0F, 20.0F};
+TEST_CASE("retroreflection: wide pale ground is no paint, while lines, stop lines and bars of crossings are") {
+  // 1.4 m above a level road. Pale ground is a lane wide from 6 to 20 m, 2.4 times the asphalt; paint of 2.2 to 5 times:
+  // a line of .12 m, stop lines of .5 m near and far, worn bars .55 m wide along the view with .45 m between them, bars
+  // across it, and the line of a bay of which a strip of .3 m is seen between pavement and car.
+  const Shape shape{960, 480};
+  const Intrinsics camera{800.0F, 800.0F, 480.0F, 40.0F};
   constexpr float kHeight = 1.4F;
+  constexpr int kTop = 60;
   npsim_test::Image<Label> labels(shape, label::road);
   npsim_test::Image<Vec3f> albedo(shape, Vec3f{0.1F, 0.1F, 0.1F});
   npsim_test::Image<float> depth(shape, 0.0F);
   const auto within = [](float v, float low, float high) { return v >= low && v < high; };
-  enum class Kind { asphalt, pale, line, stop, bars };
+  enum class Kind { asphalt, pale, line, near_stop, far_stop, along, across, bay, other };
   const auto kind_at = [&](float x, float z) {
     if (within(x, 0.5F, 5.0F) && within(z, 6.0F, 20.0F)) return Kind::pale;
-    if (within(x, -0.6F, -0.48F) && z > 12.0F) return Kind::line;
-    if (within(x, -4.0F, 0.0F) && within(z, 9.0F, 9.4F)) return Kind::stop;
-    if (within(x, -4.0F, 0.0F) && within(z, 4.0F, 7.0F) && within(x - std::floor(x), 0.25F, 0.75F)) return Kind::bars;
-    return Kind::asphalt;
+    if (within(x, -0.6F, -0.48F) && z > 20.0F) return Kind::line;
+    if (within(x, -4.0F, -0.7F) && within(z, 9.0F, 9.5F)) return Kind::near_stop;
+    if (within(x, -4.0F, -0.7F) && within(z, 30.0F, 30.8F)) return Kind::far_stop;
+    if (within(x, -4.0F, 0.0F) && within(z, 4.5F, 7.0F) && within(x - std::floor(x), 0.25F, 0.8F)) return Kind::along;
+    if (within(x, -4.0F, 0.0F) && within(z, 12.0F, 16.0F) && within(z - std::floor(z), 0.2F, 0.7F)) return Kind::across;
+    if (within(x, -7.2F, -7.0F)) return Kind::bay;
+    return within(x, -7.25F, -6.95F) || x > -6.0F ? Kind::asphalt : Kind::other;
   };
   const auto at = [&](int x, int y) {
     const float z = camera.fy * kHeight / (static_cast<float>(y) + 0.5F - camera.cy);
     return std::pair{(static_cast<float>(x) + 0.5F - camera.cx) / camera.fx * z, z};
   };
-  for (int y = 30; y < shape.height; ++y) {
+  for (int y = kTop; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       const auto [side, z] = at(x, y);
-      constexpr float kAlbedo[] = {0.1F, 0.24F, 0.4F, 0.5F, 0.22F};
-      const float a = kAlbedo[static_cast<int>(kind_at(side, z))];
+      constexpr float kAlbedo[] = {0.1F, 0.24F, 0.4F, 0.5F, 0.5F, 0.22F, 0.22F, 0.5F, 0.2F};
+      const Kind kind = kind_at(side, z);
+      const float a = kAlbedo[static_cast<int>(kind)];
       depth.view()(x, y) = z;
       albedo.view()(x, y) = {a, a, a};
+      if (kind == Kind::other) labels.view()(x, y) = side < -7.25F ? label::sidewalk : label::car;
     }
   }
+  ReflectorScene scene{labels.cview(), {}, albedo.cview(), depth.cview(), camera, kHeight};
   npsim_test::Image<Retroreflector> out(shape);
   npsim_test::Scratch scratch(find_retroreflectors_workspace_bytes(shape));
   SerialExecutor serial;
-  const auto share_of_paint = [&](Kind kind, float border_m, bool has_depth) {
-    const ReflectorScene scene{
-        labels.cview(), {}, albedo.cview(), has_depth ? depth.cview() : ImageView<const float>(), camera, kHeight};
-    REQUIRE(find_retroreflectors({}, 0.0F, scene, out.view(), scratch.workspace(), serial).ok());
+  const auto find = [&] {
+    return find_retroreflectors({}, 0.0F, scene, out.view(), scratch.workspace(), serial).code();
+  };
+  const auto share_of_paint = [&](Kind kind, float border_m) {
     int all = 0, painted = 0;
-    for (int y = 30; y < shape.height; ++y) {
+    for (int y = kTop; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
         const auto [side, z] = at(x, y);
-        if (z > 40.0F || kind_at(side, z) != kind) continue;
+        if (kind_at(side, z) != kind) continue;
         if (kind_at(side - border_m, z) != kind || kind_at(side + border_m, z) != kind) continue;
         if (kind_at(side, z - border_m) != kind || kind_at(side, z + border_m) != kind) continue;
         ++all;
@@ -299,12 +306,24 @@ TEST_CASE("retroreflection: wide pale ground is no paint, while lines, a stop li
     REQUIRE(all > 50);
     return static_cast<double>(painted) / all;
   };
-  CHECK(share_of_paint(Kind::asphalt, 0.0F, true) == 0.0);
-  CHECK(share_of_paint(Kind::pale, 0.85F, true) == 0.0);
-  CHECK(share_of_paint(Kind::pale, 0.85F, false) == 1.0);  // the road's median alone
-  CHECK(share_of_paint(Kind::line, 0.0F, true) == 1.0);
-  CHECK(share_of_paint(Kind::stop, 0.0F, true) == 1.0);
-  CHECK(share_of_paint(Kind::bars, 0.0F, true) > 0.99);
+  REQUIRE(find() == StatusCode::ok);
+  CHECK(share_of_paint(Kind::asphalt, 0.0F) == 0.0);
+  CHECK(share_of_paint(Kind::pale, 1.1F) == 0.0);
+  CHECK(share_of_paint(Kind::pale, 0.0F) < 0.4);  // its borders
+  for (const Kind kind : {Kind::line, Kind::near_stop, Kind::far_stop, Kind::along, Kind::across, Kind::bay}) {
+    CAPTURE(static_cast<int>(kind));
+    CHECK(share_of_paint(kind, 0.0F) > 0.98);
+  }
+  scene.camera_height_m = -1.0F;
+  CHECK(find() == StatusCode::invalid_argument);
+  scene.camera_height_m = kHeight;
+  scene.camera.fx = 0.0F;
+  CHECK(find() == StatusCode::invalid_argument);
+  scene.depth = depth.cview().sub(0, 0, {10, 10});
+  CHECK(find() == StatusCode::shape_mismatch);
+  scene.depth = {};  // the road's median alone
+  REQUIRE(find() == StatusCode::ok);
+  CHECK(share_of_paint(Kind::pale, 0.0F) == 1.0);
 }
 
 TEST_CASE(

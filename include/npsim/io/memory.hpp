@@ -2,7 +2,8 @@
 // HostMemory: memory for a workspace that grows in place as the library asks for more (Workspace::ensure()).
 //
 // A range of addresses is reserved for the most that could be needed; only what is asked for can be touched, and only
-// that counts against the system's memory. Where the system has no such call (POSIX mmap), the most is allocated.
+// that counts against the system's memory. Where the system has no such call (POSIX mmap), the most is allocated. Where
+// it has large pages they are used, and what is touched counts in these.
 #ifndef NPSIM_IO_MEMORY_HPP
 #define NPSIM_IO_MEMORY_HPP
 
@@ -63,7 +64,7 @@ class HostMemory {
   static std::size_t grow(void* owner, std::size_t bytes) noexcept {
     auto& memory = *static_cast<HostMemory*>(owner);
 #if defined(NPSIM_IO_HAS_MMAP)
-    constexpr std::size_t kPage = std::size_t{1} << 21U;  // a large one
+    constexpr std::size_t kPage = std::size_t{1} << 21U;  // the large ones of most systems
     if (bytes > memory.most_) return memory.usable_;
     std::size_t wanted = (bytes + kPage - 1) / kPage * kPage;
     if (wanted > memory.most_) wanted = memory.most_;

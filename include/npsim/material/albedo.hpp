@@ -517,11 +517,17 @@ inline constexpr LabelSet kThinLabels = kPoleLabels | LabelSet::of(label::person
     if (behind != label::sky && !(is_thin && region_of(behind) < kOther)) continue;
     const float leaks = light_at(x + dx, y + dy);
     at_border = at_border || behind == label::sky || leaks > least;
-    // Thin things have it on both sides: no farther than to the middle of what is left of them.
-    int left = 0;
-    const auto is_own = [&](int u, int v) { return labels.contains(u, v) && labels(u, v) == labels(x, y); };
-    while (left < 2 * reach && is_own(x - (left + 1) * step[0], y - (left + 1) * step[1])) ++left;
-    const int middle = std::min(reach, (left + 1) / 2);
+    // Thin things have it on both sides: no farther than to their middle. Of two pixels the other one is as good.
+    const auto own_pixels = [&](int towards) {
+      int n = 0;
+      for (int u = x, v = y; n < 2 * reach; ++n) {
+        u += towards * step[0];
+        v += towards * step[1];
+        if (!labels.contains(u, v) || labels(u, v) != labels(x, y)) break;
+      }
+      return n;
+    };
+    const int middle = clamp_to((own_pixels(-1) - own_pixels(1) + 1) / 2, 0, reach);
     for (const int inwards : {middle, middle / 2}) {
       const int u = x - inwards * step[0];
       const int v = y - inwards * step[1];

@@ -391,7 +391,7 @@ class LightTransport {
     for_pixels(begin, end, [&](int, int, std::size_t pixel, std::uint32_t, std::size_t r) {
       float even[kLightLanes], odd[kLightLanes], sum[kLightLanes];
       const std::size_t first_hit = r * static_cast<std::size_t>(rays_);
-      // Hits lie anywhere: their lines are asked for some pixels ahead.
+      // Hits lie anywhere: their exitance is asked for ahead, by so many rays.
       constexpr std::size_t kAhead = 32;
       for (std::size_t s = first_hit + kAhead; s < first_hit + kAhead + static_cast<std::size_t>(rays_); ++s) {
         if (s < scene_.hits.size() && scene_.hits[s] != kNoPoint) {
