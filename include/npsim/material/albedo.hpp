@@ -517,20 +517,20 @@ inline constexpr LabelSet kThinLabels = kPoleLabels | LabelSet::of(label::person
     if (behind != label::sky && !(is_thin && region_of(behind) < kOther)) continue;
     const float leaks = light_at(x + dx, y + dy);
     at_border = at_border || behind == label::sky || leaks > least;
+    const auto is_own = [&](int u, int v) { return labels.contains(u, v) && labels(u, v) == labels(x, y); };
     // Thin things have it on both sides: no farther than to their middle. Of two pixels the other one is as good.
-    const auto own_pixels = [&](int towards) {
-      int n = 0;
-      for (int u = x, v = y; n < 2 * reach; ++n) {
-        u += towards * step[0];
-        v += towards * step[1];
-        if (!labels.contains(u, v) || labels(u, v) != labels(x, y)) break;
-      }
-      return n;
-    };
-    const int middle = clamp_to((own_pixels(-1) - own_pixels(1) + 1) / 2, 0, reach);
-    for (const int inwards : {middle, middle / 2}) {
+    int most = reach;
+    if (is_thin) {
+      int inner_px = 0;
+      int outer_px = 0;
+      while (inner_px < 2 * reach && is_own(x - (inner_px + 1) * step[0], y - (inner_px + 1) * step[1])) ++inner_px;
+      while (outer_px < reach && is_own(x + (outer_px + 1) * step[0], y + (outer_px + 1) * step[1])) ++outer_px;
+      most = clamp_to((inner_px - outer_px + 1) / 2, 0, reach);
+    }
+    for (const int inwards : {most, most / 2}) {
       const int u = x - inwards * step[0];
       const int v = y - inwards * step[1];
+      if (!is_own(u, v)) continue;
       const float inner = light_at(u, v);
       if (inner >= least || (behind != label::sky && inner >= leaks)) continue;
       least = inner;
