@@ -247,8 +247,8 @@ TEST_CASE("retroreflection: no surface returns more light than arrives, bright p
 }
 
 TEST_CASE("retroreflection: wide pale ground is no paint, while lines, stop lines and bars of crossings are") {
-  // 1.4 m above a level road. Pale ground is a lane wide from 6 to 20 m, 2.4 times the asphalt; paint of 2.2 to 5 times:
-  // a line of .12 m, stop lines of .5 m near and far, worn bars .55 m wide along the view with .45 m between them, bars
+  // 1.4 m above a level road. Pale ground is a lane wide from 6 to 20 m, 2.4 times the asphalt; paint of 2.2 to 5
+  // times: a line of .12 m, stop lines near and far, worn bars .55 m wide along the view with .45 m between them, bars
   // across it, and the line of a bay of which a strip of .3 m is seen between pavement and car.
   const Shape shape{960, 480};
   const Intrinsics camera{800.0F, 800.0F, 480.0F, 40.0F};

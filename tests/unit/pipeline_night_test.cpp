@@ -422,6 +422,7 @@ TEST_CASE("night: parameters that are not finite or out of range are refused bef
   CHECK(code([&](NightParams& p) { p.relight.placement.max_side_m = nan; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.relight.f0 = nan; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.relight.f0 = 7; }) == StatusCode::invalid_argument);
+  CHECK(code([&](NightParams& p) { p.relight.material.wide_if_guessed.alpha = nan; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.relight.following_car_m = nan; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.relight.following_car_m = 3; }) == StatusCode::invalid_argument);
   CHECK(code([&](NightParams& p) { p.relight.bounces = 0; }) == StatusCode::invalid_argument);

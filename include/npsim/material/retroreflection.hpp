@@ -67,8 +67,8 @@ struct RetroreflectionParams {
   float marking_cd_lx_m2 = 0.15F;  // R_L of white paint, dry: EN 1436 class R3 [default]; R2 .1, R4 .2, R5 .3
   float road_cd_lx_m2 = 0.0125F;   // R_L of bare asphalt, dry: .010 to .020, less what bsdf.hpp gives there
   float wet_share = 0.2F;          // what a film of water leaves: RW2 .035 of R3 .15
-  // Paint has so many times the albedo of the picture's road and of a third of the ground around it; old concrete has .2
-  // to asphalt's .1 [default].
+  // Paint has so many times the albedo of the picture's road and of a third of the ground around it; old concrete has
+  // .2 to asphalt's .1 [default].
   float marking_contrast = 2.0F;
 };
 

@@ -61,8 +61,8 @@ struct MaterialParams {
   WetFilmParams film;
   RetroreflectionParams retroreflection;
   // A wide gloss where neither roughness nor normals are given and depth is not exact. Clear coat mirrors a lamp within
-  // some degrees, which normals of a sensor's or a network's depth do not resolve, and a car's back or flank would glare
-  // like chrome in the headlamps.
+  // some degrees, which normals of a sensor's or a network's depth do not resolve, and a car's back or flank would
+  // glare like chrome in the headlamps.
   WideGloss wide_if_guessed{kVehicleLabels};
 };
 
