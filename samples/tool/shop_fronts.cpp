@@ -34,13 +34,13 @@ io::Expected<std::vector<std::uint8_t>> shop_fronts(const NightParams& params, c
   const auto is_window = [](const LightMark& mark) { return mark.cls == LightClass::window_building; };
   if (params.relight.activation.by_text_alone) return by_mark;
   if (std::none_of(scene.lights.begin(), scene.lights.end(), is_window)) return by_mark;
-  io::Scene small = scene;
-  const Shape full = scene.shape();
-  if (full.width > kShopFrontWidth) {
-    const Shape shape{kShopFrontWidth, std::max(1, full.height * kShopFrontWidth / full.width)};
-    if (const io::Outcome resized = io::resize_scene(small, shape); !resized) return resized.error();
+  Shape shape = scene.shape();
+  if (shape.width > kShopFrontWidth) {
+    shape = {kShopFrontWidth, std::max(1, shape.height * kShopFrontWidth / shape.width)};
   }
-  const SceneView view = small.view();
+  const io::Expected<io::Scene> small = io::resized_scene(scene, shape);
+  if (!small) return small.error();
+  const SceneView view = small.value().view();
   io::HostMemory memory(refine_depth_workspace_bytes(params.depth, view.shape()));
   Workspace workspace = memory.workspace();
   ThreadPool pool(thread_count(threads));
