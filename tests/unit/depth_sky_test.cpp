@@ -23,13 +23,20 @@ void find(const Image<Rgb8>& image, const Image<float>& depth, DepthSource sourc
   REQUIRE(find_sky(ground, camera, image.cview(), depth.cview(), source, surface.view(), scratch.workspace()).ok());
 }
 
+// A photograph and its depth, which those that follow draw, and what is found in them.
+struct Drawn {
+  Shape shape;
+  Image<Rgb8> image;
+  Image<float> depth;
+  Image<std::uint8_t> surface;
+  GroundPlane ground;
+  explicit Drawn(Shape s, const Rgb8& all = {}) : shape(s), image(s, all), depth(s, 0.0F), surface(s, 9) {}
+  void run(DepthSource source = DepthSource::lidar) { find(image, depth, source, surface, ground); }
+};
+
 // Measured below row 40; a dark tower from there up to row 10, and beside it the sky down to row 30.
-struct View {
-  Shape shape{100, 60};
-  Image<Rgb8> image{shape, Rgb8{70, 70, 60}};
-  Image<float> depth{shape, 0.0F};
-  Image<std::uint8_t> surface{shape, 9};
-  View() {
+struct View : Drawn {
+  View() : Drawn({100, 60}, {70, 70, 60}) {
     for (int y = 0; y < 60; ++y) {
       for (int x = 0; x < 100; ++x) {
         const bool tower = x >= 30 && x < 60 && y >= 10;
@@ -38,7 +45,6 @@ struct View {
       }
     }
   }
-  void run(DepthSource source = DepthSource::lidar) { find(image, depth, source, surface); }
 };
 
 }  // namespace
@@ -94,14 +100,10 @@ namespace {
 
 // A sensor that looks up to row 10: walls on either side answer all the way, the gap between them only below row 40.
 // The sky fills the gap and all above the walls, which are taller than the field of view and end at row 4.
-struct Canyon {
-  Shape shape{200, 60};
-  Image<Rgb8> image{shape};
-  Image<float> depth{shape, 0.0F};
-  Image<std::uint8_t> surface{shape, 9};
+struct Canyon : Drawn {
   static bool wall(int x, int y) { return y >= 4 && (x < 70 || x >= 130); }
   // grain: how much the two differ from pixel to pixel.
-  Canyon(const Rgb8& of_wall, int wall_grain, const Rgb8& of_sky, int sky_grain) {
+  Canyon(const Rgb8& of_wall, int wall_grain, const Rgb8& of_sky, int sky_grain) : Drawn({200, 60}) {
     const auto rough = [](const Rgb8& c, int grain, int x, int y) {
       const int off = ((x * 7 + y * 13) % 3 - 1) * grain;
       const auto add = [off](int v) { return static_cast<std::uint8_t>(v + off); };
@@ -109,16 +111,16 @@ struct Canyon {
     };
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
-        const bool ground = y >= 40;
-        image(x, y) = ground       ? Rgb8{90, 90, 90}
+        const bool street = y >= 40;
+        image(x, y) = street       ? Rgb8{90, 90, 90}
                       : wall(x, y) ? rough(of_wall, wall_grain, x, y)
                                    : rough(of_sky, sky_grain, x, y);
-        if ((ground || (wall(x, y) && y >= 10)) && (x + y) % 3 == 0) depth(x, y) = 20.0F;
+        if ((street || (wall(x, y) && y >= 10)) && (x + y) % 3 == 0) depth(x, y) = 20.0F;
       }
     }
   }
   int wrong() {
-    find(image, depth, DepthSource::lidar, surface);
+    run();
     int n = 0;
     for (int y = 0; y < 40; ++y) {
       for (int x = 0; x < shape.width; ++x) {
@@ -144,7 +146,7 @@ TEST_CASE("far trees that do not answer are no sky") {
   for (int y = 8; y < 40; ++y) {
     for (int x = 70; x < 130; ++x) v.image(x, y) = v.image(x - 60, y);
   }
-  find(v.image, v.depth, DepthSource::lidar, v.surface);
+  v.run();
   CHECK(v.surface(20, 8) == 1);  // the wall's top, above the field of view
   CHECK(v.surface(100, 2) == 0);
   CHECK(v.surface(20, 1) == 0);
@@ -159,7 +161,7 @@ TEST_CASE("smooth houses out of reach below rough clouds are not the sky") {
       if (!Canyon::wall(x, y) && y >= 8 && y < 40) v.image(x, y) = Rgb8{90, 60, 40};
     }
   }
-  find(v.image, v.depth, DepthSource::lidar, v.surface);
+  v.run();
   for (int x = 0; x < 200; ++x) CHECK(v.surface(x, 1) == 0);
 }
 
@@ -485,13 +487,9 @@ TEST_CASE("the sky comes up to a pole that the sensor sees high up, between its 
 namespace {
 
 // A street 140 px wide, measured from row 60 on, as far as every row and every third column; skies to be told from it.
-struct Wide {
-  Shape shape{140, 100};
-  Image<Rgb8> image{shape, Rgb8{90, 90, 90}};
-  Image<float> depth{shape, 0.0F};
-  Image<std::uint8_t> surface{shape, 9};
+struct Wide : Drawn {
   template <class Colour>
-  explicit Wide(const Colour& colour) {
+  explicit Wide(const Colour& colour) : Drawn({140, 100}) {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
         image(x, y) = colour(x, y);
@@ -502,7 +500,7 @@ struct Wide {
   // Of rows [from, to) at columns where the predicate holds, the share that is sky.
   template <class Column>
   double sky(int from, int to, const Column& column) {
-    find(image, depth, DepthSource::lidar, surface);
+    run();
     double n = 0;
     double count = 0;
     for (int y = from; y < to; ++y) {
@@ -698,7 +696,7 @@ TEST_CASE("white clouds that come down to the houses below a blue sky are sky to
 
 TEST_CASE("storm clouds of a third of the brightness of white fronts beside them are the sky") {
   Canyon v({238, 236, 232}, 10, {88, 90, 94}, 2);
-  find(v.image, v.depth, DepthSource::lidar, v.surface);
+  v.run();
   CHECK(v.surface(100, 4) == 0);
   CHECK(v.surface(20, 8) == 1);
 }
@@ -816,19 +814,14 @@ namespace {
 // A laser of one row in four: a street below row 60, a wall up to row 40 on the right, a pole and a wire across all
 // that both answer from row 10 on. The sky is of clouds. A dark tower out of reach, up to the upper edge, tells it from
 // the rest where there is one.
-struct Wired {
-  Shape shape{200, 90};
-  Image<Rgb8> image{shape};
-  Image<float> depth{shape, 0.0F};
-  Image<std::uint8_t> surface{shape, 9};
-  GroundPlane ground;
+struct Wired : Drawn {
   bool has_tower;
   static bool wall(int x, int y) { return x >= 140 && y >= 40; }
   static bool pole(int x, int y) { return x >= 60 && x < 63 && y >= 10; }
   static bool wire(int y) { return y == 12; }
   static bool street(int y) { return y >= 60; }
   [[nodiscard]] bool tower(int x) const { return has_tower && x >= 20 && x < 40; }
-  Wired(int sky, bool with_tower) : has_tower(with_tower) {
+  Wired(int sky, bool with_tower) : Drawn({200, 90}), has_tower(with_tower) {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
         const auto cloud = static_cast<std::uint8_t>(sky + (x / 8 + y / 4) % 5);
@@ -840,7 +833,6 @@ struct Wired {
       }
     }
   }
-  void run() { find(image, depth, DepthSource::lidar, surface, ground); }
   // Pixels of the sky called surface, and the other way round.
   [[nodiscard]] int wrong() {
     run();

@@ -505,6 +505,7 @@ inline constexpr LabelSet kThinLabels = kPoleLabels | LabelSet::of(label::person
   const Rgb8 own = c.scene.image(x, y);
   if (labels.empty()) return own;
   const auto light_at = [&](int u, int v) { return luminance(c.picture.light_of(c.scene.image(u, v))); };
+  const auto is_own = [&](int u, int v) { return labels.contains(u, v) && labels(u, v) == labels(x, y); };
   const bool is_thin = kThinLabels.contains(labels(x, y));
   const int reach = c.picture.radius(kLoose_px) * c.picture.factor;
   Rgb8 best = own;
@@ -517,7 +518,6 @@ inline constexpr LabelSet kThinLabels = kPoleLabels | LabelSet::of(label::person
     if (behind != label::sky && !(is_thin && region_of(behind) < kOther)) continue;
     const float leaks = light_at(x + dx, y + dy);
     at_border = at_border || behind == label::sky || leaks > least;
-    const auto is_own = [&](int u, int v) { return labels.contains(u, v) && labels(u, v) == labels(x, y); };
     // Thin things have it on both sides: no farther than to their middle. Of two pixels the other one is as good.
     int most = reach;
     if (is_thin) {

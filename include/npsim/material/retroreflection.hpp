@@ -334,16 +334,17 @@ Status find_retroreflectors(const RetroreflectionParams& p, float wetness, const
   using namespace retro_detail;
   NPSIM_RETURN_IF_ERROR(validate(p));
   const Shape shape = out.shape();
-  const auto fits = [&](Shape s, bool empty) { return empty || s == shape; };
-  if (scene.albedo.shape() != shape || !fits(scene.labels.shape(), scene.labels.empty()) ||
-      !fits(scene.marked.shape(), scene.marked.empty()) || !fits(scene.depth.shape(), scene.depth.empty())) {
+  const auto fits = [shape](const auto& view) { return view.empty() || view.shape() == shape; };
+  if (scene.albedo.shape() != shape || !fits(scene.labels) || !fits(scene.marked) || !fits(scene.depth)) {
     return Status(StatusCode::shape_mismatch,
                   "retroreflection: labels, marks, albedo, depth and output must have one size");
   }
   for (Retroreflector& r : out.pixels()) r = Retroreflector{};
-  if (!scene.depth.empty()) NPSIM_RETURN_IF_ERROR(validate(scene.camera));
-  if (!scene.depth.empty() && !(scene.camera_height_m > 0.0F)) {
-    return Status(StatusCode::invalid_argument, "retroreflection: the camera must be above the road");
+  if (!scene.depth.empty()) {
+    NPSIM_RETURN_IF_ERROR(validate(scene.camera));
+    if (!(scene.camera_height_m > 0.0F)) {
+      return Status(StatusCode::invalid_argument, "retroreflection: the camera must be above the road");
+    }
   }
   if (!p.on) return {};
   if (!scene.labels.empty()) {

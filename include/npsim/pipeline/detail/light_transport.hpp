@@ -393,10 +393,10 @@ class LightTransport {
       const std::size_t first_hit = r * static_cast<std::size_t>(rays_);
       // Hits lie anywhere: their exitance is asked for ahead, by so many rays.
       constexpr std::size_t kAhead = 32;
-      for (std::size_t s = first_hit + kAhead; s < first_hit + kAhead + static_cast<std::size_t>(rays_); ++s) {
-        if (s < scene_.hits.size() && scene_.hits[s] != kNoPoint) {
-          simd::prefetch(exitance_.data() + std::size_t{scene_.hits[s]} * kLightLanes);
-        }
+      const std::size_t end_ahead = std::min(first_hit + kAhead + static_cast<std::size_t>(rays_), scene_.hits.size());
+      for (std::size_t s = first_hit + kAhead; s < end_ahead; ++s) {
+        const std::uint32_t hit = scene_.hits[s];
+        if (hit != kNoPoint) simd::prefetch(exitance_.data() + std::size_t{hit} * kLightLanes);
       }
       gather_exitance(exitance_, scene_.hits.data() + first_hit, rays_, even, odd);
       for (std::size_t c = 0; c < kLightLanes; ++c) sum[c] = (even[c] + odd[c]) * share;
