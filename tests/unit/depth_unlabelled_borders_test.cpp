@@ -201,6 +201,23 @@ TEST_CASE(
   }
 }
 
+TEST_CASE(
+    "hidden points: of a scanner whose lines are 6 rows apart they go too, where a dense one has a gap they stay") {
+  for (const int apart : {6, 1}) {
+    Frame f;
+    for (int y = 40; y < 121; y += apart) {
+      for (int x = 0; x < kShape.width; x += 3) f.measured(x, y) = true_m(x);
+    }
+    for (int y = 73; y < 80; ++y) {  // a dark pane
+      for (int x = 115; x < 126; ++x) f.measured(x, y) = 0.0F;
+    }
+    f.measured(120, 76) = 20.0F;
+    CHECK(f.visible()(120, 76) == (apart == 6 ? 0.0F : 20.0F));
+    CHECK(f.visible()(81, 40) == 10.0F);
+    CHECK(f.visible()(78, 70) == 20.0F);
+  }
+}
+
 TEST_CASE("hidden points: a wall 7 % behind stays, and so does what has surfaces of several depths around it") {
   for (const bool close : {true, false}) {
     Frame f;

@@ -4,16 +4,17 @@
 // A scanner stands higher than the camera or beside it and looks past what hides a wall or a road from the camera. Such
 // points project into the picture of the near thing: its roof and its sides are torn by the depth of what lies behind.
 // Hidden is a point with nearer ones, by kHiddenFarther of its depth, to its left and right and above and below it,
-// within a 120th of the width, of which the nearest each way are of one surface: within kHiddenSurface of one another.
-// At the outline of a thing, and beside a pole, one way is free. What is seen through a fence whose bars are closer
-// than that is dropped as well. Where a quarter of the picture or more is measured sweeps were put together, from which
+// within hidden_reach_px(), of which the nearest each way are of one surface: within kHiddenSurface of one another. At
+// the outline of a thing, and beside a pole, one way is free. What is seen through a fence whose bars are closer than
+// that is dropped as well. Where a quarter of the picture or more is measured sweeps were put together, from which
 // whoever did that has taken such points. Labels know borders better (measured/border_spill.hpp).
-// Cost: a window of a 60th of the width for each measured pixel. Memory: none.
+// Cost: a window of some 25 measured pixels for each. Memory: none.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_HIDDEN_POINTS_HPP
 #define NPSIM_DEPTH_DETAIL_MEASURED_HIDDEN_POINTS_HPP
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 
@@ -52,15 +53,32 @@ inline constexpr std::size_t kOneSweep = 4;
   return *least > 0.0F && *most <= kHiddenSurface * *least;
 }
 
+// A 120th of the width, or farther where points are: those of a scanner of 32 lines lie 20 to 30 px apart, and its next
+// line has to be within reach. 0: sweeps were put together, or nothing is measured.
+[[nodiscard]] inline int hidden_reach_px(ImageView<const float> depth) noexcept {
+  constexpr float kApart = 2.4F;  // mean distances of points: that of a scanner of 64 lines is a 300th of the width
+  constexpr int kMost = 30;       // of the width
+  std::size_t count = 0;
+  int first = depth.height();
+  int last = 0;
+  for (int y = 0; y < depth.height(); ++y) {
+    const std::size_t before = count;
+    for (int x = 0; x < depth.width(); ++x) count += is_valid_depth(depth(x, y)) ? 1U : 0U;
+    if (count == before) continue;
+    first = std::min(first, y);
+    last = y;
+  }
+  if (count == 0 || kOneSweep * count >= depth.shape().pixels()) return 0;
+  const float area = static_cast<float>(depth.width()) * static_cast<float>(last - first + 1);
+  const int by_points = static_cast<int>(kApart * std::sqrt(area / static_cast<float>(count)) + 0.5F);
+  return std::max(2, std::max(depth.width() / 120, std::min(by_points, depth.width() / kMost)));
+}
+
 // measured: the shape of depth, and other memory; what is hidden becomes 0.
 template <class Executor>
 void drop_hidden_points(ImageView<const float> depth, ImageView<float> measured, Executor& executor) noexcept {
-  std::size_t count = 0;
-  for (int y = 0; y < depth.height(); ++y) {
-    for (int x = 0; x < depth.width(); ++x) count += is_valid_depth(depth(x, y)) ? 1U : 0U;
-  }
-  if (kOneSweep * count >= depth.shape().pixels()) return;
-  const int reach = std::max(2, depth.width() / 120);
+  const int reach = hidden_reach_px(depth);
+  if (reach == 0) return;
   for_pixels(depth.shape(), executor, [&](int x, int y) {
     if (is_valid_depth(depth(x, y)) && is_hidden(depth, reach, x, y)) measured(x, y) = 0.0F;
   });
