@@ -72,6 +72,12 @@ struct Street {
   }
 };
 
+// A car 8 m away, in columns 200 to 279, as far down as h metres above the road.
+[[nodiscard]] bool in_car(int x, int y, float h) {
+  return x >= 200 && x < 280 && y > 100 && 1.5F - 8.0F * fall(y) >= h;
+}
+constexpr DepthNoise kLaserNoise{0.02F, 2, 1.0F, 1.0F};
+
 // Bright and dark in the finest detail, in no direction.
 [[nodiscard]] Vec3f leaf(int x, int y) { return Vec3f{0.05F, 0.09F, 0.03F} * std::exp2(4.0F * (draw(x, y) - 0.6F)); }
 
@@ -168,6 +174,92 @@ TEST_CASE("guessed labels: a ramp under a laser's lines is ground as far as it l
   CHECK(s.share(label::building, 0, 95, top, 160) > 0.98);
 }
 
+TEST_CASE("guessed labels: a bumper whose ribs a laser measures at every other line is no flat ground") {
+  Street s;
+  s.lines = true;
+  s.noise = kLaserNoise;
+  s.measure([](int x, int y) {
+    if (y % 5 != 0 || x % 3 != 0 || y < 130) return 0.0F;
+    return in_car(x, y, 0.2F) ? (y % 2 == 0 ? 8.0F : 8.5F) : std::fmin(20.0F, road_m(y));
+  });
+  s.guess();
+  CHECK(s.share(label::building, 205, 275, 130, 181) > 0.98);
+  CHECK(s.share(label::road, 205, 275, 195, 270) > 0.98);
+}
+
+TEST_CASE("guessed labels: between a laser's lines a shade as dark as the car that casts it is road") {
+  Street s;
+  s.lines = true;
+  s.noise = kLaserNoise;
+  s.paint([](int x, int y) {
+    const bool shade = x >= 280 && x < 340 && y > 175 && y < 225;
+    return in_car(x, y, 0.1F) || shade ? Vec3f{0.01F, 0.01F, 0.01F} : Vec3f{0.2F, 0.2F, 0.2F};
+  });
+  s.measure([](int x, int y) {
+    if (y % 22 != 0 || x % 3 != 0) return 0.0F;
+    return in_car(x, y, 0.1F) ? 8.0F : std::fmin(20.0F, road_m(y));
+  });
+  s.guess();
+  CHECK(s.share(label::road, 282, 292, 177, 223) > 0.98);
+  CHECK(s.share(label::building, 203, 278, 105, 175) > 0.98);
+}
+
+TEST_CASE("guessed labels: a bumper as dark as the shade below it stands down to a quarter of a metre above the road") {
+  Street s;
+  s.lines = true;
+  s.noise = kLaserNoise;
+  s.paint([](int x, int y) {
+    if (x < 200 || x >= 280 || y > 230) return Vec3f{0.2F, 0.2F, 0.2F};
+    return y < 170 ? Vec3f{0.4F, 0.02F, 0.02F} : Vec3f{0.01F, 0.01F, 0.01F};
+  });
+  s.measure([](int x, int y) {
+    if (y % 30 != 14 || x % 3 != 0) return 0.0F;
+    return in_car(x, y, 0.1F) ? 8.0F : std::fmin(20.0F, road_m(y));
+  });
+  s.guess();
+  CHECK(s.share(label::building, 205, 275, 165, 181) > 0.98);
+  CHECK(s.share(label::road, 205, 275, 195, 270) > 0.98);
+}
+
+TEST_CASE("guessed labels: dark grain that a laser finds smooth is paint, that which scatters its points is leaves") {
+  for (const float scatter_m : {0.02F, 0.25F}) {
+    Street s;
+    s.lines = true;
+    s.noise = kLaserNoise;
+    s.paint([](int x, int y) {
+      return y < 130 ? Vec3f{0.04F, 0.04F, 0.04F} * std::exp2(draw(x, y) - 0.5F) : Vec3f{0.2F, 0.2F, 0.2F};
+    });
+    s.measure([&](int x, int y) {
+      if (y % 12 != 0 || x % 3 != 0) return 0.0F;
+      return road_m(y) < 20.0F ? road_m(y) : 20.0F + 3.4F * scatter_m * (draw(x, y) - 0.5F);
+    });
+    s.guess();
+    CAPTURE(scatter_m);
+    CHECK(s.share(label::vegetation, 10, 470, 10, 120) == doctest::Approx(scatter_m > 0.1F ? 1.0 : 0.0).epsilon(0.03));
+  }
+}
+
+TEST_CASE(
+    "guessed labels: a point of a laser is off the line of its neighbours by its noise, or more; alone it is none") {
+  const auto stands = [](int x, int) { return x < 400; };
+  Image<float> depth(kShape, 0.0F);
+  const auto scanned = [&](int x, int y) {
+    return refine_detail::scanned_surface(depth.cview(), kCamera, kLaserNoise, stands, x, y);
+  };
+  using refine_detail::Scanned;
+  // A wall along the street: 1/z is a line.
+  for (int x = 0; x < kShape.width; x += 4) depth(x, 100 + (x / 4) % 2) = 1.0F / (0.1F + 2e-4F * static_cast<float>(x));
+  CHECK(scanned(240, 100) == Scanned::smooth);
+  depth(240, 100) += 0.05F;  // seen at 6.8 m
+  CHECK(scanned(240, 100) == Scanned::smooth);
+  depth(240, 100) += 0.05F;
+  CHECK(scanned(240, 100) == Scanned::rough);
+  CHECK(scanned(0, 100) == Scanned::alone);    // nothing to its left
+  CHECK(scanned(396, 101) == Scanned::alone);  // what is to its right lies
+  depth(200, 200) = 6.0F;
+  CHECK(scanned(200, 200) == Scanned::alone);
+}
+
 TEST_CASE(
     "guessed labels: leaves are plants, and neither bricks, stripes, shingle of grey, nor what is flat and green") {
   Street s;
@@ -201,7 +293,8 @@ TEST_CASE("guessed labels: a crown at any focal length is one, and a pane in it 
     }
     npsim_test::Scratch scratch(refine_detail::guess_labels_workspace_bytes(shape));
     SerialExecutor serial;
-    REQUIRE(refine_detail::tell_plants(image.cview(), camera, labels.view(), scratch.workspace(), serial).ok());
+    REQUIRE(refine_detail::tell_plants(image.cview(), {}, camera, nullptr, labels.view(), scratch.workspace(), serial)
+                .ok());
     CAPTURE(factor);
     CHECK(labels(60 * factor, 60 * factor) == label::vegetation);
     CHECK(labels(124 * factor, 104 * factor) == label::vegetation);

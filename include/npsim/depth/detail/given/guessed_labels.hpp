@@ -6,13 +6,15 @@
 //   sky      depth/detail/given/sky.hpp, and what is blue and goes on from it.
 //   ground   of what was measured, that within ground_within_m() of the ground plane, or twice that where depth noise
 //            moves heights as far, and what lies flat beside it (a street rises and falls), in the lines of a scanner
-//            without a neighbour. What stands is measured twice as far above the plane, or in rays that do not fall. A
-//            seed with less than a fifth of its kind in a window of an 80th of the width around it is a mismatch. All
-//            else takes the label of the seed that is nearest along a path through the picture
-//            (given/picture_paths.hpp): a laser's lines are far apart, and things end where colours do. Its kind:
-//            given/ground_kinds.hpp.
-//   plants   of what stands, where it looks like leaves (given/plant_look.hpp): what is likely to, what may and hangs
-//            together with it, and small pieces within.
+//            without a neighbour. What stands is measured twice as far above the plane, or in rays that do not fall,
+//            and, by a scanner, where the surface goes on upright. A seed with less than a fifth of its kind in a
+//            window of an 80th of the width around it is a mismatch. Between a scanner's lines there are more seeds:
+//            mark_between_lines(). All else takes the label of the seed that is nearest along a path through the
+//            picture (given/picture_paths.hpp): a laser's lines are far apart, and things end where colours do. Its
+//            kind: given/ground_kinds.hpp.
+//   plants   of what stands, where it looks like leaves (given/plant_look.hpp) and no scanner finds it smooth
+//            (given/scan_roughness.hpp): what is likely to, what may and hangs together with it, and small pieces
+//            within.
 //   building all else. Cars, poles and people too: the planes that belong to that label are fitted to what is plane.
 //            For materials alone those that stand apart are told from buildings later (depth/things.hpp).
 // Cost: some 20 passes over the picture and those of the looks. Memory: guess_labels_workspace_bytes().
@@ -37,6 +39,7 @@
 #include "npsim/depth/detail/given/picture_paths.hpp"
 #include "npsim/depth/detail/given/plant_look.hpp"
 #include "npsim/depth/detail/given/reduced_picture.hpp"
+#include "npsim/depth/detail/given/scan_roughness.hpp"
 #include "npsim/depth/detail/given/sky.hpp"
 #include "npsim/depth/detail/given/sky_map.hpp"
 #include "npsim/depth/detail/given/small_pieces.hpp"
@@ -73,6 +76,27 @@ namespace refine_detail {
   return flat(1) && flat(-1);
 }
 
+// Whether something measured above (x, y), up to half a metre higher, is as far away: the surface is upright.
+[[nodiscard]] inline bool goes_on_upright(ImageView<const float> depth, const Intrinsics& camera,
+                                          const GroundPlane& ground, int x, int y) noexcept {
+  constexpr float kLow_m = 0.1F;  // noise of lower ones counts for more than what they rise
+  constexpr float kHigh_m = 0.5F;
+  constexpr float kSlope = 2.0F;  // 63 degrees
+  const float z = depth(x, y);
+  const Vec3f here = unproject_pixel(camera, x, y, z);
+  const int reach = std::max(1, depth.width() / 256);
+  const int last = static_cast<int>(clamp_to(kHigh_m * camera.fy / z, 0.0F, static_cast<float>(y)));
+  for (int v = y - 1; v >= y - last; --v) {
+    for (int u = std::max(0, x - reach); u <= std::min(x + reach, depth.width() - 1); ++u) {
+      if (!is_valid_depth(depth(u, v))) continue;
+      const Vec3f along = unproject_pixel(camera, u, v, depth(u, v)) - here;
+      const float rise = dot(along, ground.up);
+      if (rise > kLow_m && rise < kHigh_m && rise > kSlope * length(along - ground.up * rise)) return true;
+    }
+  }
+  return false;
+}
+
 // labels: what is unlabelled, measured and known by its height becomes road or building.
 // lines: of a scanner, whose points have no neighbours.
 inline void mark_by_height(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
@@ -96,14 +120,16 @@ inline void mark_by_height(ImageView<const float> depth, const Intrinsics& camer
       }
       const float z = depth(x, y);
       if (!is_valid_depth(z)) continue;
-      const float high_m = height_m(x, y);
+      const float above_m = height_m(x, y);
       const float noise_m = 2.0F * fall * z * z * noise.deviation(1.0F / z);
-      if (std::fabs(high_m) < within_m + std::min(noise_m, within_m)) {
+      if (std::fabs(above_m) < within_m + std::min(noise_m, within_m)) {
         labels(x, y) = label::road;
-      } else if (std::fabs(high_m) < kFlatWithin * within_m + kFlatSlope * z &&
+      } else if (lines && above_m > 0.0F && goes_on_upright(depth, camera, ground, x, y)) {
+        labels(x, y) = label::building;
+      } else if (std::fabs(above_m) < kFlatWithin * within_m + kFlatSlope * z &&
                  lies_flat(depth, camera, ground, x, y)) {
         labels(x, y) = lines ? label::road : kPerhaps;
-      } else if (high_m > 2.0F * within_m + noise_m) {
+      } else if (above_m > 2.0F * within_m + noise_m) {
         labels(x, y) = label::building;
       }
     }
@@ -112,6 +138,52 @@ inline void mark_by_height(ImageView<const float> depth, const Intrinsics& camer
     return labels(x, y) == kPerhaps && std::fabs(height_m(x, y) - height_m(from_x, from_y)) < kStep * within_m;
   });
   for (Label& l : labels.pixels()) l = l == kPerhaps ? label::unlabeled : l;
+}
+
+// Between the points of a scanner. labels, by its points: what lies in a column between two points of the ground is
+// ground, as a thing would have hidden the farther one, and what stands low stands on the ground: it goes on down to
+// where cars end, as far as nothing else was measured.
+inline void mark_between_lines(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
+                               ImageView<Label> labels) noexcept {
+  constexpr int kLines = 10;  // so many fill the picture
+  constexpr float kLow_m = 0.8F;
+  constexpr float kFoot_m = 0.25F;
+  const int reach = std::max(1, depth.width() / 128);  // no farther apart are points in a line
+  // Of the points in row y beside x: road if all are of the ground, building if one is not, unlabeled if there is none.
+  const auto points_beside = [&](int x, int y) {
+    Label found = label::unlabeled;
+    for (int u = std::max(0, x - reach); u <= std::min(x + reach, depth.width() - 1); ++u) {
+      if (!is_valid_depth(depth(u, y))) continue;
+      if (labels(u, y) != label::road) return label::building;
+      found = label::road;
+    }
+    return found;
+  };
+  const auto ground_above = [&](int x, int y) {  // the row of the next point; y if that is none of the ground or far
+    for (int v = y - 1; v >= std::max(0, y - depth.height() / kLines); --v) {
+      const Label points = points_beside(x, v);
+      if (points != label::unlabeled) return points == label::road ? v : y;
+    }
+    return y;
+  };
+  for (int y = 0; y < labels.height(); ++y) {
+    for (int x = 0; x < labels.width(); ++x) {
+      const float z = depth(x, y);
+      if (!is_valid_depth(z)) continue;
+      if (labels(x, y) == label::road) {
+        for (int v = ground_above(x, y) + 1; v < y; ++v) {
+          if (labels(x, v) == label::unlabeled) labels(x, v) = label::road;
+        }
+      } else if (labels(x, y) == label::building) {
+        const auto high_m = [&](int v) { return height_above_ground(ground, unproject_pixel(camera, x, v, z)); };
+        if (high_m(y) > kLow_m) continue;
+        for (int v = y + 1; v < labels.height() && high_m(v) > kFoot_m && points_beside(x, v) == label::unlabeled;
+             ++v) {
+          if (labels(x, v) == label::unlabeled) labels(x, v) = label::building;
+        }
+      }
+    }
+  }
 }
 
 // Blue that was not measured, in rays that do not fall, and that the sky leads to in small steps is sky: it gets
@@ -163,11 +235,14 @@ template <class Executor>
   return {};
 }
 
-// labels: of what is building, plants become vegetation.
+// labels: of what is building, plants become vegetation. noise: of the points of a scanner; none: of any other depth.
 template <class Executor>
-[[nodiscard]] Status tell_plants(ImageView<const Rgb8> image, const Intrinsics& camera, ImageView<Label> labels,
-                                 Workspace& workspace, Executor& executor) {
+[[nodiscard]] Status tell_plants(ImageView<const Rgb8> image, ImageView<const float> depth, const Intrinsics& camera,
+                                 const DepthNoise* noise, ImageView<Label> labels, Workspace& workspace,
+                                 Executor& executor) {
   constexpr float kLikely = 0.9F;  // logarithm of the odds
+  constexpr float kSmooth = 0.3F;  // share of rough points below which nothing is a plant
+  constexpr float kPerShare = 20.0F;
   constexpr std::uint8_t kSkyAbove = 0, kThing = 1, kMaybe = 2, kPlant = 3, kGroundBelow = 4;
   constexpr std::size_t kSmall = 400;  // that many pieces fill the picture
   const WorkspaceScope scope(workspace);
@@ -179,6 +254,13 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, plants));
   const auto stands = [&](int x, int y) { return labels(x, y) == label::building; };
   NPSIM_RETURN_IF_ERROR(plant_look(image, camera, stands, odds, workspace, executor));
+  if (noise != nullptr) {
+    const WorkspaceScope smooth(workspace);
+    ImageView<float> rough;
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, rough));
+    NPSIM_RETURN_IF_ERROR(scan_roughness(depth, camera, *noise, stands, factor, rough, workspace, executor));
+    for_pixels(shape, executor, [&](int x, int y) { odds(x, y) -= kPerShare * std::max(0.0F, kSmooth - rough(x, y)); });
+  }
   for_pixels(shape, executor, [&](int x, int y) {
     const Label l = labels(middle_of(x, factor, labels.width()), middle_of(y, factor, labels.height()));
     if (l != label::building) {
@@ -202,7 +284,8 @@ template <class Executor>
   const std::size_t pixels = shape.pixels();
   return max_of((1 + kWindowMeanPlanes) * allocation_bytes<float>(pixels), ground_kinds_workspace_bytes(shape),
                 allocation_bytes<float>(pixels) + allocation_bytes<std::uint8_t>(pixels) +
-                    max_of(plant_look_workspace_bytes(shape), close_pieces_bytes(shape))) +
+                    max_of(plant_look_workspace_bytes(shape), close_pieces_bytes(shape),
+                           allocation_bytes<float>(pixels) + scan_roughness_workspace_bytes(shape))) +
          kWorkspaceAlignment;
 }
 
@@ -220,10 +303,11 @@ template <class Executor>
     spread_blue_sky(image, depth, camera, ground, labels);
     mark_by_height(depth, camera, ground, noise, lines, labels);
     NPSIM_RETURN_IF_ERROR(drop_lone_seeds(labels, workspace, executor));
+    if (lines) mark_between_lines(depth, camera, ground, labels);
     NPSIM_RETURN_IF_ERROR(spread_seeds(image, labels, workspace));
     NPSIM_RETURN_IF_ERROR(tell_ground_kinds(image, camera, ground, labels, workspace, executor));
   }
-  return tell_plants(image, camera, labels, workspace, executor);
+  return tell_plants(image, depth, camera, lines ? &noise : nullptr, labels, workspace, executor);
 }
 
 }  // namespace refine_detail
