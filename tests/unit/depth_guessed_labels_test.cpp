@@ -221,6 +221,23 @@ TEST_CASE("guessed labels: a bumper as dark as the shade below it stands down to
   CHECK(s.share(label::road, 205, 275, 195, 270) > 0.98);
 }
 
+TEST_CASE("guessed labels: a pole that a laser's line misses stands all the same; nothing stands below a sign at 1 m") {
+  Street s;
+  s.lines = true;
+  s.noise = kLaserNoise;
+  const auto pole = [](int x, int y) { return x >= 302 && x < 307 && y < 162; };
+  const auto sign = [](int x, int y) { return x >= 100 && x < 130 && y > 80 && 1.5F - 8.0F * fall(y) >= 1.0F; };
+  s.paint([&](int x, int y) { return pole(x, y) ? Vec3f{0.02F, 0.02F, 0.02F} : Vec3f{0.2F, 0.2F, 0.2F}; });
+  s.measure([&](int x, int y) {
+    if (y % 22 != 0 || x % 3 != 0 || (y == 154 && pole(x, y))) return 0.0F;
+    return sign(x, y) ? 8.0F : (x > 296 && x < 312 && y < 140 ? 14.0F : std::fmin(20.0F, road_m(y)));
+  });
+  s.guess();
+  CHECK(s.share(label::building, 302, 307, 135, 160) > 0.98);
+  CHECK(s.share(label::road, 290, 296, 165, 270) > 0.98);
+  CHECK(s.share(label::road, 102, 128, 147, 270) > 0.98);
+}
+
 TEST_CASE("guessed labels: dark grain that a laser finds smooth is paint, that which scatters its points is leaves") {
   for (const float scatter_m : {0.02F, 0.25F}) {
     Street s;

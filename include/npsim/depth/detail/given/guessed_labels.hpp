@@ -17,7 +17,8 @@
 //            within.
 //   building all else. Cars, poles and people too: the planes that belong to that label are fitted to what is plane.
 //            For materials alone those that stand apart are told from buildings later (depth/things.hpp).
-// Cost: some 20 passes over the picture and those of the looks. Memory: guess_labels_workspace_bytes().
+// Cost: some 20 passes over the picture and those of the looks; of a scanner what is within half a metre of each low
+// point as well. Memory: guess_labels_workspace_bytes().
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_GUESSED_LABELS_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_GUESSED_LABELS_HPP
 
@@ -76,19 +77,25 @@ namespace refine_detail {
   return flat(1) && flat(-1);
 }
 
-// Whether something measured above (x, y), up to half a metre higher, is as far away: the surface is upright.
+// Whether something measured above (x, y), kLow_m to half a metre higher, is as far away: the surface is upright. The
+// first 16 points above are asked.
 [[nodiscard]] inline bool goes_on_upright(ImageView<const float> depth, const Intrinsics& camera,
                                           const GroundPlane& ground, int x, int y) noexcept {
   constexpr float kLow_m = 0.1F;  // noise of lower ones counts for more than what they rise
   constexpr float kHigh_m = 0.5F;
   constexpr float kSlope = 2.0F;  // 63 degrees
+  constexpr int kPoints = 16;
   const float z = depth(x, y);
   const Vec3f here = unproject_pixel(camera, x, y, z);
   const int reach = std::max(1, depth.width() / 256);
-  const int last = static_cast<int>(clamp_to(kHigh_m * camera.fy / z, 0.0F, static_cast<float>(y)));
-  for (int v = y - 1; v >= y - last; --v) {
+  const auto rows = [&](float metres) {
+    return static_cast<int>(clamp_to(metres * camera.fy / z, 1.0F, static_cast<float>(depth.height())));
+  };
+  int asked = 0;
+  for (int v = y - rows(kLow_m); v >= std::max(0, y - rows(kHigh_m)) && asked < kPoints; --v) {
     for (int u = std::max(0, x - reach); u <= std::min(x + reach, depth.width() - 1); ++u) {
       if (!is_valid_depth(depth(u, v))) continue;
+      ++asked;
       const Vec3f along = unproject_pixel(camera, u, v, depth(u, v)) - here;
       const float rise = dot(along, ground.up);
       if (rise > kLow_m && rise < kHigh_m && rise > kSlope * length(along - ground.up * rise)) return true;
@@ -142,19 +149,23 @@ inline void mark_by_height(ImageView<const float> depth, const Intrinsics& camer
 
 // Between the points of a scanner. labels, by its points: what lies in a column between two points of the ground is
 // ground, as a thing would have hidden the farther one, and what stands low stands on the ground: it goes on down to
-// where cars end, as far as nothing else was measured.
-inline void mark_between_lines(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
-                               ImageView<Label> labels) noexcept {
+// where cars end, as far as nothing else was measured. A point may lie beside the column by reach pixels if the picture
+// looks alike there: no pole stands between.
+inline void mark_between_lines(ImageView<const Rgb8> image, ImageView<const float> depth, const Intrinsics& camera,
+                               const GroundPlane& ground, ImageView<Label> labels) noexcept {
   constexpr int kLines = 10;  // so many fill the picture
+  constexpr int kAlike = 24;  // codes of 255
   constexpr float kLow_m = 0.8F;
   constexpr float kFoot_m = 0.25F;
   const int reach = std::max(1, depth.width() / 128);  // no farther apart are points in a line
-  // Of the points in row y beside x: road if all are of the ground, building if one is not, unlabeled if there is none.
+  // Of the points in row y beside x: road if all are of the ground and look like x, building if one does not,
+  // unlabeled if there is none.
   const auto points_beside = [&](int x, int y) {
     Label found = label::unlabeled;
     for (int u = std::max(0, x - reach); u <= std::min(x + reach, depth.width() - 1); ++u) {
       if (!is_valid_depth(depth(u, y))) continue;
-      if (labels(u, y) != label::road) return label::building;
+      const bool alike = depth_detail::difference(image(u, y), image(x, y)) < kAlike;
+      if (labels(u, y) != label::road || !alike) return label::building;
       found = label::road;
     }
     return found;
@@ -303,7 +314,7 @@ template <class Executor>
     spread_blue_sky(image, depth, camera, ground, labels);
     mark_by_height(depth, camera, ground, noise, lines, labels);
     NPSIM_RETURN_IF_ERROR(drop_lone_seeds(labels, workspace, executor));
-    if (lines) mark_between_lines(depth, camera, ground, labels);
+    if (lines) mark_between_lines(image, depth, camera, ground, labels);
     NPSIM_RETURN_IF_ERROR(spread_seeds(image, labels, workspace));
     NPSIM_RETURN_IF_ERROR(tell_ground_kinds(image, camera, ground, labels, workspace, executor));
   }

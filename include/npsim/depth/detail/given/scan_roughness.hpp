@@ -8,7 +8,8 @@
 // measured. On a KITTI frame, two of nuScenes and one of Argoverse it is .02 to .2 on cars and walls that are seen
 // whole, .4 to .9 on hedges and crowns, and as much at the rims of things and behind panes: what is smooth is no plant,
 // and what is rough may be anything.
-// Cost: up to 2 kFar_m / z of the picture's focal length looked at for each point that stands, and a mean over windows.
+// Cost: for each point that stands up to six times kFar_m of the picture are looked at, three rows on either side, and
+// a mean over windows.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SCAN_ROUGHNESS_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SCAN_ROUGHNESS_HPP
 
@@ -23,6 +24,7 @@
 #include "npsim/core/window_filter.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/depth_source.hpp"
+#include "npsim/depth/detail/fill/scan_lines.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
@@ -40,24 +42,18 @@ template <class Stands>
   const float w = 1.0F / depth(x, y);
   const int first = static_cast<int>(clamp_to(kNear_m * camera.fx * w, 1.0F, static_cast<float>(depth.width())));
   const int last = static_cast<int>(clamp_to(kFar_m * camera.fx * w, 1.0F, static_cast<float>(depth.width())));
-  struct Neighbour {
-    float way = 0.0F;  // 0: none
-    float w = 0.0F;
+  const auto is_point = [&](int u, int v) {
+    return depth.contains(u, v) && is_valid_depth(depth(u, v)) && stands(u, v);
   };
-  const auto beside = [&](int sign) noexcept -> Neighbour {
-    for (int way = first; way <= last; ++way) {
-      for (const int v : {y, y - 1, y + 1}) {  // lines slope a little
-        const int u = x + sign * way;
-        if (!depth.contains(u, v)) continue;
-        if (is_valid_depth(depth(u, v)) && stands(u, v)) return {static_cast<float>(way), 1.0F / depth(u, v)};
-      }
-    }
-    return {};
+  constexpr int kAside = 1;  // lines slope a little
+  const auto next = [&](int sign) {
+    return depth_detail::next_point(is_point, x + sign * (first - 1), y, sign, 0, last - first + 1, kAside);
   };
-  const Neighbour left = beside(-1);
-  const Neighbour right = beside(1);
-  if (!(left.way > 0.0F) || !(right.way > 0.0F)) return Scanned::alone;
-  const float line = (right.way * left.w + left.way * right.w) / (left.way + right.way);
+  const depth_detail::ScanPoint left = next(-1);
+  const depth_detail::ScanPoint right = next(1);
+  if (left.x < 0 || right.x < 0) return Scanned::alone;
+  const float t = static_cast<float>(x - left.x) / static_cast<float>(right.x - left.x);
+  const float line = (1.0F - t) / depth(left.x, left.y) + t / depth(right.x, right.y);
   return std::fabs(w - line) > kDeviations * noise.deviation(w) ? Scanned::rough : Scanned::smooth;
 }
 

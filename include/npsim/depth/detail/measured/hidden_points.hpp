@@ -8,7 +8,7 @@
 // the outline of a thing, and beside a pole, one way is free. What is seen through a fence whose bars are closer than
 // that is dropped as well. Where a quarter of the picture or more is measured sweeps were put together, from which
 // whoever did that has taken such points. Labels know borders better (measured/border_spill.hpp).
-// Cost: a window of some 25 measured pixels for each. Memory: none.
+// Cost: a window of twice hidden_reach_px() for each measured pixel. Memory: none.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_HIDDEN_POINTS_HPP
 #define NPSIM_DEPTH_DETAIL_MEASURED_HIDDEN_POINTS_HPP
 
@@ -53,8 +53,10 @@ inline constexpr std::size_t kOneSweep = 4;
   return *least > 0.0F && *most <= kHiddenSurface * *least;
 }
 
-// A 120th of the width, or farther where points are: those of a scanner of 32 lines lie 20 to 30 px apart, and its next
-// line has to be within reach. 0: sweeps were put together, or nothing is measured.
+// A 120th of the width, or farther where points are: of a scanner of 32 lines these lie 20 to 30 px apart, and the next
+// line has to be within reach. It is where lines lie up to six times as far apart as the points in them; where they lie
+// farther less is found. The mean is that of the rows from the first to the last with a point, so a stray point far
+// above the others makes the window somewhat larger. 0: sweeps were put together, or nothing is measured.
 [[nodiscard]] inline int hidden_reach_px(ImageView<const float> depth) noexcept {
   constexpr float kApart = 2.4F;  // mean distances of points: that of a scanner of 64 lines is a 300th of the width
   constexpr int kMost = 30;       // of the width
