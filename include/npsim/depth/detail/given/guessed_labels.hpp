@@ -53,11 +53,31 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 namespace refine_detail {
 
+// Whether f(u) says true of one of the points in row y, up to `aside` columns beside x. It is asked from the left.
+template <class F>
+[[nodiscard]] bool any_point_in_row(ImageView<const float> depth, int x, int y, int aside, const F& f) {
+  for (int u = std::max(0, x - aside); u <= std::min(x + aside, depth.width() - 1); ++u) {
+    if (is_valid_depth(depth(u, y)) && f(u)) return true;
+  }
+  return false;
+}
+
+// From a place to the point at (x, y).
+struct Slope {
+  float rise_m, along_m;
+};
+[[nodiscard]] inline Slope slope_to(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
+                                    const Vec3f& from, int x, int y) noexcept {
+  const Vec3f way = unproject_pixel(camera, x, y, depth(x, y)) - from;
+  const float rise = dot(way, ground.up);
+  return {rise, length(way - ground.up * rise)};
+}
+
 // Whether the surface rises by less than 20 degrees along its column, both from what was measured some pixels below to
 // (x, y) and from there to what was measured above.
 [[nodiscard]] inline bool lies_flat(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
                                     int x, int y) noexcept {
-  constexpr float kSlope = 0.36F;
+  constexpr float kFlat = 0.36F;
   const int reach = std::max(1, depth.width() / 256);
   const int last = 8 * reach;  // lines of a scanner lie apart
   const Vec3f here = unproject_pixel(camera, x, y, depth(x, y));
@@ -65,12 +85,12 @@ namespace refine_detail {
     for (int way = reach; way <= last; ++way) {
       const int v = y + sign * way;
       if (v < 0 || v >= depth.height()) break;
-      for (int u = std::max(0, x - 1); u <= std::min(x + 1, depth.width() - 1); ++u) {
-        if (!is_valid_depth(depth(u, v))) continue;
-        const Vec3f along = unproject_pixel(camera, u, v, depth(u, v)) - here;
-        const float rise = dot(along, ground.up);
-        return std::fabs(rise) <= kSlope * length(along - ground.up * rise);
-      }
+      Slope slope{};
+      const auto first = [&](int u) {
+        slope = slope_to(depth, camera, ground, here, u, v);
+        return true;
+      };
+      if (any_point_in_row(depth, x, v, 1, first)) return std::fabs(slope.rise_m) <= kFlat * slope.along_m;
     }
     return sign > 0;  // nothing below it
   };
@@ -83,7 +103,7 @@ namespace refine_detail {
                                           const GroundPlane& ground, int x, int y) noexcept {
   constexpr float kLow_m = 0.1F;  // noise of lower ones counts for more than what they rise
   constexpr float kHigh_m = 0.5F;
-  constexpr float kSlope = 2.0F;  // 63 degrees
+  constexpr float kSteep = 2.0F;  // 63 degrees
   constexpr int kPoints = 16;
   const float z = depth(x, y);
   const Vec3f here = unproject_pixel(camera, x, y, z);
@@ -93,13 +113,12 @@ namespace refine_detail {
   };
   int asked = 0;
   for (int v = y - rows(kLow_m); v >= std::max(0, y - rows(kHigh_m)) && asked < kPoints; --v) {
-    for (int u = std::max(0, x - reach); u <= std::min(x + reach, depth.width() - 1); ++u) {
-      if (!is_valid_depth(depth(u, v))) continue;
+    const auto upright = [&](int u) {
       ++asked;
-      const Vec3f along = unproject_pixel(camera, u, v, depth(u, v)) - here;
-      const float rise = dot(along, ground.up);
-      if (rise > kLow_m && rise < kHigh_m && rise > kSlope * length(along - ground.up * rise)) return true;
-    }
+      const Slope slope = slope_to(depth, camera, ground, here, u, v);
+      return slope.rise_m > kLow_m && slope.rise_m < kHigh_m && slope.rise_m > kSteep * slope.along_m;
+    };
+    if (any_point_in_row(depth, x, v, reach, upright)) return true;
   }
   return false;
 }
@@ -162,13 +181,11 @@ inline void mark_between_lines(ImageView<const Rgb8> image, ImageView<const floa
   // unlabeled if there is none.
   const auto points_beside = [&](int x, int y) {
     Label found = label::unlabeled;
-    for (int u = std::max(0, x - reach); u <= std::min(x + reach, depth.width() - 1); ++u) {
-      if (!is_valid_depth(depth(u, y))) continue;
-      const bool alike = depth_detail::difference(image(u, y), image(x, y)) < kAlike;
-      if (labels(u, y) != label::road || !alike) return label::building;
+    const auto no_ground = [&](int u) {
       found = label::road;
-    }
-    return found;
+      return labels(u, y) != label::road || depth_detail::difference(image(u, y), image(x, y)) >= kAlike;
+    };
+    return any_point_in_row(depth, x, y, reach, no_ground) ? label::building : found;
   };
   const auto ground_above = [&](int x, int y) {  // the row of the next point; y if that is none of the ground or far
     for (int v = y - 1; v >= std::max(0, y - depth.height() / kLines); --v) {
