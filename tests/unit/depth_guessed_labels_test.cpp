@@ -30,6 +30,8 @@ constexpr GroundPlane kGround{{0, -1, 0}, 1.5F, 0.9F};
 [[nodiscard]] float fall(int y) { return (static_cast<float>(y) + 0.5F - kCamera.cy) / kCamera.fy; }
 [[nodiscard]] float road_m(int y) { return fall(y) > 0.0F ? 1.5F / fall(y) : 1e9F; }
 
+constexpr DepthNoise kLaserNoise{0.02F, 2, 1.0F, 1.0F};
+
 // A road before a wall 20 m away; neither has a look of its own.
 struct Street {
   Image<Rgb8> image{kShape, Rgb8{120, 120, 120}};
@@ -56,6 +58,13 @@ struct Street {
       for (int x = 0; x < kShape.width; ++x) depth(x, y) = f(x, y);
     }
   }
+  // As a laser does: every third pixel of every apart-th row from the first on.
+  template <class F>
+  void scan(int apart, int first, const F& f) {
+    lines = true;
+    noise = kLaserNoise;
+    measure([&](int x, int y) { return y < first || (y - first) % apart != 0 || x % 3 != 0 ? 0.0F : f(x, y); });
+  }
   template <class Executor = SerialExecutor>
   void guess(Executor executor = {}) {
     npsim_test::Scratch scratch(refine_detail::guess_labels_workspace_bytes(kShape));
@@ -76,7 +85,7 @@ struct Street {
 [[nodiscard]] bool in_car(int x, int y, float h) {
   return x >= 200 && x < 280 && y > 100 && 1.5F - 8.0F * fall(y) >= h;
 }
-constexpr DepthNoise kLaserNoise{0.02F, 2, 1.0F, 1.0F};
+[[nodiscard]] float with_car_m(int x, int y) { return in_car(x, y, 0.1F) ? 8.0F : std::fmin(20.0F, road_m(y)); }
 
 // Bright and dark in the finest detail, in no direction.
 [[nodiscard]] Vec3f leaf(int x, int y) { return Vec3f{0.05F, 0.09F, 0.03F} * std::exp2(4.0F * (draw(x, y) - 0.6F)); }
@@ -93,13 +102,9 @@ TEST_CASE("guessed labels: a wall without texture is a building down to its foot
 
 TEST_CASE("guessed labels: between a laser's lines things end where their colour does, a car's foot included") {
   Street s;
-  s.lines = true;
   const auto car = [](int x, int y) { return x >= 200 && x < 280 && y >= 110 && fall(y) * 10.0F < 1.5F; };
   s.paint([&](int x, int y) { return car(x, y) ? Vec3f{0.4F, 0.02F, 0.02F} : Vec3f{0.2F, 0.2F, 0.2F}; });
-  s.measure([&](int x, int y) {
-    if (y % 9 != 0 || x % 3 != 0) return 0.0F;
-    return car(x, y) ? 10.0F : std::fmin(20.0F, road_m(y));
-  });
+  s.scan(9, 0, [&](int x, int y) { return car(x, y) ? 10.0F : std::fmin(20.0F, road_m(y)); });
   s.guess();
   int wrong = 0;
   for (int y = 160; y < 230; ++y) {  // 9 rows hold its foot and the road before it
@@ -158,13 +163,11 @@ TEST_CASE("guessed labels: far road that stereo measures half a metre too high a
 
 TEST_CASE("guessed labels: a ramp under a laser's lines is ground as far as it lies flat, a wall as high is none") {
   Street s;
-  s.lines = true;
   const auto wall = [](int x) { return x < 100; };
   // From 12 m on it rises by 5 cm/m, to .4 m above the plane at 20 m.
   const auto ramp_m = [](int y) { return (1.5F + 0.05F * 12.0F) / (fall(y) + 0.05F); };
   s.paint([&](int x, int) { return wall(x) ? Vec3f{0.4F, 0.1F, 0.05F} : Vec3f{0.2F, 0.2F, 0.2F}; });
-  s.measure([&](int x, int y) {
-    if (y % 5 != 0 || x % 3 != 0) return 0.0F;
+  s.scan(5, 0, [&](int x, int y) {
     if (wall(x)) return std::fmin(12.0F, road_m(y));
     return std::fmin(20.0F, road_m(y) < 12.0F ? road_m(y) : ramp_m(y));
   });
@@ -176,12 +179,8 @@ TEST_CASE("guessed labels: a ramp under a laser's lines is ground as far as it l
 
 TEST_CASE("guessed labels: a bumper whose ribs a laser measures at every other line is no flat ground") {
   Street s;
-  s.lines = true;
-  s.noise = kLaserNoise;
-  s.measure([](int x, int y) {
-    if (y % 5 != 0 || x % 3 != 0 || y < 130) return 0.0F;
-    return in_car(x, y, 0.2F) ? (y % 2 == 0 ? 8.0F : 8.5F) : std::fmin(20.0F, road_m(y));
-  });
+  s.scan(5, 130,
+         [](int x, int y) { return in_car(x, y, 0.2F) ? (y % 2 == 0 ? 8.0F : 8.5F) : std::fmin(20.0F, road_m(y)); });
   s.guess();
   CHECK(s.share(label::building, 205, 275, 130, 181) > 0.98);
   CHECK(s.share(label::road, 205, 275, 195, 270) > 0.98);
@@ -189,16 +188,11 @@ TEST_CASE("guessed labels: a bumper whose ribs a laser measures at every other l
 
 TEST_CASE("guessed labels: between a laser's lines a shade as dark as the car that casts it is road") {
   Street s;
-  s.lines = true;
-  s.noise = kLaserNoise;
   s.paint([](int x, int y) {
     const bool shade = x >= 280 && x < 340 && y > 175 && y < 225;
     return in_car(x, y, 0.1F) || shade ? Vec3f{0.01F, 0.01F, 0.01F} : Vec3f{0.2F, 0.2F, 0.2F};
   });
-  s.measure([](int x, int y) {
-    if (y % 22 != 0 || x % 3 != 0) return 0.0F;
-    return in_car(x, y, 0.1F) ? 8.0F : std::fmin(20.0F, road_m(y));
-  });
+  s.scan(22, 0, with_car_m);
   s.guess();
   CHECK(s.share(label::road, 282, 292, 177, 223) > 0.98);
   CHECK(s.share(label::building, 203, 278, 105, 175) > 0.98);
@@ -206,16 +200,11 @@ TEST_CASE("guessed labels: between a laser's lines a shade as dark as the car th
 
 TEST_CASE("guessed labels: a bumper as dark as the shade below it stands down to a quarter of a metre above the road") {
   Street s;
-  s.lines = true;
-  s.noise = kLaserNoise;
   s.paint([](int x, int y) {
     if (x < 200 || x >= 280 || y > 230) return Vec3f{0.2F, 0.2F, 0.2F};
     return y < 170 ? Vec3f{0.4F, 0.02F, 0.02F} : Vec3f{0.01F, 0.01F, 0.01F};
   });
-  s.measure([](int x, int y) {
-    if (y % 30 != 14 || x % 3 != 0) return 0.0F;
-    return in_car(x, y, 0.1F) ? 8.0F : std::fmin(20.0F, road_m(y));
-  });
+  s.scan(30, 14, with_car_m);
   s.guess();
   CHECK(s.share(label::building, 205, 275, 165, 181) > 0.98);
   CHECK(s.share(label::road, 205, 275, 195, 270) > 0.98);
@@ -223,13 +212,11 @@ TEST_CASE("guessed labels: a bumper as dark as the shade below it stands down to
 
 TEST_CASE("guessed labels: a pole that a laser's line misses stands all the same; nothing stands below a sign at 1 m") {
   Street s;
-  s.lines = true;
-  s.noise = kLaserNoise;
   const auto pole = [](int x, int y) { return x >= 302 && x < 307 && y < 162; };
   const auto sign = [](int x, int y) { return x >= 100 && x < 130 && y > 80 && 1.5F - 8.0F * fall(y) >= 1.0F; };
   s.paint([&](int x, int y) { return pole(x, y) ? Vec3f{0.02F, 0.02F, 0.02F} : Vec3f{0.2F, 0.2F, 0.2F}; });
-  s.measure([&](int x, int y) {
-    if (y % 22 != 0 || x % 3 != 0 || (y == 154 && pole(x, y))) return 0.0F;
+  s.scan(22, 0, [&](int x, int y) {
+    if (y == 154 && pole(x, y)) return 0.0F;
     return sign(x, y) ? 8.0F : (x > 296 && x < 312 && y < 140 ? 14.0F : std::fmin(20.0F, road_m(y)));
   });
   s.guess();
@@ -241,13 +228,10 @@ TEST_CASE("guessed labels: a pole that a laser's line misses stands all the same
 TEST_CASE("guessed labels: dark grain that a laser finds smooth is paint, that which scatters its points is leaves") {
   for (const float scatter_m : {0.02F, 0.25F}) {
     Street s;
-    s.lines = true;
-    s.noise = kLaserNoise;
     s.paint([](int x, int y) {
       return y < 130 ? Vec3f{0.04F, 0.04F, 0.04F} * std::exp2(draw(x, y) - 0.5F) : Vec3f{0.2F, 0.2F, 0.2F};
     });
-    s.measure([&](int x, int y) {
-      if (y % 12 != 0 || x % 3 != 0) return 0.0F;
+    s.scan(12, 0, [&](int x, int y) {
       return road_m(y) < 20.0F ? road_m(y) : 20.0F + 3.4F * scatter_m * (draw(x, y) - 0.5F);
     });
     s.guess();

@@ -148,14 +148,16 @@ inline void mark_by_height(ImageView<const float> depth, const Intrinsics& camer
       if (!is_valid_depth(z)) continue;
       const float above_m = height_m(x, y);
       const float noise_m = 2.0F * fall * z * z * noise.deviation(1.0F / z);
+      const float flat_m = kFlatWithin * within_m + kFlatSlope * z;
+      const float stands_m = 2.0F * within_m + noise_m;
+      const bool in_doubt = above_m <= std::max(flat_m, stands_m);
       if (std::fabs(above_m) < within_m + std::min(noise_m, within_m)) {
         labels(x, y) = label::road;
-      } else if (lines && above_m > 0.0F && goes_on_upright(depth, camera, ground, x, y)) {
+      } else if (lines && above_m > 0.0F && in_doubt && goes_on_upright(depth, camera, ground, x, y)) {
         labels(x, y) = label::building;
-      } else if (std::fabs(above_m) < kFlatWithin * within_m + kFlatSlope * z &&
-                 lies_flat(depth, camera, ground, x, y)) {
+      } else if (std::fabs(above_m) < flat_m && lies_flat(depth, camera, ground, x, y)) {
         labels(x, y) = lines ? label::road : kPerhaps;
-      } else if (above_m > 2.0F * within_m + noise_m) {
+      } else if (above_m > stands_m) {
         labels(x, y) = label::building;
       }
     }
