@@ -11,7 +11,8 @@
 //    Where the sun is hardly yellower than the shadow, most of it may be such paint, wider than a stripe: its pieces
 //    that are stripes for the most part are none of it, and steps 1 to 3 begin again.
 // 3. The ratio of lights, per channel, is measured where it shows best: means on either side of shadows' edges, the
-//    median over all edges of the road.
+//    median over all edges of the road. A weak sun that is hardly yellower than its shadow is paint, and under a dull sky
+//    (sky_light.hpp) what is shallow or small is no shadow: beneath cars and on kerbs it is dark in any light.
 // 4. Penumbra: within a few pixels of an edge the share of the sun is the mean of its posterior over nine levels. So it
 //    is in the shade of road and pavement: what leaves, blinds or glass let through is less than the sun but yellower
 //    than the shade, as much as the mixture of both lights says; what is as blue as the shade is another asphalt.
@@ -40,6 +41,7 @@
 #include "npsim/material/detail/daylight/light_mixture.hpp"
 #include "npsim/material/detail/daylight/picture.hpp"
 #include "npsim/material/detail/daylight/planes.hpp"
+#include "npsim/material/detail/daylight/sky_light.hpp"
 #include "npsim/material/detail/daylight/stripes.hpp"
 
 namespace npsim {
@@ -55,6 +57,7 @@ struct MeanFieldParams {
 
 struct GroundLightParams {
   bool enabled = true;
+  SkyLightParams sky;
   LightMixtureParams mixture;
   StripeParams stripes;
   float smooth_px = 4.0F;  // lengths are for 960 px width
@@ -74,6 +77,10 @@ struct GroundLightParams {
   float clear_edge_drop = 2.0F;       // log2: as much is enough; kinds of asphalt differ by less
   float min_edge_bluer = 0.05F;       // log2(blue / red), measured at edges
   float white_bluer = 0.1F;           // of the drop, at most: white paint is hardly yellower than asphalt
+  float weak_drop = 1.35F;            // log2: a sun that gives less than this much over the sky
+  float weak_bluer = 0.35F;           // is told from paint by its colour; log2(blue / red)
+  float dull_drop = 1.7F;             // log2: under a dull sky the drop and what it is bluer add up to this
+  float dull_share = 0.1F;            // and so much of the road lies in either light
   float min_drop_of_pavement = 1.0F;  // pavements are of several materials: weak light is not told from them
 };
 
@@ -97,17 +104,21 @@ static_assert(kGuidedFilterPlanes == 6 && kWindowMeanPlanes == 2);
   return log2_of(sun + (1.0F - sun) * exp2_of(-ratio));
 }
 
-// Mean share of the sun on the ground; 1 where there is none.
-[[nodiscard]] inline float sunlit_share(const Picture& picture, const GroundLight& ground) noexcept {
+// Mean share of the sun where `inside`; 1 where nothing is.
+template <class Inside>
+[[nodiscard]] float sunlit_share(const Picture& picture, const GroundLight& ground, const Inside& inside) noexcept {
   double sum = 0.0, n = 0.0;
   for (int y = 0; y < picture.shape().height; ++y) {
     for (int x = 0; x < picture.shape().width; ++x) {
-      if (!picture.is_ground(x, y)) continue;
+      if (!inside(x, y)) continue;
       sum += static_cast<double>(ground.sun(x, y));
       n += 1.0;
     }
   }
   return n > 0.0 ? static_cast<float>(sum / n) : 1.0F;
+}
+[[nodiscard]] inline float sunlit_share(const Picture& picture, const GroundLight& ground) noexcept {
+  return sunlit_share(picture, ground, [&](int x, int y) { return picture.is_ground(x, y); });
 }
 
 // Log odds of sun against shadow.
@@ -345,6 +356,19 @@ Status measure_ratio(const GroundLightParams& p, const Picture& picture, ImageVi
   out.ratio_y = measure(picture.log_y);
   out.ratio = {measure(picture.log_rgb[0]), measure(picture.log_rgb[1]), measure(picture.log_rgb[2])};
   return {};
+}
+
+// Step 3: whether sun and shadow are what they were taken for.
+[[nodiscard]] inline bool is_shadow(const GroundLightParams& p, const Picture& picture, const GroundLight& found,
+                                    bool dull_sky) noexcept {
+  const float drop = found.ratio_y;
+  const float bluer = found.ratio.x - found.ratio.z;
+  if (drop < std::min(p.min_edge_drop * found.mixture[found.lead].drop, p.clear_edge_drop)) return false;
+  if (bluer < (drop < p.weak_drop ? p.weak_bluer : p.min_edge_bluer)) return false;
+  if (!dull_sky) return true;
+  // Pavements are of several materials: the road must show both lights, whatever shows them best.
+  const float sun = sunlit_share(picture, found, [&](int x, int y) { return picture.region(x, y) == kRoad; });
+  return drop + bluer >= p.dull_drop && std::min(sun, 1.0F - sun) >= p.dull_share;
 }
 
 // One light, in which each kind of ground has its median. Two lights without edges between them are one that changes
@@ -594,13 +618,13 @@ Status find_ground_light(const GroundLightParams& p, const AlbedoScene& scene, c
   ImageView<std::uint8_t> stripe;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, stripe));
   NPSIM_RETURN_IF_ERROR(find_stripes(p.stripes, scene, picture, smooth_y, workspace, stripe, executor));
+  const bool dull_sky = is_dull_sky(p.sky, scene, picture, histogram);
   const auto find_lights = [&]() -> Status {
     fit_lights(p, picture, stripe, smooth_y, smooth_c, histogram, cells, out);
     if (!out.shadow) return {};
     NPSIM_RETURN_IF_ERROR(shadow_field(p, picture, stripe, smooth_y, smooth_c, workspace, out, executor));
     NPSIM_RETURN_IF_ERROR(measure_ratio(p, picture, stripe, histogram, workspace, out, executor));
-    out.shadow = out.ratio_y >= std::min(p.min_edge_drop * out.mixture[out.lead].drop, p.clear_edge_drop) &&
-                 out.ratio.x - out.ratio.z >= p.min_edge_bluer;
+    out.shadow = is_shadow(p, picture, out, dull_sky);
     return {};
   };
   NPSIM_RETURN_IF_ERROR(find_lights());
