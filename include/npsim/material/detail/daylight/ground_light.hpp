@@ -11,8 +11,9 @@
 //    Where the sun is hardly yellower than the shadow, most of it may be such paint, wider than a stripe: its pieces
 //    that are stripes for the most part are none of it, and steps 1 to 3 begin again.
 // 3. The ratio of lights, per channel, is measured where it shows best: means on either side of shadows' edges, the
-//    median over all edges of the road. A weak sun that is hardly yellower than its shadow is paint, and under a dull sky
-//    (sky_light.hpp) what is shallow or small is no shadow: beneath cars and on kerbs it is dark in any light.
+//    median over all edges of the road. Edges that turn blue may fall by less than the lights say. A weak sun that is
+//    hardly yellower than its shadow is paint, and under a dull sky (sky_light.hpp) what is shallow, or small and not
+//    blue, is no shadow: beneath cars and on kerbs it is dark in any light.
 // 4. Penumbra: within a few pixels of an edge the share of the sun is the mean of its posterior over nine levels. So it
 //    is in the shade of road and pavement: what leaves, blinds or glass let through is less than the sun but yellower
 //    than the shade, as much as the mixture of both lights says; what is as blue as the shade is another asphalt.
@@ -73,14 +74,18 @@ struct GroundLightParams {
   float paint_step = 0.6F;           // log2 of paint over what it is painted on, at least
   float paint_step_in_shade = 1.0F;  // where leaves let more or less of the sky through
   float contact_px = 30.0F;
-  float min_edge_drop = 0.85F;        // of the mixture's drop, measured at edges
-  float clear_edge_drop = 2.0F;       // log2: as much is enough; kinds of asphalt differ by less
-  float min_edge_bluer = 0.05F;       // log2(blue / red), measured at edges
+  float min_edge_drop = 0.85F;   // of the mixture's drop, measured at edges
+  float clear_edge_drop = 2.0F;  // log2: as much is enough; kinds of asphalt differ by less
+  float min_edge_bluer = 0.05F;  // log2(blue / red), measured at edges
+  float blue_edge = 0.2F;        // so much that less of a drop is enough:
+  float min_blue_drop = 0.75F;   // of the mixture's; bounds of that, log2
+  float some_blue_drop = 1.2F, clear_blue_drop = 1.75F;
   float white_bluer = 0.1F;           // of the drop, at most: white paint is hardly yellower than asphalt
-  float weak_drop = 1.35F;            // log2: a sun that gives less than this much over the sky
-  float weak_bluer = 0.35F;           // is told from paint by its colour; log2(blue / red)
-  float dull_drop = 1.7F;             // log2: under a dull sky the drop and what it is bluer add up to this
-  float dull_share = 0.1F;            // and so much of the road lies in either light
+  float weak_drop = 1.35F;            // log2: what falls by less
+  float weak_bluer = 0.4F;            // is told from paint by its colour, log2(blue / red)
+  float dull_drop = 1.7F;             // log2: under a dull sky the drop and what it is bluer add up to this,
+  float dull_share = 0.1F;            // and so much of the road lies in either light,
+  float dull_blue = 0.6F;             // or the shadow is as blue as nothing on a cloudy day; log2(blue / red)
   float min_drop_of_pavement = 1.0F;  // pavements are of several materials: weak light is not told from them
 };
 
@@ -359,16 +364,22 @@ Status measure_ratio(const GroundLightParams& p, const Picture& picture, ImageVi
 }
 
 // Step 3: whether sun and shadow are what they were taken for.
-[[nodiscard]] inline bool is_shadow(const GroundLightParams& p, const Picture& picture, const GroundLight& found,
-                                    bool dull_sky) noexcept {
+[[nodiscard]] inline bool is_shadow(const GroundLightParams& p, const AlbedoScene& scene, const Picture& picture,
+                                    const GroundLight& found, Span<std::uint32_t> histogram) noexcept {
   const float drop = found.ratio_y;
   const float bluer = found.ratio.x - found.ratio.z;
-  if (drop < std::min(p.min_edge_drop * found.mixture[found.lead].drop, p.clear_edge_drop)) return false;
+  const float lead_drop = found.mixture[found.lead].drop;
+  const bool falls = drop >= std::min(p.min_edge_drop * lead_drop, p.clear_edge_drop);
+  const bool turns =
+      bluer >= p.blue_edge && drop >= clamp_to(p.min_blue_drop * lead_drop, p.some_blue_drop, p.clear_blue_drop);
+  if (!falls && !turns) return false;
   if (bluer < (drop < p.weak_drop ? p.weak_bluer : p.min_edge_bluer)) return false;
-  if (!dull_sky) return true;
   // Pavements are of several materials: the road must show both lights, whatever shows them best.
+  const LightMixture& road = found.mixture[kRoad];
+  if (!is_dull_sky(p.sky, scene, picture, road.known ? road : found.mixture[found.lead], histogram)) return true;
+  if (!road.known || drop + bluer < p.dull_drop) return false;
   const float sun = sunlit_share(picture, found, [&](int x, int y) { return picture.region(x, y) == kRoad; });
-  return drop + bluer >= p.dull_drop && std::min(sun, 1.0F - sun) >= p.dull_share;
+  return std::min(sun, 1.0F - sun) >= p.dull_share || bluer >= p.dull_blue;
 }
 
 // One light, in which each kind of ground has its median. Two lights without edges between them are one that changes
@@ -618,13 +629,12 @@ Status find_ground_light(const GroundLightParams& p, const AlbedoScene& scene, c
   ImageView<std::uint8_t> stripe;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, stripe));
   NPSIM_RETURN_IF_ERROR(find_stripes(p.stripes, scene, picture, smooth_y, workspace, stripe, executor));
-  const bool dull_sky = is_dull_sky(p.sky, scene, picture, histogram);
   const auto find_lights = [&]() -> Status {
     fit_lights(p, picture, stripe, smooth_y, smooth_c, histogram, cells, out);
     if (!out.shadow) return {};
     NPSIM_RETURN_IF_ERROR(shadow_field(p, picture, stripe, smooth_y, smooth_c, workspace, out, executor));
     NPSIM_RETURN_IF_ERROR(measure_ratio(p, picture, stripe, histogram, workspace, out, executor));
-    out.shadow = is_shadow(p, picture, out, dull_sky);
+    out.shadow = is_shadow(p, scene, picture, out, histogram);
     return {};
   };
   NPSIM_RETURN_IF_ERROR(find_lights());
