@@ -113,7 +113,7 @@ TEST_CASE("half a pavement of dark stones is no shadow under clouds, however lit
 
 TEST_CASE("under clouds half a road is in the shade by its drop and by how blue it is, together") {
   const auto half = [](Vec3f light) { return [=](int x, int) { return x < 300 ? light : Vec3f{1, 1, 1}; }; };
-  const auto darker = half({0.35F, 0.365F, 0.39F});  // 1.45 and .16
+  const auto darker = half({0.34F, 0.357F, 0.384F});  // 1.49 and .17
   CHECK(finds_shadow(kBlue, darker));
   CHECK(!finds_shadow(kCloud, darker));
   CHECK(finds_shadow(kCloud, half({0.31F, 0.365F, 0.43F})));  // 1.45 and .47
@@ -156,7 +156,7 @@ TEST_CASE("the shade is found where edges fall by less than the lights differ bu
     };
   };
   CHECK(finds_shadow(kBlue, shade({0.19F, 0.215F, 0.26F})));
-  CHECK(!finds_shadow(kBlue, shade({0.209F, 0.215F, 0.226F})));
+  CHECK(!finds_shadow(kBlue, shade({0.203F, 0.215F, 0.232F})));
 }
 
 TEST_CASE("a dull sky is as grey as the road and much brighter: not blue, clipped to white, tiny, dim or unlabelled") {
@@ -170,8 +170,8 @@ TEST_CASE("a dull sky is as grey as the road and much brighter: not blue, clippe
   // In the shade the road itself is blue.
   CHECK(!dull(street(kCloud, [](int, int) { return Vec3f{0.8F, 1.0F, 1.25F}; })));
   Picture roofed = street(kCloud, open);
-  for (std::size_t i = 0; i < roofed.labels.size(); ++i) {
-    if (roofed.labels[i] == label::sky && i > 20) roofed.labels[i] = label::building;
+  for (int y = 0; y < 100; ++y) {
+    for (int x = 0; x < 480; ++x) roofed.labels[roofed.i(x, y)] = x < 4 && y < 4 ? label::sky : label::building;
   }
   CHECK(!dull(roofed));
 }
