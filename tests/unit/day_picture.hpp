@@ -68,6 +68,15 @@ struct Picture {
   }
 };
 
+// Mean luminance of the albedo in columns x0 to x1 - 1 of rows y0 to y1 - 1.
+inline double mean(const Picture& p, int x0, int x1, int y0, int y1) {
+  double sum = 0;
+  for (int y = y0; y < y1; ++y) {
+    for (int x = x0; x < x1; ++x) sum += static_cast<double>(luminance(p.albedo[p.i(x, y)]));
+  }
+  return sum / ((x1 - x0) * (y1 - y0));
+}
+
 }  // namespace npsim_test
 
 #endif  // NPSIM_TESTS_DAY_PICTURE_HPP

@@ -48,14 +48,6 @@ Picture street(Vec3f cast, Dark dark = Dark::nothing) {
   return p;
 }
 
-double mean(const Picture& p, int x0, int x1, int y0, int y1) {
-  double sum = 0;
-  for (int y = y0; y < y1; ++y) {
-    for (int x = x0; x < x1; ++x) sum += static_cast<double>(luminance(p.albedo[p.i(x, y)]));
-  }
-  return sum / ((x1 - x0) * (y1 - y0));
-}
-
 }  // namespace
 
 TEST_CASE("road and building meet their priors, a car keeps its ratio to the road, and texture stays") {

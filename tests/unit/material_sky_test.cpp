@@ -43,19 +43,14 @@ Picture street(Vec3f sky, const Light& light) {
   return p;
 }
 
+// Level ground in one light.
+Vec3f one_light(int, int) { return {1, 1, 1}; }
+
 // Of a cloudy day: the face of the kerb sees half the sky, the ground beneath a car hardly any; both are a bit bluer.
 Vec3f of_clouds(int x, int y) {
   if (x >= kKerb - 8 && x < kKerb) return {0.19F, 0.2F, 0.22F};
   if (x >= 325 && x < 425 && y >= 190 && y < 198) return {0.1F, 0.105F, 0.12F};
   return {1, 1, 1};
-}
-
-double mean(const Picture& p, int x0, int x1, int y0, int y1) {
-  double sum = 0;
-  for (int y = y0; y < y1; ++y) {
-    for (int x = x0; x < x1; ++x) sum += static_cast<double>(luminance(p.albedo[p.i(x, y)]));
-  }
-  return sum / ((x1 - x0) * (y1 - y0));
 }
 
 // Of ground in one light, as `street` draws it.
@@ -160,16 +155,15 @@ TEST_CASE("the shade is found where edges fall by less than the lights differ bu
 }
 
 TEST_CASE("a dull sky is as grey as the road and much brighter: not blue, clipped to white, tiny, dim or unlabelled") {
-  const auto open = [](int, int) { return Vec3f{1, 1, 1}; };
-  CHECK(dull(street(kCloud, open)));
-  CHECK(!dull(street(kCloud, open), false));
-  CHECK(!dull(street(kBlue, open)));
-  CHECK(!dull(street({0.5F, 0.6F, 0.75F}, open)));
-  CHECK(!dull(street({1, 1, 1}, open)));
-  CHECK(!dull(street({0.12F, 0.12F, 0.12F}, open)));
+  CHECK(dull(street(kCloud, one_light)));
+  CHECK(!dull(street(kCloud, one_light), false));
+  CHECK(!dull(street(kBlue, one_light)));
+  CHECK(!dull(street({0.5F, 0.6F, 0.75F}, one_light)));
+  CHECK(!dull(street({1, 1, 1}, one_light)));
+  CHECK(!dull(street({0.12F, 0.12F, 0.12F}, one_light)));
   // In the shade the road itself is blue.
   CHECK(!dull(street(kCloud, [](int, int) { return Vec3f{0.8F, 1.0F, 1.25F}; })));
-  Picture roofed = street(kCloud, open);
+  Picture roofed = street(kCloud, one_light);
   for (int y = 0; y < 100; ++y) {
     for (int x = 0; x < 480; ++x) roofed.labels[roofed.i(x, y)] = x < 4 && y < 4 ? label::sky : label::building;
   }
@@ -177,7 +171,7 @@ TEST_CASE("a dull sky is as grey as the road and much brighter: not blue, clippe
 }
 
 TEST_CASE("roofs and leaves that mix with a sky clipped to white do not make it dull; a grey rest of it does") {
-  Picture p = street({1, 1, 1}, [](int, int) { return Vec3f{1, 1, 1}; });
+  Picture p = street({1, 1, 1}, one_light);
   const auto grey = [&](int x, int y) { p.day[p.i(x, y)] = {200, 200, 201}; };
   for (int x = 0; x < 480; ++x) grey(x, 99);
   for (int y = 10; y < 90; y += 20) {
@@ -194,8 +188,7 @@ TEST_CASE("roofs and leaves that mix with a sky clipped to white do not make it 
 }
 
 TEST_CASE("the sky is judged alike in a photograph that is reduced, and in one whose contrast was taken back") {
-  const auto open = [](int, int) { return Vec3f{1, 1, 1}; };
-  const Picture small = street(kCloud, open);
+  const Picture small = street(kCloud, one_light);
   Picture large(1920, 1080);
   for (int y = 0; y < 1080; ++y) {
     for (int x = 0; x < 1920; ++x) {
@@ -205,5 +198,5 @@ TEST_CASE("the sky is judged alike in a photograph that is reduced, and in one w
   }
   CHECK(dull(large));
   CHECK(dull(small, true, 0.5F));
-  CHECK(!dull(street({0.56F, 0.7F, 0.8F}, open), true, 0.5F));
+  CHECK(!dull(street({0.56F, 0.7F, 0.8F}, one_light), true, 0.5F));
 }
