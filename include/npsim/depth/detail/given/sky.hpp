@@ -433,11 +433,13 @@ inline void ask_gaps(const SkyLook& look, const GroundPlane& ground, const Intri
          allocation_bytes<int>(static_cast<std::size_t>(shape.width)) + kWorkspaceAlignment;
 }
 
-// surface: 1 where there is one, 0 for the sky. All of one shape.
-[[nodiscard]] inline Status find_sky(const GroundPlane& ground, const Intrinsics& camera, ImageView<const Rgb8> image,
-                                     ImageView<const float> depth, DepthSource source, ImageView<std::uint8_t> surface,
-                                     Workspace& workspace) noexcept {
-  using namespace depth_detail;
+namespace depth_detail {
+
+// find_sky() wherever it looks so.
+[[nodiscard]] inline Status find_what_looks_like_sky(const GroundPlane& ground, const Intrinsics& camera,
+                                                     ImageView<const Rgb8> image, ImageView<const float> depth,
+                                                     DepthSource source, ImageView<std::uint8_t> surface,
+                                                     Workspace& workspace) noexcept {
   if (is_dense(depth)) {
     if (find_sky_among_far(
             image, depth, [](float z) { return !(z < kFarSky_m); }, true, surface))
@@ -512,6 +514,31 @@ inline void ask_gaps(const SkyLook& look, const GroundPlane& ground, const Intri
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) surface(x, y) = surface(x, y) == kSurface ? 1 : 0;
   }
+  return {};
+}
+
+// No sky is seen below the horizon by more than a street climbs before the camera. The sun that a road mirrors is as
+// bright, and what a pair of pictures matches there may lie as far.
+inline void clear_sky_below_horizon(const GroundPlane& ground, const Intrinsics& camera,
+                                    ImageView<std::uint8_t> surface) noexcept {
+  constexpr float kClimb = 0.1F;
+  if (!(ground.inlier_share > 0.0F)) return;
+  for (int y = 0; y < surface.height(); ++y) {
+    for (int x = 0; x < surface.width(); ++x) {
+      if (surface(x, y) == kSky && fall_of_ray(ground, camera, x, y) > kClimb) surface(x, y) = kSurface;
+    }
+  }
+}
+
+}  // namespace depth_detail
+
+// surface: 1 where there is one, 0 for the sky. All of one shape.
+[[nodiscard]] inline Status find_sky(const GroundPlane& ground, const Intrinsics& camera, ImageView<const Rgb8> image,
+                                     ImageView<const float> depth, DepthSource source, ImageView<std::uint8_t> surface,
+                                     Workspace& workspace) noexcept {
+  NPSIM_RETURN_IF_ERROR(
+      depth_detail::find_what_looks_like_sky(ground, camera, image, depth, source, surface, workspace));
+  depth_detail::clear_sky_below_horizon(ground, camera, surface);
   return {};
 }
 
