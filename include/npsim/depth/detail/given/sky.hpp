@@ -38,6 +38,7 @@
 // is of its brightness, and is seen by rays that do not fall to the ground.
 // Exact maps, and those of networks, whose sky is left out have no gaps between samples: of them all that is missing is
 // asked like what is above a sensor's last row, below lamps and measured wires too.
+// Where the ground is known, what lies farther below its horizon than a street climbs is surface in all of this.
 // Cost: a few passes. Memory: 25 bytes per pixel, for a dense map none.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
