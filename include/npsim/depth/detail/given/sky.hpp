@@ -38,7 +38,8 @@
 // is of its brightness, and is seen by rays that do not fall to the ground.
 // Exact maps, and those of networks, whose sky is left out have no gaps between samples: of them all that is missing is
 // asked like what is above a sensor's last row, below lamps and measured wires too.
-// Where the ground is known, what lies farther below its horizon than a street climbs is surface in all of this.
+// Where the ground is known, what lies farther below its horizon than a street climbs is surface in all of this, but
+// for sky that reaches down there from the upper edge.
 // Cost: a few passes. Memory: 25 bytes per pixel, for a dense map none.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
@@ -518,15 +519,21 @@ namespace depth_detail {
   return {};
 }
 
-// No sky is seen below the horizon by more than a street climbs before the camera. The sun that a road mirrors is as
-// bright, and what a pair of pictures matches there may lie as far.
+// What lies below the horizon by more than a street climbs, and hangs together with no sky at the upper edge, is none:
+// the sun that a road mirrors is as bright, and what a pair of pictures matches there may lie as far. Beyond an edge,
+// or where a bank was taken for the ground, the sky reaches down there from above.
 inline void clear_sky_below_horizon(const GroundPlane& ground, const Intrinsics& camera,
                                     ImageView<std::uint8_t> surface) noexcept {
   constexpr float kClimb = 0.1F;
   if (!(ground.inlier_share > 0.0F)) return;
+  for (int x = 0; x < surface.width(); ++x) {
+    if (surface(x, 0) == kSky) surface(x, 0) = kLike;
+  }
+  grow(surface, kLike, [](std::uint8_t c) { return c == kSky; });
   for (int y = 0; y < surface.height(); ++y) {
     for (int x = 0; x < surface.width(); ++x) {
-      if (surface(x, y) == kSky && fall_of_ray(ground, camera, x, y) > kClimb) surface(x, y) = kSurface;
+      const bool below = surface(x, y) == kSky && fall_of_ray(ground, camera, x, y) > kClimb;
+      surface(x, y) = below || surface(x, y) == kSurface ? kSurface : kSky;
     }
   }
 }
