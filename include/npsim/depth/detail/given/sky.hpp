@@ -428,15 +428,6 @@ inline void ask_gaps(const SkyLook& look, const GroundPlane& ground, const Intri
          steps < kEvenStep * at_top && missing_sky < kHardlyAny * sky;
 }
 
-}  // namespace depth_detail
-
-[[nodiscard]] constexpr std::size_t find_sky_workspace_bytes(Shape shape) noexcept {
-  return depth_detail::drop_walls_workspace_bytes(shape) +
-         allocation_bytes<int>(static_cast<std::size_t>(shape.width)) + kWorkspaceAlignment;
-}
-
-namespace depth_detail {
-
 // find_sky() wherever it looks so.
 [[nodiscard]] inline Status find_what_looks_like_sky(const GroundPlane& ground, const Intrinsics& camera,
                                                      ImageView<const Rgb8> image, ImageView<const float> depth,
@@ -539,6 +530,11 @@ inline void clear_sky_below_horizon(const GroundPlane& ground, const Intrinsics&
 }
 
 }  // namespace depth_detail
+
+[[nodiscard]] constexpr std::size_t find_sky_workspace_bytes(Shape shape) noexcept {
+  return depth_detail::drop_walls_workspace_bytes(shape) +
+         allocation_bytes<int>(static_cast<std::size_t>(shape.width)) + kWorkspaceAlignment;
+}
 
 // surface: 1 where there is one, 0 for the sky. All of one shape.
 [[nodiscard]] inline Status find_sky(const GroundPlane& ground, const Intrinsics& camera, ImageView<const Rgb8> image,
