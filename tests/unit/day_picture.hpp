@@ -13,6 +13,7 @@
 
 #include "fixture.hpp"
 #include "npsim/core/executor.hpp"
+#include "npsim/core/random.hpp"
 #include "npsim/material/albedo.hpp"
 
 namespace npsim_test {
@@ -75,6 +76,75 @@ inline double mean(const Picture& p, int x0, int x1, int y0, int y1) {
     for (int x = x0; x < x1; ++x) sum += static_cast<double>(luminance(p.albedo[p.i(x, y)]));
   }
   return sum / ((x1 - x0) * (y1 - y0));
+}
+
+// A level ground 1.5 m below the camera in the lower half of 480x270, and a wall that bounds it; no labels.
+struct Ground {
+  std::vector<float> depth = std::vector<float>(std::size_t{480} * 270);
+  std::vector<Vec3f> normals = std::vector<Vec3f>(std::size_t{480} * 270);
+  Ground() {
+    for (int y = 0; y < 270; ++y) {
+      for (int x = 0; x < 480; ++x) {
+        const bool road = y >= 135;
+        const auto i = static_cast<std::size_t>(y * 480 + x);
+        depth[i] = road ? 1.5F * 400.0F / (static_cast<float>(y) + 0.5F - 120.0F) : 60.0F;
+        normals[i] = road ? Vec3f{0, -1, 0} : Vec3f{0, 0, -1};
+      }
+    }
+  }
+  template <class Executor = SerialExecutor>
+  Status run(Picture& p, bool with_labels = false, Executor executor = {}) const {
+    AlbedoScene scene = p.scene(with_labels);
+    scene.depth = ImageView<const float>(depth.data(), p.shape);
+    scene.normals = ImageView<const Vec3f>(normals.data(), p.shape);
+    scene.camera = {400, 400, 240, 120};
+    scene.ground.inlier_share = 0.9F;
+    Scratch scratch(estimate_albedo_workspace_bytes({}, p.shape));
+    return estimate_albedo({}, scene, scratch.workspace(), {ImageView<Vec3f>(p.albedo.data(), p.shape), {}}, p.report,
+                           executor);
+  }
+};
+
+// A road 1.5 m below the camera whose light or paint is colour(across, away), m; labels, and depth of level ground.
+template <class Colour>
+Picture level_road(const Colour& colour) {
+  Picture p(480, 270);
+  for (int y = 0; y < 270; ++y) {
+    for (int x = 0; x < 480; ++x) {
+      RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * 480 + x), 0);
+      Vec3f seen{0.5F, 0.55F, 0.6F};
+      if (y >= 135) {
+        seen = {};
+        for (int k = 0; k < 9; ++k) {  // a pixel is the mean of what it covers
+          const float z = 1.5F * 400.0F / (static_cast<float>(y) + (static_cast<float>(k / 3) + 0.5F) / 3.0F - 120.0F);
+          const float across =
+              (static_cast<float>(x) + (static_cast<float>(k % 3) + 0.5F) / 3.0F - 240.0F) / 400.0F * z;
+          seen += colour(across, z) * (1.0F / 9.0F);
+        }
+        seen *= 0.9F + 0.2F * r.uniform();
+      }
+      p.labels[p.i(x, y)] = y >= 135 ? label::road : label::sky;
+      p.day[p.i(x, y)] = {encode(seen.x), encode(seen.y), encode(seen.z)};
+    }
+  }
+  REQUIRE(Ground().run(p, true).ok());
+  return p;
+}
+
+// Mean albedo of the road where inside(across, away) over that elsewhere, of a level_road().
+template <class Inside>
+double contrast(const Picture& p, const Inside& inside, int first_row) {
+  double sum[2] = {};
+  double n[2] = {};
+  for (int y = first_row; y < 265; ++y) {
+    for (int x = 5; x < 475; ++x) {
+      const float z = 1.5F * 400.0F / (static_cast<float>(y) + 0.5F - 120.0F);
+      const std::size_t k = inside((static_cast<float>(x) + 0.5F - 240.0F) / 400.0F * z, z) ? 1 : 0;
+      sum[k] += static_cast<double>(luminance(p.albedo[p.i(x, y)]));
+      n[k] += 1;
+    }
+  }
+  return (sum[1] / n[1]) / (sum[0] / n[0]);
 }
 
 }  // namespace npsim_test

@@ -78,13 +78,13 @@ struct AlbedoParams {
 
 // What was found of the day.
 struct DaylightReport {
-  bool shadow = false;        // sun and shadow on the ground are told apart
-  Vec3f ratio{1, 1, 1};       // sunlit over shadowed light, per channel
-  float sunlit_share = 1.0F;  // of the ground
-  float contrast = 1.0F;      // power of the decoded photograph that is its light; less than 1: steeper tones than sRGB
-  float error_log2 = 0.0F;    // estimate: spread of the ground's luminance over its light, before step 6
-  bool sun_found = false;     // from walls; only where shadow is true
-  float azimuth_rad = 0.0F;   // of the sun, from where the camera looks over the ground, to the right
+  bool shadow = false;         // sun and shadow on the ground are told apart
+  Vec3f ratio{1, 1, 1};        // sunlit over shadowed light, per channel
+  float sunlit_share = 1.0F;   // of the ground
+  float contrast = 1.0F;       // power of the codes that are decoded as sRGB; less than 1: steeper tones than sRGB's
+  float error_log2 = 0.0F;     // estimate: spread of the ground's luminance over its light, before step 6
+  bool sun_found = false;      // from walls; only where shadow is true
+  float azimuth_rad = 0.0F;    // of the sun, from where the camera looks over the ground, to the right
   float elevation_rad = 0.0F;  // over the ground
 };
 
@@ -112,6 +112,7 @@ struct Context {
   Plane sun;             // share of the sun
   Plane pane;            // share of panes in what cars show, 0..1
   Vec3f plants;          // colour of plants that do not show theirs, of luminance 1
+  float street = 1.0F;   // share of the sun on all ground
   bool by_road = false;  // gave the scale: it is that of level ground
   bool sheen = false;    // step 6: by_road, and camera and ground plane are known
 
@@ -153,6 +154,21 @@ Status read_ground(float contrast, Context& c, Span<std::uint32_t>& histogram, W
 
 // log2 of the most that a high sun gives over a clear sky. A photograph that shows more has steeper tones than sRGB.
 inline constexpr float kMostRatio = 3.0F;
+
+// The power of the codes with which the lights that were found at a power of 1 are kMostRatio apart, or as far as a
+// sensor's own, linear codes set them: no camera's tones are steeper.
+[[nodiscard]] inline float contrast_of(const GroundLight& ground) noexcept {
+  const float sunlit = srgb_encode(exp2_of(ground.mixture[ground.lead].sun_y));
+  const float shadowed = srgb_encode(exp2_of(ground.mixture[ground.lead].sun_y - ground.ratio_y));
+  constexpr float kLinear = 1.0F / 2.2F;
+  float least = kLinear, most = 1.0F;
+  for (int i = 0; i < 12; ++i) {
+    const float power = 0.5F * (least + most);
+    const float ratio = log2_of(Picture::decoded(sunlit, power) / Picture::decoded(shadowed, power));
+    (ratio < kMostRatio ? least : most) = power;
+  }
+  return least;
+}
 
 // Step 3: the level of sunlit ground, or of whatever there is instead.
 inline void find_scale(Context& c, Span<std::uint32_t> histogram) {
@@ -360,7 +376,7 @@ struct Light {
 }
 
 // Step 6 for things: what is left of the albedo `a` that gain_of gives a pixel of the photograph, without what it
-// mirrors.
+// mirrors. The street that a shaded face mirrors lies in the sun where most of it does.
 [[nodiscard]] inline Vec3f without_mirrored(const Context& c, Label label, int x, int y, float level, float sun,
                                             const Vec3f& a) noexcept {
   if (!c.sheen) return a;
@@ -370,7 +386,7 @@ struct Light {
   float light[3];
   for (int i = 0; i < 3; ++i) {
     const float of_sky = c.ground.shadow ? exp2_of(-ratio[i]) : 1.0F;
-    const float of_street = c.ground.shadow ? exp2_of(log_light(sun, ratio[i])) : 1.0F;
+    const float of_street = c.ground.shadow ? exp2_of(log_light(std::max(sun, c.street), ratio[i])) : 1.0F;
     light[i] = exp2_of(c.scale + c.cast[i]) * (m.sky * of_sky + m.street * of_street);
   }
   return taken_off(a, Vec3f{light[0], light[1], light[2]} * gain_of(c, level, sun)) / m.through;
@@ -607,7 +623,7 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
   report.azimuth_rad = c.day.azimuth();
   report.elevation_rad = std::asin(clamp_to(dot(c.day.direction, c.day.up), -1.0F, 1.0F));
   report.contrast = picture.contrast;
-  report.sunlit_share = sunlit_share(picture, c.ground);
+  report.sunlit_share = c.street;
   report.error_log2 = plane_quantile(picture.shape(), ground, off, 0.5F, histogram);
   return report;
 }
@@ -649,7 +665,7 @@ Status estimate_albedo(const AlbedoParams& p, const AlbedoScene& scene, Workspac
   NPSIM_RETURN_IF_ERROR(read_ground(1.0F, c, histogram, workspace, executor));
   if (c.ground.ratio_y > kMostRatio) {
     scope.release();
-    NPSIM_RETURN_IF_ERROR(read_ground(kMostRatio / c.ground.ratio_y, c, histogram, workspace, executor));
+    NPSIM_RETURN_IF_ERROR(read_ground(contrast_of(c.ground), c, histogram, workspace, executor));
     if (!c.ground.shadow) {
       scope.release();
       NPSIM_RETURN_IF_ERROR(read_ground(1.0F, c, histogram, workspace, executor));
@@ -660,7 +676,8 @@ Status estimate_albedo(const AlbedoParams& p, const AlbedoScene& scene, Workspac
   const StandingLightParams standing;
   const SunParams sun;
   NPSIM_RETURN_IF_ERROR(find_day(sun, c, workspace, executor));
-  NPSIM_RETURN_IF_ERROR(place_sun(standing, c.picture, c.ground, workspace, c.sun, executor));
+  c.street = sunlit_share(c.picture, c.ground);
+  NPSIM_RETURN_IF_ERROR(place_sun(standing, c.picture, c.ground, c.street, workspace, c.sun, executor));
   NPSIM_RETURN_IF_ERROR(light_objects(standing, c, workspace, executor));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.pane));
   NPSIM_RETURN_IF_ERROR(tell_paint(c, workspace, executor));
