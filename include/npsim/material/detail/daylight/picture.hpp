@@ -73,8 +73,8 @@ struct Picture {
   std::array<float, 256> light{};  // of a code
   float floor = 0.0F;              // added to the light, since there is no logarithm of 0
 
-  // Light of a code, 0..1. At a power of 1 / 2.2 a sensor's own, linear codes come out within 5 % from .06 up and within
-  // a quarter from .02 up; a power of the decoded light, which keeps sRGB's straight toe, would double the dark ones.
+  // Light of a code, 0..1. At a power of 1 / 2.2 a sensor's own, linear codes come out within 5 % from .06 up, and
+  // within a quarter from .02 up; a power of the decoded light, which keeps sRGB's straight toe, would double dark ones.
   [[nodiscard]] static float decoded(float code, float power) noexcept {
     return srgb_decode(power == 1.0F ? code : exp2_of(power * log2_of(code)));
   }
