@@ -74,7 +74,7 @@ struct Picture {
   float floor = 0.0F;              // added to the light, since there is no logarithm of 0
 
   // Light of a code, 0..1. At a power of 1 / 2.2 a sensor's own, linear codes come out within 5 % from .06 up, and
-  // within a quarter from .02 up; a power of the decoded light, which keeps sRGB's straight toe, would double dark ones.
+  // within a quarter from .02 up; a power of the decoded light, which keeps sRGB's straight toe, doubles dark ones.
   [[nodiscard]] static float decoded(float code, float power) noexcept {
     return srgb_decode(power == 1.0F ? code : exp2_of(power * log2_of(code)));
   }
