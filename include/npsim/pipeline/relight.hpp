@@ -413,9 +413,12 @@ template <class Rays, class Executor, class Observer>
   }
   const auto point_of = [&rays](const Hit& hit) { return rays.point_of(hit); };
   if (is_wet(params.material.film)) {
+    const auto mirrored_point_of = [&](const Hit& hit) {
+      return occluders.lamp_mark[hit.face] == 0 ? rays.point_of(hit) : kNoPoint;
+    };
     NPSIM_RETURN_IF_ERROR(list_mirrors(params.mirror, lit.points, lit.visible_point, size.wet, workspace, lit.mirrors));
-    NPSIM_RETURN_IF_ERROR(trace_mirror_rays(params.mirror, key, params.f0, rays.scene, point_of, lit.points, out.sky,
-                                            lit.mirrors, executor, observer));
+    NPSIM_RETURN_IF_ERROR(trace_mirror_rays(params.mirror, key, params.f0, rays.scene, mirrored_point_of, lit.points,
+                                            out.sky, lit.mirrors, executor, observer));
   }
   Span<Vec3f> sky_irradiance;
   Span<Vec2f> unseen;

@@ -69,8 +69,8 @@ struct Mirrors {
   return normalized(Vec3f{alpha * h.x, alpha * h.y, h.z > 1e-6F ? h.z : 1e-6F});
 }
 
-// `f0`: of dry surfaces. pixel and point are given; the rest of `mirrors` is filled. scene and point_of: as for
-// trace_gather_rays().
+// `f0`: of dry surfaces. pixel and point are given; the rest of `mirrors` is filled. scene: as for trace_gather_rays();
+// point_of(hit) likewise, or kNoPoint where nothing of what is met is mirrored.
 template <class Scene, class PointOf, class Executor, class Observer>
 Status trace_mirror_rays(const MirrorParams& params, std::uint64_t seed, float f0, const Scene& scene,
                          const PointOf& point_of, const SurfacePoints& points, const SkyParams& sky,
@@ -123,7 +123,7 @@ Status trace_mirror_rays(const MirrorParams& params, std::uint64_t seed, float f
           }
           const std::uint32_t reached = point_of(met[i]);
           // The back of a sheet is unknown; it hands on nothing.
-          if (dot(points.normal[reached], batch[i].direction) < 0.0F) hits[first + i] = reached;
+          if (reached != kNoPoint && dot(points.normal[reached], batch[i].direction) < 0.0F) hits[first + i] = reached;
         }
         valid += traced;
       }
