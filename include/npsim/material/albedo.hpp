@@ -4,7 +4,8 @@
 // 1. Linear: sRGB decoded (IEC 61966-2-1); logarithms at a working size (detail/daylight/picture.hpp).
 // 2. Ground: sun and shadow, and the ratio of their lights per channel (detail/daylight/ground_light.hpp). Overcast
 //    scenes have one light. Where the ratio is more than daylight has, the camera's tones are steeper than sRGB
-//    (raw-like recordings are): both steps once more with the power that makes it about as much.
+//    (raw-like recordings are): both steps once more with the power of the codes that makes it about as much, or that
+//    gives back linear ones.
 // 3. Scale: asphalt in the sun meets the prior of detail/class_priors.hpp. All other ground, vehicles, people and
 //    things share this scale, so that a black car stays black; facades and plants, whose light differs by direction,
 //    meet their own priors.
@@ -155,8 +156,8 @@ Status read_ground(float contrast, Context& c, Span<std::uint32_t>& histogram, W
 // log2 of the most that a high sun gives over a clear sky. A photograph that shows more has steeper tones than sRGB.
 inline constexpr float kMostRatio = 3.0F;
 
-// The power of the codes with which the lights that were found at a power of 1 are kMostRatio apart, or as far as a
-// sensor's own, linear codes set them: no camera's tones are steeper.
+// The power of the codes with which the lights that were found at a power of 1, at the level of sunlit road, are
+// kMostRatio apart, or as far as a sensor's own, linear codes set them: no camera's tones are steeper.
 [[nodiscard]] inline float contrast_of(const GroundLight& ground) noexcept {
   const float sunlit = srgb_encode(exp2_of(ground.mixture[ground.lead].sun_y));
   const float shadowed = srgb_encode(exp2_of(ground.mixture[ground.lead].sun_y - ground.ratio_y));
@@ -376,7 +377,7 @@ struct Light {
 }
 
 // Step 6 for things: what is left of the albedo `a` that gain_of gives a pixel of the photograph, without what it
-// mirrors. The street that a shaded face mirrors lies in the sun where most of it does.
+// mirrors. The street that a face in the shade mirrors lies in the sun as far as all ground does.
 [[nodiscard]] inline Vec3f without_mirrored(const Context& c, Label label, int x, int y, float level, float sun,
                                             const Vec3f& a) noexcept {
   if (!c.sheen) return a;

@@ -413,8 +413,10 @@ template <class Rays, class Executor, class Observer>
   }
   const auto point_of = [&rays](const Hit& hit) { return rays.point_of(hit); };
   if (is_wet(params.material.film)) {
+    // A street lamp lights its own head and mast from hardly any distance: specks around its streak.
     const auto mirrored_point_of = [&](const Hit& hit) {
-      return occluders.lamp_mark[hit.face] == 0 ? rays.point_of(hit) : kNoPoint;
+      const std::uint16_t mark = occluders.lamp_mark[hit.face];
+      return mark != 0 && is_street_lamp(scene.lights[mark - 1].cls) ? kNoPoint : rays.point_of(hit);
     };
     NPSIM_RETURN_IF_ERROR(list_mirrors(params.mirror, lit.points, lit.visible_point, size.wet, workspace, lit.mirrors));
     NPSIM_RETURN_IF_ERROR(trace_mirror_rays(params.mirror, key, params.f0, rays.scene, mirrored_point_of, lit.points,

@@ -5,8 +5,8 @@
 //   L = E(n.wo) * mean of the luminance that the rays meet,
 // with E the interface's directional albedo (material/detail/specular_albedo.hpp), by which the body below has lost its
 // light already: under a uniform sky film and body together return what they should (within .5 %), and never more.
-// Taking E out of the mean leaves out how Fresnel's term and the masking vary within the lobe. Lamps, windows and signs
-// are not met here: direct light knows their gloss (direct.hpp).
+// Taking E out of the mean leaves out how Fresnel's term and the masking vary within the lobe. What lamps, windows and
+// signs send out themselves is not met here: direct light knows their gloss (direct.hpp).
 // A surface that is met hands on albedo times illuminance over pi, as in gather.hpp; which, depends on no lamp, so all
 // nights share the rays.
 // Cost: `rays` closest hits per wet pixel. Memory: 4 bytes a ray, 24 a wet pixel. Error: noise, which the caller

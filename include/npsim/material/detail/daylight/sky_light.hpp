@@ -29,7 +29,8 @@ namespace npsim {
 inline namespace NPSIM_ABI {
 namespace daylight_detail {
 
-// Logarithms are of the photograph as it is decoded, before its contrast.
+// Logarithms are of the photograph as it is decoded, before its contrast: over the power of its codes they are within
+// .05 of that for the colours of ground whose codes are above .15.
 struct SkyLightParams {
   float bluer = 0.075F;        // log2(blue / red) of a dull sky less that of the ground in the sun
   float tolerance = 0.275F;    // of that, for a sky that is bright_sky over the ground; none at bright_ground
