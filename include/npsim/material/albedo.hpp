@@ -153,24 +153,6 @@ Status read_ground(float contrast, Context& c, Span<std::uint32_t>& histogram, W
   return find_ground_light(ground, c.scene, c.picture, workspace, c.ground, executor);
 }
 
-// log2 of the most that a high sun gives over a clear sky. A photograph that shows more has steeper tones than sRGB.
-inline constexpr float kMostRatio = 3.0F;
-
-// The power of the codes with which the lights that were found at a power of 1, at the level of sunlit road, are
-// kMostRatio apart, or as far as a sensor's own, linear codes set them: no camera's tones are steeper.
-[[nodiscard]] inline float contrast_of(const GroundLight& ground) noexcept {
-  const float sunlit = srgb_encode(exp2_of(ground.mixture[ground.lead].sun_y));
-  const float shadowed = srgb_encode(exp2_of(ground.mixture[ground.lead].sun_y - ground.ratio_y));
-  constexpr float kLinear = 1.0F / 2.2F;
-  float least = kLinear, most = 1.0F;
-  for (int i = 0; i < 12; ++i) {
-    const float power = 0.5F * (least + most);
-    const float ratio = log2_of(Picture::decoded(sunlit, power) / Picture::decoded(shadowed, power));
-    (ratio < kMostRatio ? least : most) = power;
-  }
-  return least;
-}
-
 // Step 3: the level of sunlit ground, or of whatever there is instead.
 inline void find_scale(Context& c, Span<std::uint32_t> histogram) {
   const Picture& picture = c.picture;

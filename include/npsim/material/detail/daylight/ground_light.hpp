@@ -31,6 +31,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "npsim/color/srgb.hpp"
 #include "npsim/core/algorithm.hpp"
 #include "npsim/core/config.hpp"
 #include "npsim/core/image_view.hpp"
@@ -124,6 +125,24 @@ template <class Inside>
 }
 [[nodiscard]] inline float sunlit_share(const Picture& picture, const GroundLight& ground) noexcept {
   return sunlit_share(picture, ground, [&](int x, int y) { return picture.is_ground(x, y); });
+}
+
+// log2 of the most that a high sun gives over a clear sky. A photograph that shows more has steeper tones than sRGB.
+inline constexpr float kMostRatio = 3.0F;
+
+// The power of the codes with which the lights that were found at a power of 1, at the level of sunlit road, are
+// kMostRatio apart, or as far as a sensor's own, linear codes set them: no camera's tones are steeper.
+[[nodiscard]] inline float contrast_of(const GroundLight& ground) noexcept {
+  const float sunlit = srgb_encode(exp2_of(ground.mixture[ground.lead].sun_y));
+  const float shadowed = srgb_encode(exp2_of(ground.mixture[ground.lead].sun_y - ground.ratio_y));
+  constexpr float kLinear = 1.0F / 2.2F;
+  float least = kLinear, most = 1.0F;
+  for (int i = 0; i < 12; ++i) {
+    const float power = 0.5F * (least + most);
+    const float ratio = log2_of(Picture::decoded(sunlit, power) / Picture::decoded(shadowed, power));
+    (ratio < kMostRatio ? least : most) = power;
+  }
+  return least;
 }
 
 // Log odds of sun against shadow.
