@@ -129,40 +129,6 @@ TEST_CASE("what paint mirrors of a cloudy day is not in its albedo: black stays 
   CHECK(red.x == doctest::Approx(0.12F).epsilon(0.25));
 }
 
-TEST_CASE("a car that stands in the shade of a sunlit street mirrors the sun on it; in a shaded street it does not") {
-  const Vec3f shade{0.13F, 0.155F, 0.21F};
-  for (const bool sunlit_street : {true, false}) {
-    CAPTURE(sunlit_street);
-    // A fifth of the road in the one light, the rest in the other; all things stand in the shade.
-    const auto in_shade = [&](float across) { return sunlit_street ? across < -0.8F : across < 2.5F; };
-    Picture p = level_road([&](float across, float) { return (in_shade(across) ? shade : Vec3f{1, 1, 1}) * 0.24F; });
-    REQUIRE(p.report.shadow);
-    p.instances.assign(p.shape.pixels(), 0);
-    Ground ground;
-    const float paints[] = {0.02F, 0.06F, 0.3F};
-    for (int k = 0; k < 3; ++k) {
-      for (int y = 140; y < 200; ++y) {
-        for (int x = 20 + 60 * k; x < 70 + 60 * k; ++x) {
-          const std::size_t i = p.i(x, y);
-          p.labels[i] = label::truck;
-          p.instances[i] = static_cast<std::uint16_t>(1 + k);
-          ground.depth[i] = 7.5F;
-          ground.normals[i] = {0, 0, -1};
-          // 4 % of a street of .1, and .7 of the light of level ground.
-          const Vec3f street = sunlit_street ? Vec3f{1, 1, 1} : shade;
-          const Vec3f seen = (shade * (0.7F * 0.96F * paints[k]) + street * (0.04F * 0.1F)) * 2.4F;
-          p.day[i] = {encode(seen.x), encode(seen.y), encode(seen.z)};
-        }
-      }
-    }
-    REQUIRE(ground.run(p, true).ok());
-    const auto of = [&](int k) { return mean(p, 25 + 60 * k, 65 + 60 * k, 150, 190); };
-    CHECK(of(0) < 0.042);  // looks like .057 where the street is sunlit
-    CHECK(of(1) / 0.06 == doctest::Approx(1).epsilon(0.12));
-    CHECK(of(2) / 0.3 == doctest::Approx(1).epsilon(0.05));
-  }
-}
-
 TEST_CASE("of the cast of a road that mirrors the sky the stated share is left") {
   Picture p = level_road([](float, float) { return Vec3f{0.102F, 0.12F, 0.15F}; });
   REQUIRE(Ground().run(p, true).ok());

@@ -107,15 +107,14 @@ struct Context {
   GroundLight ground;
   Objects objects;
   Sun day;
-  float scale = 0.0F;       // log2 of the luminance of albedo 1 on sunlit level ground
-  float cast[3] = {};       // log2 of the sun's channels over its luminance
-  Plane light;              // log2 of luminance over albedo
-  Plane sun;                // share of the sun
-  Plane pane;               // share of panes in what cars show, 0..1
-  Vec3f plants;             // colour of plants that do not show theirs, of luminance 1
-  float street_sun = 1.0F;  // share of the sun on all ground
-  bool by_road = false;     // gave the scale: it is that of level ground
-  bool sheen = false;       // step 6: by_road, and camera and ground plane are known
+  float scale = 0.0F;    // log2 of the luminance of albedo 1 on sunlit level ground
+  float cast[3] = {};    // log2 of the sun's channels over its luminance
+  Plane light;           // log2 of luminance over albedo
+  Plane sun;             // share of the sun
+  Plane pane;            // share of panes in what cars show, 0..1
+  Vec3f plants;          // colour of plants that do not show theirs, of luminance 1
+  bool by_road = false;  // gave the scale: it is that of level ground
+  bool sheen = false;    // step 6: by_road, and camera and ground plane are known
 
   [[nodiscard]] Label label_at(int x, int y) const noexcept {
     if (scene.labels.empty()) return label::unlabeled;
@@ -359,7 +358,7 @@ struct Light {
 }
 
 // Step 6 for things: what is left of the albedo `a` that gain_of gives a pixel of the photograph, without what it
-// mirrors. The street that a face in the shade mirrors lies in the sun as far as all ground does.
+// mirrors.
 [[nodiscard]] inline Vec3f without_mirrored(const Context& c, Label label, int x, int y, float level, float sun,
                                             const Vec3f& a) noexcept {
   if (!c.sheen) return a;
@@ -369,7 +368,7 @@ struct Light {
   float light[3];
   for (int i = 0; i < 3; ++i) {
     const float of_sky = c.ground.shadow ? exp2_of(-ratio[i]) : 1.0F;
-    const float of_street = c.ground.shadow ? exp2_of(log_light(std::max(sun, c.street_sun), ratio[i])) : 1.0F;
+    const float of_street = c.ground.shadow ? exp2_of(log_light(sun, ratio[i])) : 1.0F;
     light[i] = exp2_of(c.scale + c.cast[i]) * (m.sky * of_sky + m.street * of_street);
   }
   return taken_off(a, Vec3f{light[0], light[1], light[2]} * gain_of(c, level, sun)) / m.through;
@@ -606,7 +605,7 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
   report.azimuth_rad = c.day.azimuth();
   report.elevation_rad = std::asin(clamp_to(dot(c.day.direction, c.day.up), -1.0F, 1.0F));
   report.contrast = picture.contrast;
-  report.sunlit_share = c.street_sun;
+  report.sunlit_share = sunlit_share(picture, c.ground);
   report.error_log2 = plane_quantile(picture.shape(), ground, off, 0.5F, histogram);
   return report;
 }
@@ -659,8 +658,7 @@ Status estimate_albedo(const AlbedoParams& p, const AlbedoScene& scene, Workspac
   const StandingLightParams standing;
   const SunParams sun;
   NPSIM_RETURN_IF_ERROR(find_day(sun, c, workspace, executor));
-  c.street_sun = sunlit_share(c.picture, c.ground);
-  NPSIM_RETURN_IF_ERROR(place_sun(standing, c.picture, c.ground, c.street_sun, workspace, c.sun, executor));
+  NPSIM_RETURN_IF_ERROR(place_sun(standing, c.picture, c.ground, workspace, c.sun, executor));
   NPSIM_RETURN_IF_ERROR(light_objects(standing, c, workspace, executor));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(c.picture.shape(), c.pane));
   NPSIM_RETURN_IF_ERROR(tell_paint(c, workspace, executor));

@@ -42,7 +42,7 @@ inline constexpr float kDryF0 = 0.04F;
 }
 
 // Albedo that would look like what a face mirrors, had it the light of level ground: of the sky alone, and of the
-// street in the light that is on it. through: share of the light that the gloss lets through to the albedo below.
+// street in the same light as it. through: share of the light that the gloss lets through to the albedo below.
 struct Mirrored {
   float sky = 0.0F, street = 0.0F, through = 1.0F;
 };

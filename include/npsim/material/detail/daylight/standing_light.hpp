@@ -89,17 +89,17 @@ Status smooth_by_facing(const Picture& picture, std::uint8_t region, float lengt
   return {};
 }
 
-// Share of the sun at the place where each pixel's object stands: of the ground around the next ground below; `rest`,
-// that of all ground, where there is none.
+// Share of the sun at the place where each pixel's object stands: of the ground around the next ground below.
 template <class Executor>
-Status place_sun(const StandingLightParams& p, const Picture& picture, const GroundLight& ground, float rest,
-                 Workspace& workspace, Plane out, Executor& executor) {
+Status place_sun(const StandingLightParams& p, const Picture& picture, const GroundLight& ground, Workspace& workspace,
+                 Plane out, Executor& executor) {
   const WorkspaceScope scope(workspace);
   const Shape shape = picture.shape();
   Plane around;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, around));
   const auto is_ground = [&](int x, int y) { return picture.is_ground(x, y) ? 1.0F : 0.0F; };
   const auto sun = [&](int x, int y) { return ground.sun(x, y); };
+  const float rest = sunlit_share(picture, ground);
   NPSIM_RETURN_IF_ERROR(
       window_mean(is_ground, sun, picture.radius(p.place_px), 1.0F, rest, workspace, around, executor));
   executor.for_chunks(static_cast<std::size_t>(shape.width), kWindowColumns, [&](std::size_t begin, std::size_t end) {
