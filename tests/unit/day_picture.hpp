@@ -131,15 +131,22 @@ Picture level_road(const Colour& colour) {
   return p;
 }
 
-// Mean albedo of the road where inside(across, away) over that elsewhere, of a level_road().
-template <class Inside>
-double contrast(const Picture& p, const Inside& inside, int first_row) {
+struct Everywhere {
+  bool operator()(float, float) const { return true; }
+};
+
+// Mean albedo of the road where inside(across, away) over that elsewhere, of those parts of a level_road() where
+// among(across, away).
+template <class Inside, class Among = Everywhere>
+double contrast(const Picture& p, const Inside& inside, int first_row, const Among& among = {}) {
   double sum[2] = {};
   double n[2] = {};
   for (int y = first_row; y < 265; ++y) {
+    const float away = 1.5F * 400.0F / (static_cast<float>(y) + 0.5F - 120.0F);
     for (int x = 5; x < 475; ++x) {
-      const float z = 1.5F * 400.0F / (static_cast<float>(y) + 0.5F - 120.0F);
-      const std::size_t k = inside((static_cast<float>(x) + 0.5F - 240.0F) / 400.0F * z, z) ? 1 : 0;
+      const float across = (static_cast<float>(x) + 0.5F - 240.0F) / 400.0F * away;
+      if (!among(across, away)) continue;
+      const std::size_t k = inside(across, away) ? 1 : 0;
       sum[k] += static_cast<double>(luminance(p.albedo[p.i(x, y)]));
       n[k] += 1;
     }

@@ -166,19 +166,7 @@ TEST_CASE(
   REQUIRE(p.report.shadow);
   // Paint over asphalt on one side of the street.
   const auto on_side = [&](float side, int first_row) {
-    double sum[2] = {};
-    double n[2] = {};
-    for (int y = first_row; y < 265; ++y) {
-      const float away = 1.5F * 400.0F / (static_cast<float>(y) + 0.5F - 120.0F);
-      for (int x = 5; x < 475; ++x) {
-        const float across = (static_cast<float>(x) + 0.5F - 240.0F) / 400.0F * away;
-        if (across * side < 0.6F) continue;
-        const std::size_t k = painted(across, away) ? 1 : 0;
-        sum[k] += static_cast<double>(luminance(p.albedo[p.i(x, y)]));
-        n[k] += 1;
-      }
-    }
-    return (sum[1] / n[1]) / (sum[0] / n[0]);
+    return contrast(p, painted, first_row, [side](float across, float) { return !(across * side < 0.6F); });
   };
   CHECK(on_side(-1.0F, 190) == doctest::Approx(5).epsilon(0.08));
   CHECK(on_side(1.0F, 190) == doctest::Approx(5).epsilon(0.08));
