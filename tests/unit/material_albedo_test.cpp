@@ -259,6 +259,40 @@ TEST_CASE("the little sun that leaves or blinds let through leaves the shade") {
   CHECK(bars / between == doctest::Approx(1.0).epsilon(0.1));  // of 1.47 by day
 }
 
+TEST_CASE("deep shade bluer than at its edge becomes as grey as the road in the sun, with its paint; yellow stays") {
+  struct Case {
+    float bluer, left;  // log2(blue / red), of the light and of the albedo
+  };
+  for (const Case c : {Case{0.3F, 0.0F}, Case{-0.3F, -0.3F}, Case{0.8F, 0.4F}}) {
+    CAPTURE(c.bluer);
+    const auto line = [](int x, int y) { return x >= 50 && x < 56 && y > 160; };
+    Picture p = shaded_road(
+        {0.13F, 0.155F, 0.2F},
+        [&](int x, int, Vec3f shade) {
+          const float deep = std::min(1.0F, std::max(0.0F, (120.0F - static_cast<float>(x)) / 40.0F));
+          return shade * Vec3f{std::exp2(-0.5F * c.bluer * deep), 1.0F, std::exp2(0.5F * c.bluer * deep)};
+        },
+        [&](int x, int y) {
+          return Vec3f{0.24F, 0.24F, 0.24F} * (line(x, y) ? 4.0F : 1.0F);
+        });
+    REQUIRE(p.run().ok());
+    REQUIRE(p.report.shadow);
+    const auto colour = [&](int x0, int x1) {
+      double red = 0, blue = 0;
+      for (int y = 180; y < 260; ++y) {
+        for (int x = x0; x < x1; ++x) {
+          red += static_cast<double>(p.albedo[p.i(x, y)].x);
+          blue += static_cast<double>(p.albedo[p.i(x, y)].z);
+        }
+      }
+      return std::log2(blue / red);
+    };
+    const double sunlit = colour(300, 440);
+    CHECK(std::fabs(colour(10, 45) - sunlit - static_cast<double>(c.left)) < 0.05);
+    if (c.bluer > 0.0F) CHECK(std::fabs(colour(51, 55) - colour(10, 45)) < 0.05);
+  }
+}
+
 TEST_CASE("the grain of asphalt and a paving of two greys stay in the shade as they are in the sun") {
   for (const float step : {0.0F, 0.75F}) {
     const auto block = [](int x, int y) { return (x / 10 + y / 10) % 2 == 0; };

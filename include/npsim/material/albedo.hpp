@@ -2,7 +2,7 @@
 // Albedo and the sun's share from the daytime photograph, where no inverse-rendering network supplies them.
 //
 // 1. Linear: sRGB decoded (IEC 61966-2-1); logarithms at a working size (detail/daylight/picture.hpp).
-// 2. Ground: sun and shadow, and the ratio of their lights per channel (detail/daylight/ground_light.hpp). Overcast
+// 2. Ground: sun and shadow, and the ratio of their lights per channel (detail/daylight/find_ground_light.hpp). Overcast
 //    scenes have one light. Where the ratio is more than daylight has, the camera's tones are steeper than sRGB
 //    (raw-like recordings are): both steps once more with the power of the codes that makes it about as much, or that
 //    gives back linear ones.
@@ -47,6 +47,7 @@
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/material/detail/albedo_scene.hpp"
 #include "npsim/material/detail/class_priors.hpp"
+#include "npsim/material/detail/daylight/find_ground_light.hpp"
 #include "npsim/material/detail/daylight/ground_light.hpp"
 #include "npsim/material/detail/daylight/objects.hpp"
 #include "npsim/material/detail/daylight/panes.hpp"
@@ -307,12 +308,12 @@ Status light_objects(const StandingLightParams& p, Context& c, Workspace& worksp
 
 // Of four working pixels around a pixel of the photograph, those of its own region.
 struct Light {
-  float level, sun, pane;
+  float level, sun, pane, tint;
 };
 
 [[nodiscard]] inline Light light_at(const Context& c, int x, int y, std::uint8_t region) noexcept {
   const Picture& picture = c.picture;
-  if (picture.factor == 1) return {c.light(x, y), c.sun(x, y), c.pane(x, y)};
+  if (picture.factor == 1) return {c.light(x, y), c.sun(x, y), c.pane(x, y), c.ground.tint(x, y)};
   const float inverse = 1.0F / static_cast<float>(picture.factor);
   const float fx = (static_cast<float>(x) + 0.5F) * inverse - 0.5F;
   const float fy = (static_cast<float>(y) + 0.5F) * inverse - 0.5F;
@@ -330,10 +331,11 @@ struct Light {
       sum.level += w * c.light(u, v);
       sum.sun += w * c.sun(u, v);
       sum.pane += w * c.pane(u, v);
+      sum.tint += w * c.ground.tint(u, v);
       weight += w;
     }
   }
-  return {sum.level / weight, sum.sun / weight, sum.pane / weight};
+  return {sum.level / weight, sum.sun / weight, sum.pane / weight, sum.tint / weight};
 }
 
 // log2 albedo of a car's pixel: panes are dark whatever they mirror, and so is what is darker than paint towards the
@@ -345,14 +347,16 @@ struct Light {
   return log_albedo + std::max(pane, tyres) * (dark - log_albedo);
 }
 
-// Albedo over the photograph's linear light, which has the luminance `level` over albedo (log2) and a share of sun.
-[[nodiscard]] inline Vec3f gain_of(const Context& c, float level, float sun) noexcept {
+// Albedo over the photograph's linear light, which has the luminance `level` over albedo (log2), a share of sun, and is
+// bluer than that says by `tint`, log2(blue / red).
+[[nodiscard]] inline Vec3f gain_of(const Context& c, float level, float sun, float tint = 0.0F) noexcept {
   const float ratio[3] = {c.ground.ratio.x, c.ground.ratio.y, c.ground.ratio.z};
   const float common = level - (c.ground.shadow ? log_light(sun, c.ground.ratio_y) : 0.0F);
+  const float tinted[3] = {-0.5F * tint, 0.0F, 0.5F * tint};
   float gain[3];
   for (int i = 0; i < 3; ++i) {
     const float own = c.ground.shadow ? log_light(sun, ratio[i]) : 0.0F;
-    gain[i] = exp2_of(-(common + own + c.params.cast_removal * c.cast[i]));
+    gain[i] = exp2_of(-(common + own + tinted[i] + c.params.cast_removal * c.cast[i]));
   }
   return {gain[0], gain[1], gain[2]};
 }
@@ -569,7 +573,7 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
     const Light light = light_at(c, x, y, region);
     bool at_border = false;
     const Rgb8 seen = region < kGroundRegions ? s.image(x, y) : without_border(c, x, y, at_border);
-    Vec3f a = c.picture.light_of(seen) * gain_of(c, light.level, light.sun);
+    Vec3f a = c.picture.light_of(seen) * gain_of(c, light.level, light.sun, light.tint);
     // In half shade the colour of the light is the least certain; thin things have that of what they stand before. Of
     // what mirrors more than it throws back the rest tells little.
     constexpr float kTrustAtBorder = 0.3F;
@@ -615,9 +619,10 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
 [[nodiscard]] constexpr std::size_t estimate_albedo_workspace_bytes(const AlbedoParams&, Shape shape) noexcept {
   using namespace daylight_detail;
   const Shape working = working_shape(shape);
-  constexpr std::size_t kPlanes = kPicturePlanes + 2 + kGroundLightPlanes;
+  constexpr std::size_t kPlanes = kPicturePlanes + 2 + kFindGroundLightPlanes;
   // The ground's result, the share of panes and light without sheen; the sun is found before objects are listed.
-  static_assert(2 + 1 + 1 + kPanePlanes <= kGroundLightPlanes && 2 + 1 + kSunPlanes <= kGroundLightPlanes);
+  static_assert(kGroundLightPlanes + 1 + 1 + kPanePlanes <= kFindGroundLightPlanes &&
+                kGroundLightPlanes + 1 + kSunPlanes <= kFindGroundLightPlanes);
   static_assert(kSunBytes <= kObjectsBytes);
   return kPlanes * allocation_bytes<float>(working.pixels()) + 3 * allocation_bytes<std::uint8_t>(working.pixels()) +
          allocation_bytes<std::uint32_t>(static_cast<std::size_t>(kCellsY * kCellsC)) +

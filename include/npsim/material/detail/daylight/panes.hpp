@@ -21,7 +21,7 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/material/detail/albedo_scene.hpp"
-#include "npsim/material/detail/daylight/ground_light.hpp"
+#include "npsim/material/detail/daylight/mean_field.hpp"
 #include "npsim/material/detail/daylight/objects.hpp"
 #include "npsim/material/detail/daylight/picture.hpp"
 #include "npsim/material/detail/daylight/planes.hpp"

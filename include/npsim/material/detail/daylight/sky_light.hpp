@@ -4,7 +4,7 @@
 // Under closed clouds the sky is the light: it is as blue as grey ground, and ten times as bright as asphalt of .1 and
 // more. A clear sky is bluer than ground that the sun reaches, and hardly brighter. White clouds over a sunny street
 // lie between them, so a dull sky is no proof: under it shadows are believed that are deep, and large or blue
-// (ground_light.hpp).
+// (find_ground_light.hpp).
 //
 // The sky's colour is that of what is neither clipped nor at its border, where leaves and wires mix with it; little of
 // it is enough, since most of a cloudy sky is clipped. On Cityscapes of clouds a sky is -.2 to .3 bluer than the road,

@@ -2,7 +2,7 @@
 // The sun's direction, from what it does to walls, and where it reaches them.
 //
 // Light of a face with normal n, over that of sunlit level ground, for a sun towards s, ground facing `up`, and a
-// shadow that is 2^-drop as bright as the sunlit ground (which ground_light.hpp measures):
+// shadow that is 2^-drop as bright as the sunlit ground (which find_ground_light.hpp measures):
 //   (1 - a) V max(0, n s) / (s up) + a (1 + n up) / 2 + r (1 - n up) / 2,   a = 2^-drop,
 // V: whether the sun reaches it; r = .2: what a street throws back that lies half in the sun. Cameras' tone curves
 // stretch contrasts: a drop over kMostDrop, which no clear day has, is taken for one of kMostDrop whose logarithms are
@@ -31,6 +31,7 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/material/detail/daylight/ground_light.hpp"
+#include "npsim/material/detail/daylight/mean_field.hpp"
 #include "npsim/material/detail/daylight/picture.hpp"
 #include "npsim/material/detail/daylight/planes.hpp"
 
