@@ -471,7 +471,8 @@ void remove_older_nights(const NightOptions& options, const InputFiles& inputs) 
   NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
   params.seed = options.seed;
   params.variants = options.variants;
-  params.relight.gather.rays = options.rays;
+  constexpr int kFirstRays = 2;  // an error that they reach, as .05 often is, need not pay for more
+  params.relight.gather.rays = options.error > 0.0F ? kFirstRays : options.rays;
   params.relight.max_rays = std::max(params.relight.max_rays, options.rays);
   params.relight.max_error = options.error;
   params.relight.material.film.wetness = options.wet;

@@ -9,7 +9,7 @@
 // without noise to remove. On surfaces of unsure shape both are what may be expected there (render/unsure_light.hpp).
 // The last gather is made with even and with odd rays apart. Half of what they differ by, weighted as in the night that
 // is expected (every lamp at its mean intensity) and denoised like everything else, has the noise of the images: its
-// size is error (LightTransport). It knows neither the denoiser's bias nor that of guesses about the scene.
+// size is error (LightTransport). Of one ray it is told from its neighbours', with the denoiser only. It knows neither the denoiser's bias nor that of guesses about the scene.
 // Memory: light_transport_workspace_bytes(), 107 bytes a pixel and 33 for each point beyond their number; 24 more a
 // pixel from 3 bounces on, 28 where it is wet.
 #ifndef NPSIM_PIPELINE_DETAIL_LIGHT_TRANSPORT_HPP
@@ -382,13 +382,18 @@ class LightTransport {
                    Span<const Vec3f> expected) noexcept {
     const std::size_t plane = shape_.pixels();
     const float share = 1.0F / static_cast<float>(rays_);
+    // Where one half has a ray more, their means are what differs by noise alone; one ray differs from its neighbours'.
+    const auto odd_rays = static_cast<float>(rays_ / 2);
+    const float uneven = rays_ == 1 ? 1.0F : std::sqrt((static_cast<float>(rays_) - odd_rays) / odd_rays);
+    const float of_even = share / uneven;
+    const float of_odd = share * uneven;
     // The filter reads what lies between the points that it weighs, and must find numbers there.
     const std::size_t row = static_cast<std::size_t>(shape_.width);
     for (std::size_t c = 0; c < kPlanes; ++c) {
       std::fill(now_.data() + c * plane + static_cast<std::size_t>(begin) * row,
                 now_.data() + c * plane + static_cast<std::size_t>(end) * row, 0.0F);
     }
-    for_pixels(begin, end, [&](int, int, std::size_t pixel, std::uint32_t, std::size_t r) {
+    for_pixels(begin, end, [&](int x, int y, std::size_t pixel, std::uint32_t, std::size_t r) {
       float even[kLightLanes], odd[kLightLanes], sum[kLightLanes];
       const std::size_t first_hit = r * static_cast<std::size_t>(rays_);
       // Hits lie anywhere: their exitance is asked for ahead, by so many rays.
@@ -404,11 +409,13 @@ class LightTransport {
       if (first_ == 0) add(scene_.sky_irradiance[r], sum);
       for (std::size_t c = 0; c < 3 * in_batch_; ++c) now_[c * plane + pixel] = sum[c];
       if (!last) return;
+      const float turn = rays_ == 1 && (x + y) % 2 == 1 ? -1.0F : 1.0F;
+      const auto off = [&](std::size_t lane) { return turn * (of_even * even[lane] - of_odd * odd[lane]); };
       for (std::size_t i = 0; i < in_batch_; ++i) {
-        const Vec3f weight = expected[first_ + i] * share;
-        noise_[pixel] += weight.x * (even[3 * i] - odd[3 * i]);
-        noise_[plane + pixel] += weight.y * (even[3 * i + 1] - odd[3 * i + 1]);
-        noise_[2 * plane + pixel] += weight.z * (even[3 * i + 2] - odd[3 * i + 2]);
+        const Vec3f& weight = expected[first_ + i];
+        noise_[pixel] += weight.x * off(3 * i);
+        noise_[plane + pixel] += weight.y * off(3 * i + 1);
+        noise_[2 * plane + pixel] += weight.z * off(3 * i + 2);
       }
     });
   }
