@@ -518,6 +518,12 @@ TEST_CASE("a photograph of steeper tones than sRGB has the albedo of one that is
 TEST_CASE(
     "a sensor's own, linear codes have the light that they say, dark ones too, and no tones are taken for steeper") {
   Picture usual = street({1, 1, 1}, Dark::shadow);
+  for (int y = 190; y < 200; ++y) {  // dark red paint
+    for (int x = 400; x < 420; ++x) {
+      usual.labels[usual.i(x, y)] = label::car;
+      usual.day[usual.i(x, y)] = {60, 30, 33};
+    }
+  }
   Picture linear = usual;
   for (Rgb8& c : linear.day) {
     const auto own = [](std::uint8_t code) {
@@ -530,6 +536,12 @@ TEST_CASE(
   CHECK(linear.report.contrast == doctest::Approx(0.5).epsilon(0.03));
   CHECK(linear.report.ratio.y == doctest::Approx(usual.report.ratio.y).epsilon(0.15));
   CHECK(linear.median(label::car) / usual.median(label::car) == doctest::Approx(1).epsilon(0.05));
+  const auto redness = [](const Picture& p) {
+    const Vec3f a = p.albedo[p.i(410, 195)];
+    return static_cast<double>(a.x / a.y);
+  };
+  CHECK(redness(usual) > 2.5);
+  CHECK(redness(linear) / redness(usual) == doctest::Approx(1).epsilon(0.05));
   Picture darkened = linear;  // by a black level that is too high
   for (Rgb8& c : darkened.day) {
     for (std::uint8_t* code : {&c.r, &c.g, &c.b}) *code = static_cast<std::uint8_t>(std::max(*code - 14, 0));

@@ -439,8 +439,9 @@ inline constexpr float kLeastShare = 0.15F, kMostShare = 3.0F;
 [[nodiscard]] inline Vec3f bounded_albedo(const Context& c, Vec3f a, const Rgb8& seen, float trust, Label label,
                                           std::size_t object, float down, float pane) {
   const AlbedoParams& p = c.params;
-  // Codes below kDark are noise and compression more than colour.
-  constexpr float kDark = 40.0F;
+  // Codes below are noise and compression more than colour: a step of theirs is too large a part of the light, and is
+  // the smaller a part the less steep the tones are.
+  const float dark = 40.0F * c.picture.contrast;
   constexpr float kInk = 0.5F, kPale = 0.8F;  // the weakest channel's code over the largest possible
   constexpr float kSlope = 0.35F;
   constexpr float kPaneSlope = 1.2F;  // what is dark on a facade is panes and openings, brightened by what they mirror
@@ -452,7 +453,7 @@ inline constexpr float kLeastShare = 0.15F, kMostShare = 3.0F;
   const int most = max_of(static_cast<int>(seen.r), static_cast<int>(seen.g), static_cast<int>(seen.b));
   float lum = luminance(a);
   if (!(lum > 0.0F)) return {p.min_albedo, p.min_albedo, p.min_albedo};
-  trust = std::min(trust, static_cast<float>(most) / kDark);
+  trust = std::min(trust, static_cast<float>(most) / dark);
   if (most >= p.saturated_level) {
     // What is cut off is the excess of the strongest channel. Ink is so strong without it that its hue is known; what
     // is nearly white may have any.
