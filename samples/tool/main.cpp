@@ -92,8 +92,8 @@ int main(int argc, char** argv) {
   night_app
       ->add_option(
           "--error", night.error,
-          "Error: relative noise of the light that is allowed, for instance 0.02; as many rays as it takes, at "
-          "most 256. What was reached stands in the report")
+          "Error: relative noise of the light that is allowed, for instance 0.02; as many rays as it takes, from "
+          "2 to 256. What was reached stands in the report")
       ->check(within(1e-4, 1.0))
       ->excludes(rays);
   night_app->add_option("--wet", night.wet, "How wet road and pavement are: 0 dry, 1 under a closed film of water")

@@ -71,6 +71,9 @@ namespace {
           {stem + ".dng", options.raw}};
 }
 
+// The effort, or where the search for an error begins: two rays often give .05, and then nothing more is paid.
+[[nodiscard]] int first_rays(const NightOptions& options) { return options.error > 0.0F ? 2 : options.rays; }
+
 // All 64 bits: JSON's numbers keep 53 of them in most readers.
 [[nodiscard]] std::string key_text(std::uint64_t key) {
   std::array<char, 20> text{};
@@ -227,7 +230,7 @@ class NightWriter {
           {"height", photograph_.height},
           {"work_width", scene_.image.width()},
           {"work_height", scene_.image.height()},
-          {"rays", options_.rays},
+          {"rays", first_rays(options_)},
           {"max_error", options_.error},
           {"bounces", params.relight.bounces}}},
         {"seconds", total},
@@ -471,8 +474,7 @@ void remove_older_nights(const NightOptions& options, const InputFiles& inputs) 
   NightParams params = options.preset == "thesis" ? thesis_night_params() : default_night_params();
   params.seed = options.seed;
   params.variants = options.variants;
-  constexpr int kFirstRays = 2;  // an error that they reach, as .05 often is, need not pay for more
-  params.relight.gather.rays = options.error > 0.0F ? kFirstRays : options.rays;
+  params.relight.gather.rays = first_rays(options);
   params.relight.max_rays = std::max(params.relight.max_rays, options.rays);
   params.relight.max_error = options.error;
   params.relight.material.film.wetness = options.wet;

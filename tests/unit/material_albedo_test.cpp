@@ -259,11 +259,23 @@ TEST_CASE("the little sun that leaves or blinds let through leaves the shade") {
   CHECK(bars / between == doctest::Approx(1.0).epsilon(0.1));  // of 1.47 by day
 }
 
+// log2(blue / red) of the mean albedo in columns x0 to x1 - 1 of the road.
+double blueness(const Picture& p, int x0, int x1) {
+  double red = 0, blue = 0;
+  for (int y = 180; y < 260; ++y) {
+    for (int x = x0; x < x1; ++x) {
+      red += static_cast<double>(p.albedo[p.i(x, y)].x);
+      blue += static_cast<double>(p.albedo[p.i(x, y)].z);
+    }
+  }
+  return std::log2(blue / red);
+}
+
 TEST_CASE("deep shade bluer than at its edge becomes as grey as the road in the sun, with its paint; yellow stays") {
   struct Case {
     float bluer, left;  // log2(blue / red), of the light and of the albedo
   };
-  for (const Case c : {Case{0.3F, 0.0F}, Case{-0.3F, -0.3F}, Case{0.8F, 0.4F}}) {
+  for (const Case c : {Case{0.3F, 0.0F}, Case{-0.3F, -0.3F}, Case{0.5F, 0.1F}}) {
     CAPTURE(c.bluer);
     const auto line = [](int x, int y) { return x >= 50 && x < 56 && y > 160; };
     Picture p = shaded_road(
@@ -277,19 +289,26 @@ TEST_CASE("deep shade bluer than at its edge becomes as grey as the road in the 
         });
     REQUIRE(p.run().ok());
     REQUIRE(p.report.shadow);
-    const auto colour = [&](int x0, int x1) {
-      double red = 0, blue = 0;
-      for (int y = 180; y < 260; ++y) {
-        for (int x = x0; x < x1; ++x) {
-          red += static_cast<double>(p.albedo[p.i(x, y)].x);
-          blue += static_cast<double>(p.albedo[p.i(x, y)].z);
-        }
-      }
-      return std::log2(blue / red);
-    };
-    const double sunlit = colour(300, 440);
-    CHECK(std::fabs(colour(10, 45) - sunlit - static_cast<double>(c.left)) < 0.05);
-    if (c.bluer > 0.0F) CHECK(std::fabs(colour(51, 55) - colour(10, 45)) < 0.05);
+    const double sunlit = blueness(p, 300, 440);
+    CHECK(std::fabs(blueness(p, 10, 45) - sunlit - static_cast<double>(c.left)) < 0.05);
+    if (c.bluer > 0.0F) CHECK(std::fabs(blueness(p, 51, 55) - blueness(p, 10, 45)) < 0.05);
+  }
+}
+
+TEST_CASE("a blue lane in the shade keeps its hue, and the asphalt beside it") {
+  for (const float blue : {0.4F, 1.0F, 1.6F}) {  // log2(blue / red) of the lane
+    CAPTURE(blue);
+    const auto lane = [](int x, int y) { return x >= 100 && x < 135 && y > 135; };
+    Picture p = shaded_road(
+        {0.13F, 0.155F, 0.2F}, [](int, int, Vec3f shade) { return shade; },
+        [&](int x, int y) {
+          const Vec3f paint{std::exp2(-0.5F * blue), 1.0F, std::exp2(0.5F * blue)};
+          return Vec3f{0.24F, 0.24F, 0.24F} * (lane(x, y) ? paint * 1.6F : Vec3f{1, 1, 1});
+        });
+    REQUIRE(p.run().ok());
+    REQUIRE(p.report.shadow);
+    CHECK(std::fabs(blueness(p, 105, 130) - static_cast<double>(blue)) < 0.12);
+    for (const int x : {60, 140}) CHECK(std::fabs(blueness(p, x, x + 35)) < 0.05);
   }
 }
 

@@ -101,6 +101,17 @@ TEST_CASE("tool: the thesis preset runs and gives another picture") {
   CHECK(bytes_of(out + "/depth.pfm") != bytes_of(plain + "/depth.pfm"));
 }
 
+TEST_CASE("tool: an error that two rays reach costs no more than two, and the report says what was traced") {
+  const std::string out = fixture().out("loose_error");
+  const Run run = run_tool("night '" + fixture().street + "' -o '" + out + "' --error 0.9 --quiet");
+  REQUIRE_MESSAGE(run.status == 0, run.output);
+  const nlohmann::json report = json_of(fs::path(out) / "report.json");
+  CHECK(report["settings"]["rays"] == 2);  // where the search begins
+  CHECK(report["light"]["rays"] == 2);
+  CHECK(report["light"]["error"].get<double>() < 0.9);
+  check_refused(run_tool("night '" + fixture().street + "' -o '" + out + "' --error 0.9 --rays 4 --quiet"), "--rays");
+}
+
 TEST_CASE("tool: a scene of nothing but image, depth and camera runs on its own headlamps") {
   const std::string scene = fixture().copy("bare");
   nlohmann::json json = json_of(scene + "/scene.json");

@@ -439,8 +439,8 @@ inline constexpr float kLeastShare = 0.15F, kMostShare = 3.0F;
 [[nodiscard]] inline Vec3f bounded_albedo(const Context& c, Vec3f a, const Rgb8& seen, float trust, Label label,
                                           std::size_t object, float down, float pane) {
   const AlbedoParams& p = c.params;
-  // Codes below are noise and compression more than colour: a step of theirs is too large a part of the light, and is
-  // the smaller a part the less steep the tones are.
+  // Codes below are noise and compression more than colour: a step of theirs is too large a part of the light. It is
+  // as much smaller a part as the power of the codes is.
   const float dark = 40.0F * c.picture.contrast;
   constexpr float kInk = 0.5F, kPale = 0.8F;  // the weakest channel's code over the largest possible
   constexpr float kSlope = 0.35F;
@@ -574,7 +574,8 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
     const Light light = light_at(c, x, y, region);
     bool at_border = false;
     const Rgb8 seen = region < kGroundRegions ? s.image(x, y) : without_border(c, x, y, at_border);
-    Vec3f a = c.picture.light_of(seen) * gain_of(c, light.level, light.sun, light.tint);
+    const float tint = region < kGroundRegions ? light.tint : 0.0F;
+    Vec3f a = c.picture.light_of(seen) * gain_of(c, light.level, light.sun, tint);
     // In half shade the colour of the light is the least certain; thin things have that of what they stand before. Of
     // what mirrors more than it throws back the rest tells little.
     constexpr float kTrustAtBorder = 0.3F;

@@ -440,6 +440,7 @@ template <class Rays, class Executor, class Observer>
       expected);
 
   GatherParams gather = params.gather;
+  double rays_before = 0.0, error_before = 0.0;  // of the last try
   for (;;) {
     const WorkspaceScope attempt(workspace);
     Span<std::uint32_t> hits;
@@ -473,10 +474,15 @@ template <class Rays, class Executor, class Observer>
     const ImageView<Vec3f> night = transport.night_room();
     NPSIM_RETURN_IF_ERROR(sum_light_images(out.images, expected, night, executor));
     NPSIM_RETURN_IF_ERROR(transport.error(night, out.error, executor));
-    // Noise falls with the square root of the rays.
     const double more = params.max_error > 0.0F ? out.error / static_cast<double>(params.max_error) : 0.0;
     if (!(more > 1.0) || gather.rays >= params.max_rays) break;
-    const double rays_needed = std::ceil(static_cast<double>(gather.rays) * more * more * 1.1);
+    // The noise of a few rays falls more slowly than with their square root; how slowly is seen from the second try on.
+    double power = 2.4;
+    const auto rays_now = static_cast<double>(gather.rays);
+    if (error_before > out.error) power = std::log(rays_now / rays_before) / std::log(error_before / out.error);
+    rays_before = rays_now;
+    error_before = out.error;
+    const double rays_needed = std::ceil(rays_now * std::pow(more, clamp_to(power, 2.0, 4.0)) * 1.05);
     gather.rays = rays_needed < params.max_rays ? static_cast<int>(rays_needed) : params.max_rays;
   }
   observer.end(Stage::render);

@@ -9,7 +9,8 @@
 // without noise to remove. On surfaces of unsure shape both are what may be expected there (render/unsure_light.hpp).
 // The last gather is made with even and with odd rays apart. Half of what they differ by, weighted as in the night that
 // is expected (every lamp at its mean intensity) and denoised like everything else, has the noise of the images: its
-// size is error (LightTransport). Of one ray it is told from its neighbours', with the denoiser only. It knows neither the denoiser's bias nor that of guesses about the scene.
+// size is error (LightTransport). It knows neither the denoiser's bias nor that of guesses about the scene. A single
+// ray is compared with those of the neighbours, of which the denoiser takes what is not noise.
 // Memory: light_transport_workspace_bytes(), 107 bytes a pixel and 33 for each point beyond their number; 24 more a
 // pixel from 3 bounces on, 28 where it is wet.
 #ifndef NPSIM_PIPELINE_DETAIL_LIGHT_TRANSPORT_HPP
@@ -386,7 +387,7 @@ class LightTransport {
     const auto odd_rays = static_cast<float>(rays_ / 2);
     const float uneven = rays_ == 1 ? 1.0F : std::sqrt((static_cast<float>(rays_) - odd_rays) / odd_rays);
     const float of_even = share / uneven;
-    const float of_odd = share * uneven;
+    const float of_odd = uneven * uneven;
     // The filter reads what lies between the points that it weighs, and must find numbers there.
     const std::size_t row = static_cast<std::size_t>(shape_.width);
     for (std::size_t c = 0; c < kPlanes; ++c) {
@@ -409,13 +410,12 @@ class LightTransport {
       if (first_ == 0) add(scene_.sky_irradiance[r], sum);
       for (std::size_t c = 0; c < 3 * in_batch_; ++c) now_[c * plane + pixel] = sum[c];
       if (!last) return;
-      const float turn = rays_ == 1 && (x + y) % 2 == 1 ? -1.0F : 1.0F;
-      const auto off = [&](std::size_t lane) { return turn * (of_even * even[lane] - of_odd * odd[lane]); };
+      const float turn = rays_ == 1 && (x + y) % 2 == 1 ? -of_even : of_even;
       for (std::size_t i = 0; i < in_batch_; ++i) {
-        const Vec3f& weight = expected[first_ + i];
-        noise_[pixel] += weight.x * off(3 * i);
-        noise_[plane + pixel] += weight.y * off(3 * i + 1);
-        noise_[2 * plane + pixel] += weight.z * off(3 * i + 2);
+        const Vec3f weight = expected[first_ + i] * turn;
+        noise_[pixel] += weight.x * (even[3 * i] - of_odd * odd[3 * i]);
+        noise_[plane + pixel] += weight.y * (even[3 * i + 1] - of_odd * odd[3 * i + 1]);
+        noise_[2 * plane + pixel] += weight.z * (even[3 * i + 2] - of_odd * odd[3 * i + 2]);
       }
     });
   }

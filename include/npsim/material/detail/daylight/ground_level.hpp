@@ -6,7 +6,8 @@
 //    them, it is paint and has no say: the stripes of a crossing are as wide as the window. Shade may be much lighter
 //    than the darkest one, and paint in it must be brighter still: crowns let some of the sky through.
 // 2. Deep in the shade the sky alone lights the ground, bluer than beside the edges where the ratio of lights is
-//    measured. Road and pavement there have, over 32 px, the colour that they have in the sun; what is yellower stays.
+//    measured. Road and pavement that are nearly grey there have, over 96 px, the colour that they have in the sun, and
+//    what is coloured loses as much of its blue; where they are yellower all stays.
 // 3. In half shade what is no paint is brought nearer to its neighbourhood.
 // 4. Under vehicles nothing lights the ground. What is much darker than its light explains within 30 px of a vehicle is
 //    brought to the level of the ground, in overcast scenes too.
@@ -37,7 +38,8 @@ struct GroundLevelParams {
   float paint_px = 48.0F;
   float paint_step = 0.6F;           // log2 of paint over what it is painted on, at least
   float paint_step_in_shade = 1.0F;  // where leaves let more or less of the sky through
-  float max_tint = 0.4F;             // log2(blue / red)
+  float tint_px = 96.0F;
+  float max_tint = 0.4F;  // log2(blue / red)
   float contact_px = 30.0F;
 };
 inline constexpr std::size_t kGroundLevelPlanes = 5 + kWindowMeanPlanes;
@@ -94,16 +96,19 @@ Status level_layers(const GroundLevelParams& p, const Picture& picture, Workspac
       const std::uint8_t kind = picture.region(x, y);
       return kind == kRoad || kind == kPavement;
     };
-    const auto bare = [&](int x, int y) {
-      return paved(x, y) && is_shade(x, y) && std::fabs(residual(x, y) - shade(x, y)) < kPlain ? 1.0F : 0.0F;
-    };
     const auto bluer = [&](int x, int y) {
       const float sun = out.sun(x, y);
       const float blue = picture.log_rgb[2](x, y) - log_light(sun, out.ratio.z);
       const float red = picture.log_rgb[0](x, y) - log_light(sun, out.ratio.x);
       return blue - red - out.mixture[picture.region(x, y)].sun_c;
     };
-    NPSIM_RETURN_IF_ERROR(window_mean(bare, bluer, near, fewest_in_window(near), 0.0F, workspace, out.tint, executor));
+    // What is far from grey is coloured itself.
+    const auto bare = [&](int x, int y) {
+      const bool plain = is_shade(x, y) && out.coloured(x, y) == 0 && std::fabs(residual(x, y) - shade(x, y)) < kPlain;
+      return plain && paved(x, y) && std::fabs(bluer(x, y)) < 1.5F * p.max_tint ? 1.0F : 0.0F;
+    };
+    const int far = picture.radius(p.tint_px);
+    NPSIM_RETURN_IF_ERROR(window_mean(bare, bluer, far, fewest_in_window(near), 0.0F, workspace, out.tint, executor));
     for_pixels(shape, executor, [&](int x, int y) {
       const float off = paved(x, y) ? clamp_to(out.tint(x, y), 0.0F, p.max_tint) : 0.0F;
       out.tint(x, y) = (1.0F - out.sun(x, y)) * off;
