@@ -50,7 +50,36 @@ inline constexpr std::size_t kGroundLevelPlanes = 5 + kWindowMeanPlanes;
   return kShare * static_cast<float>((2 * radius + 1) * (2 * radius + 1));
 }
 
-// Steps 1 and 2.
+// Step 2. plain(x, y): in the shade, and as bright as the ground around it is there.
+template <class Plain, class Executor>
+Status tint_shade(const GroundLevelParams& p, const Picture& picture, const Plain& plain, Workspace& workspace,
+                  GroundLight& out, Executor& executor) {
+  const auto paved = [&](int x, int y) {
+    const std::uint8_t kind = picture.region(x, y);
+    return kind == kRoad || kind == kPavement;
+  };
+  const auto bluer = [&](int x, int y) {
+    const float sun = out.sun(x, y);
+    const float blue = picture.log_rgb[2](x, y) - log_light(sun, out.ratio.z);
+    const float red = picture.log_rgb[0](x, y) - log_light(sun, out.ratio.x);
+    return blue - red - out.mixture[picture.region(x, y)].sun_c;
+  };
+  // What is far from grey is coloured itself.
+  const auto grey = [&](int x, int y) {
+    const bool bare = paved(x, y) && plain(x, y) && out.coloured(x, y) == 0;
+    return bare && std::fabs(bluer(x, y)) < 1.5F * p.max_tint ? 1.0F : 0.0F;
+  };
+  const float fewest = fewest_in_window(picture.radius(p.layer_px));
+  NPSIM_RETURN_IF_ERROR(
+      window_mean(grey, bluer, picture.radius(p.tint_px), fewest, 0.0F, workspace, out.tint, executor));
+  for_pixels(picture.shape(), executor, [&](int x, int y) {
+    const float off = paved(x, y) ? clamp_to(out.tint(x, y), 0.0F, p.max_tint) : 0.0F;
+    out.tint(x, y) = (1.0F - out.sun(x, y)) * off;
+  });
+  return {};
+}
+
+// Step 1.
 template <class Executor>
 Status level_layers(const GroundLevelParams& p, const Picture& picture, Workspace& workspace, GroundLight& out,
                     Executor& executor) {
@@ -92,27 +121,10 @@ Status level_layers(const GroundLevelParams& p, const Picture& picture, Workspac
   NPSIM_RETURN_IF_ERROR(layer(is_lit, 0.0F, p.paint_step, lit));
   if (out.shadow) {
     NPSIM_RETURN_IF_ERROR(layer(is_shade, kPlain, p.paint_step_in_shade, shade));
-    const auto paved = [&](int x, int y) {
-      const std::uint8_t kind = picture.region(x, y);
-      return kind == kRoad || kind == kPavement;
+    const auto plain_shade = [&](int x, int y) {
+      return is_shade(x, y) && std::fabs(residual(x, y) - shade(x, y)) < kPlain;
     };
-    const auto bluer = [&](int x, int y) {
-      const float sun = out.sun(x, y);
-      const float blue = picture.log_rgb[2](x, y) - log_light(sun, out.ratio.z);
-      const float red = picture.log_rgb[0](x, y) - log_light(sun, out.ratio.x);
-      return blue - red - out.mixture[picture.region(x, y)].sun_c;
-    };
-    // What is far from grey is coloured itself.
-    const auto bare = [&](int x, int y) {
-      const bool plain = is_shade(x, y) && out.coloured(x, y) == 0 && std::fabs(residual(x, y) - shade(x, y)) < kPlain;
-      return plain && paved(x, y) && std::fabs(bluer(x, y)) < 1.5F * p.max_tint ? 1.0F : 0.0F;
-    };
-    const int far = picture.radius(p.tint_px);
-    NPSIM_RETURN_IF_ERROR(window_mean(bare, bluer, far, fewest_in_window(near), 0.0F, workspace, out.tint, executor));
-    for_pixels(shape, executor, [&](int x, int y) {
-      const float off = paved(x, y) ? clamp_to(out.tint(x, y), 0.0F, p.max_tint) : 0.0F;
-      out.tint(x, y) = (1.0F - out.sun(x, y)) * off;
-    });
+    NPSIM_RETURN_IF_ERROR(tint_shade(p, picture, plain_shade, workspace, out, executor));
   }
   for_pixels(shape, executor, [&](int x, int y) {
     const float s = out.sun(x, y);
