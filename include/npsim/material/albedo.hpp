@@ -2,10 +2,10 @@
 // Albedo and the sun's share from the daytime photograph, where no inverse-rendering network supplies them.
 //
 // 1. Linear: sRGB decoded (IEC 61966-2-1); logarithms at a working size (detail/daylight/picture.hpp).
-// 2. Ground: sun and shadow, and the ratio of their lights per channel (detail/daylight/find_ground_light.hpp). Overcast
-//    scenes have one light. Where the ratio is more than daylight has, the camera's tones are steeper than sRGB
-//    (raw-like recordings are): both steps once more with the power of the codes that makes it about as much, or that
-//    gives back linear ones.
+// 2. Ground: sun and shadow, and the ratio of their lights per channel (detail/daylight/find_ground_light.hpp).
+//    Overcast scenes have one light. Where the ratio is more than daylight has, the camera's tones are steeper than
+//    sRGB (raw-like recordings are): both steps once more with the power of the codes that makes it about as much, or
+//    that gives back linear ones.
 // 3. Scale: asphalt in the sun meets the prior of detail/class_priors.hpp. All other ground, vehicles, people and
 //    things share this scale, so that a black car stays black; facades and plants, whose light differs by direction,
 //    meet their own priors.
