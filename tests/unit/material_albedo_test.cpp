@@ -271,7 +271,7 @@ double blueness(const Picture& p, int x0, int x1) {
   return std::log2(blue / red);
 }
 
-TEST_CASE("deep shade bluer than at its edge becomes as grey as the road in the sun, with its paint; yellow stays") {
+TEST_CASE("deep shade bluer than at its edge becomes as grey as the road in the sun, within a bound; yellow stays") {
   struct Case {
     float bluer, left;  // log2(blue / red), of the light and of the albedo
   };

@@ -200,7 +200,7 @@ street::Street measured_street(DepthSource source) {
 
 }  // namespace
 
-TEST_CASE("lights: the error that is said is that of the noise within a factor of two, and one asked for is reached") {
+TEST_CASE("lights: the error that is said is that of the noise within a factor of 1.4, and one asked for is reached") {
   NightParams params = default_night_params();
   params.relight.denoise.iterations = 0;  // nothing but noise
   params.relight.gather.rays = 256;
@@ -220,7 +220,8 @@ TEST_CASE("lights: the error that is said is that of the noise within a factor o
   params.relight.max_error = static_cast<float>(0.4 * noisy.error);
   const Sink asked = npsim::testing::night_of<Sink>(small_street(), params);
   CHECK(asked.rays > 16);
-  CHECK(asked.error <= 1.1 * static_cast<double>(params.relight.max_error));
+  CHECK(asked.rays < 256);
+  CHECK(asked.error <= static_cast<double>(params.relight.max_error));
 }
 
 TEST_CASE("lights: the error of a single ray is told from its neighbours', with the denoiser") {

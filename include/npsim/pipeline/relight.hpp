@@ -476,13 +476,16 @@ template <class Rays, class Executor, class Observer>
     NPSIM_RETURN_IF_ERROR(transport.error(night, out.error, executor));
     const double more = params.max_error > 0.0F ? out.error / static_cast<double>(params.max_error) : 0.0;
     if (!(more > 1.0) || gather.rays >= params.max_rays) break;
-    // The noise of a few rays falls more slowly than with their square root; how slowly is seen from the second try on.
-    double power = 2.4;
+    // Rays for an error go as a power of it, -2 where they are independent; a few stratified ones gain less by more.
+    // What the power is in this scene is seen from the second try on.
+    constexpr double kUsual = 2.4, kLeast = 2.0, kMost = 4.0;
+    constexpr double kMargin = 1.05;
+    double power = kUsual;
     const auto rays_now = static_cast<double>(gather.rays);
     if (error_before > out.error) power = std::log(rays_now / rays_before) / std::log(error_before / out.error);
     rays_before = rays_now;
     error_before = out.error;
-    const double rays_needed = std::ceil(rays_now * std::pow(more, clamp_to(power, 2.0, 4.0)) * 1.05);
+    const double rays_needed = std::ceil(kMargin * rays_now * std::pow(more, clamp_to(power, kLeast, kMost)));
     gather.rays = rays_needed < params.max_rays ? static_cast<int>(rays_needed) : params.max_rays;
   }
   observer.end(Stage::render);

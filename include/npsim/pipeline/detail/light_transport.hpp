@@ -386,8 +386,8 @@ class LightTransport {
     // Where one half has a ray more, their means are what differs by noise alone; one ray differs from its neighbours'.
     const auto odd_rays = static_cast<float>(rays_ / 2);
     const float uneven = rays_ == 1 ? 1.0F : std::sqrt((static_cast<float>(rays_) - odd_rays) / odd_rays);
-    const float of_even = share / uneven;
-    const float of_odd = uneven * uneven;
+    const float weight_of_even = share / uneven;
+    const float odd_over_even = uneven * uneven;
     // The filter reads what lies between the points that it weighs, and must find numbers there.
     const std::size_t row = static_cast<std::size_t>(shape_.width);
     for (std::size_t c = 0; c < kPlanes; ++c) {
@@ -410,12 +410,12 @@ class LightTransport {
       if (first_ == 0) add(scene_.sky_irradiance[r], sum);
       for (std::size_t c = 0; c < 3 * in_batch_; ++c) now_[c * plane + pixel] = sum[c];
       if (!last) return;
-      const float turn = rays_ == 1 && (x + y) % 2 == 1 ? -of_even : of_even;
+      const float signed_weight = rays_ == 1 && (x + y) % 2 == 1 ? -weight_of_even : weight_of_even;
       for (std::size_t i = 0; i < in_batch_; ++i) {
-        const Vec3f weight = expected[first_ + i] * turn;
-        noise_[pixel] += weight.x * (even[3 * i] - of_odd * odd[3 * i]);
-        noise_[plane + pixel] += weight.y * (even[3 * i + 1] - of_odd * odd[3 * i + 1]);
-        noise_[2 * plane + pixel] += weight.z * (even[3 * i + 2] - of_odd * odd[3 * i + 2]);
+        const Vec3f weight = expected[first_ + i] * signed_weight;
+        noise_[pixel] += weight.x * (even[3 * i] - odd_over_even * odd[3 * i]);
+        noise_[plane + pixel] += weight.y * (even[3 * i + 1] - odd_over_even * odd[3 * i + 1]);
+        noise_[2 * plane + pixel] += weight.z * (even[3 * i + 2] - odd_over_even * odd[3 * i + 2]);
       }
     });
   }

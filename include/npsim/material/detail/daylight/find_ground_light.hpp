@@ -483,7 +483,7 @@ Status find_ground_light(const GroundLightParams& p, const AlbedoScene& scene, c
   } else {
     forget_shadow(picture, smooth_y, histogram, out);
   }
-  return level_ground(p.level, picture, smooth_y, workspace, out, executor);
+  return level_ground(p.level, picture, smooth_y, smooth_c, workspace, out, executor);
 }
 
 }  // namespace daylight_detail

@@ -40,6 +40,7 @@ struct GroundLevelParams {
   float paint_step_in_shade = 1.0F;  // where leaves let more or less of the sky through
   float tint_px = 96.0F;
   float max_tint = 0.4F;  // log2(blue / red)
+  float coloured = 0.6F;  // log2(blue / red) off the sunlit ground's: as much is no tint of the light
   float contact_px = 30.0F;
 };
 inline constexpr std::size_t kGroundLevelPlanes = 5 + kWindowMeanPlanes;
@@ -52,24 +53,23 @@ inline constexpr std::size_t kGroundLevelPlanes = 5 + kWindowMeanPlanes;
 
 // Step 2. plain(x, y): in the shade, and as bright as the ground around it is there.
 template <class Plain, class Executor>
-Status tint_shade(const GroundLevelParams& p, const Picture& picture, const Plain& plain, Workspace& workspace,
-                  GroundLight& out, Executor& executor) {
+Status tint_shade(const GroundLevelParams& p, const Picture& picture, const Plain& plain, Plane smooth_c,
+                  Workspace& workspace, GroundLight& out, Executor& executor) {
   const auto paved = [&](int x, int y) {
     const std::uint8_t kind = picture.region(x, y);
     return kind == kRoad || kind == kPavement;
   };
-  const auto bluer = [&](int x, int y) {
+  // log2(blue / red) of the ground where `seen` is that of the picture, over what it has in the sun.
+  const auto off_grey = [&](int x, int y, float seen) {
     const float sun = out.sun(x, y);
-    const float blue = picture.log_rgb[2](x, y) - log_light(sun, out.ratio.z);
-    const float red = picture.log_rgb[0](x, y) - log_light(sun, out.ratio.x);
-    return blue - red - out.mixture[picture.region(x, y)].sun_c;
+    return seen - log_light(sun, out.ratio.z) + log_light(sun, out.ratio.x) - out.mixture[picture.region(x, y)].sun_c;
   };
-  // What is far from grey is coloured itself.
   const auto grey = [&](int x, int y) {
     const bool bare = paved(x, y) && plain(x, y) && out.coloured(x, y) == 0;
-    return bare && std::fabs(bluer(x, y)) < 1.5F * p.max_tint ? 1.0F : 0.0F;
+    return bare && std::fabs(off_grey(x, y, smooth_c(x, y))) < p.coloured ? 1.0F : 0.0F;
   };
-  const float fewest = fewest_in_window(picture.radius(p.layer_px));
+  const auto bluer = [&](int x, int y) { return off_grey(x, y, picture.log_rgb[2](x, y) - picture.log_rgb[0](x, y)); };
+  const float fewest = fewest_in_window(picture.radius(p.layer_px));  // as many tell a level
   NPSIM_RETURN_IF_ERROR(
       window_mean(grey, bluer, picture.radius(p.tint_px), fewest, 0.0F, workspace, out.tint, executor));
   for_pixels(picture.shape(), executor, [&](int x, int y) {
@@ -81,8 +81,8 @@ Status tint_shade(const GroundLevelParams& p, const Picture& picture, const Plai
 
 // Step 1.
 template <class Executor>
-Status level_layers(const GroundLevelParams& p, const Picture& picture, Workspace& workspace, GroundLight& out,
-                    Executor& executor) {
+Status level_layers(const GroundLevelParams& p, const Picture& picture, Plane smooth_c, Workspace& workspace,
+                    GroundLight& out, Executor& executor) {
   const WorkspaceScope scope(workspace);
   const Shape shape = picture.shape();
   Plane middle, low, high, lit, shade;
@@ -124,7 +124,7 @@ Status level_layers(const GroundLevelParams& p, const Picture& picture, Workspac
     const auto plain_shade = [&](int x, int y) {
       return is_shade(x, y) && std::fabs(residual(x, y) - shade(x, y)) < kPlain;
     };
-    NPSIM_RETURN_IF_ERROR(tint_shade(p, picture, plain_shade, workspace, out, executor));
+    NPSIM_RETURN_IF_ERROR(tint_shade(p, picture, plain_shade, smooth_c, workspace, out, executor));
   }
   for_pixels(shape, executor, [&](int x, int y) {
     const float s = out.sun(x, y);
@@ -182,10 +182,11 @@ Status lift_contacts(const GroundLevelParams& p, const Picture& picture, Plane s
   return {};
 }
 
+// smooth_y, smooth_c: luminance and log2(blue / red) of the picture, smoothed within edges.
 template <class Executor>
-Status level_ground(const GroundLevelParams& p, const Picture& picture, Plane smooth_y, Workspace& workspace,
-                    GroundLight& out, Executor& executor) {
-  NPSIM_RETURN_IF_ERROR(level_layers(p, picture, workspace, out, executor));
+Status level_ground(const GroundLevelParams& p, const Picture& picture, Plane smooth_y, Plane smooth_c,
+                    Workspace& workspace, GroundLight& out, Executor& executor) {
+  NPSIM_RETURN_IF_ERROR(level_layers(p, picture, smooth_c, workspace, out, executor));
   if (out.shadow) calm_edges(picture, out, executor);
   return lift_contacts(p, picture, smooth_y, workspace, out, executor);
 }
