@@ -9,6 +9,7 @@
 #include "made_street.hpp"
 #include "night_of_street.hpp"
 #include "npsim/core/executor.hpp"
+#include "npsim/pipeline/detail/rays_for_error.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
@@ -222,6 +223,27 @@ TEST_CASE("lights: the error that is said is that of the noise within a factor o
   CHECK(asked.rays > 16);
   CHECK(asked.rays < 256);
   CHECK(asked.error <= static_cast<double>(params.relight.max_error));
+}
+
+TEST_CASE("lights: however slowly noise falls with the rays, the third try has an error that is asked for") {
+  for (const double power : {-0.5, -0.42, -0.355, -0.26}) {
+    for (const double wanted : {0.045, 0.02, 0.012}) {
+      CAPTURE(power);
+      CAPTURE(wanted);
+      const auto error_of = [power](int rays) { return 0.05 * std::pow(0.5 * rays, power); };
+      relight_detail::RaysForError search;
+      int rays = 2;
+      int tries = 1;
+      for (; error_of(rays) > wanted; ++tries) {
+        const int next = search.next(rays, error_of(rays), error_of(rays) / wanted, 100000);
+        REQUIRE(next > rays);
+        rays = next;
+      }
+      CHECK(tries <= 3);
+      CHECK(error_of(rays) > 0.65 * wanted);  // nor many more rays than that takes
+      CHECK(relight_detail::RaysForError().next(2, 0.05, 0.05 / wanted, 3) == 3);
+    }
+  }
 }
 
 TEST_CASE("lights: the error of a single ray is told from its neighbours', with the denoiser") {

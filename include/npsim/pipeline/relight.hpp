@@ -18,7 +18,6 @@
 #define NPSIM_PIPELINE_RELIGHT_HPP
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -42,6 +41,7 @@
 #include "npsim/pipeline/detail/mirrored_image.hpp"
 #include "npsim/pipeline/detail/own_car.hpp"
 #include "npsim/pipeline/detail/ray_starts.hpp"
+#include "npsim/pipeline/detail/rays_for_error.hpp"
 #include "npsim/pipeline/detail/scene_rays.hpp"
 #include "npsim/pipeline/detail/shining_sources.hpp"
 #include "npsim/pipeline/detail/source_pixels.hpp"
@@ -440,7 +440,7 @@ template <class Rays, class Executor, class Observer>
       expected);
 
   GatherParams gather = params.gather;
-  double rays_before = 0.0, error_before = 0.0;  // of the last try
+  RaysForError search;
   for (;;) {
     const WorkspaceScope attempt(workspace);
     Span<std::uint32_t> hits;
@@ -476,17 +476,7 @@ template <class Rays, class Executor, class Observer>
     NPSIM_RETURN_IF_ERROR(transport.error(night, out.error, executor));
     const double more = params.max_error > 0.0F ? out.error / static_cast<double>(params.max_error) : 0.0;
     if (!(more > 1.0) || gather.rays >= params.max_rays) break;
-    // Rays for an error go as a power of it, -2 where they are independent; a few stratified ones gain less by more.
-    // What the power is in this scene is seen from the second try on.
-    constexpr double kUsual = 2.4, kLeast = 2.0, kMost = 4.0;
-    constexpr double kMargin = 1.05;
-    double power = kUsual;
-    const auto rays_now = static_cast<double>(gather.rays);
-    if (error_before > out.error) power = std::log(rays_now / rays_before) / std::log(error_before / out.error);
-    rays_before = rays_now;
-    error_before = out.error;
-    const double rays_needed = std::ceil(kMargin * rays_now * std::pow(more, clamp_to(power, kLeast, kMost)));
-    gather.rays = rays_needed < params.max_rays ? static_cast<int>(rays_needed) : params.max_rays;
+    gather.rays = search.next(gather.rays, out.error, more, params.max_rays);
   }
   observer.end(Stage::render);
   return {};
