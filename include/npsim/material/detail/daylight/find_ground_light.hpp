@@ -342,7 +342,7 @@ struct SunLevels {
     for (int i = 0; i < kCount; ++i) {
       light[i] = ground.ratio_y * (static_cast<float>(i) / static_cast<float>(kCount - 1) - 1.0F);
       share[i] = (exp2_of(light[i]) - shade) / (1.0F - shade);
-      colour[i] = log_light(share[i], ground.ratio.z) - log_light(share[i], ground.ratio.x);
+      colour[i] = log_light_colour(ground, share[i]);
     }
   }
 };

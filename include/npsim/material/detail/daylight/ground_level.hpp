@@ -61,8 +61,7 @@ Status tint_shade(const GroundLevelParams& p, const Picture& picture, const Plai
   };
   // log2(blue / red) of the ground where `seen` is that of the picture, over what it has in the sun.
   const auto off_grey = [&](int x, int y, float seen) {
-    const float sun = out.sun(x, y);
-    return seen - log_light(sun, out.ratio.z) + log_light(sun, out.ratio.x) - out.mixture[picture.region(x, y)].sun_c;
+    return seen - log_light_colour(out, out.sun(x, y)) - out.mixture[picture.region(x, y)].sun_c;
   };
   const auto grey = [&](int x, int y) {
     const bool bare = paved(x, y) && plain(x, y) && out.coloured(x, y) == 0;

@@ -38,6 +38,11 @@ inline constexpr std::size_t kGroundLightPlanes = 3;
   return log2_of(sun + (1.0F - sun) * exp2_of(-ratio));
 }
 
+// log2(blue / red) of the light at a share of sun over that of full sun.
+[[nodiscard]] inline float log_light_colour(const GroundLight& ground, float sun) noexcept {
+  return log_light(sun, ground.ratio.z) - log_light(sun, ground.ratio.x);
+}
+
 // Mean share of the sun where `inside`; 1 where nothing is.
 template <class Inside>
 [[nodiscard]] float sunlit_share(const Picture& picture, const GroundLight& ground, const Inside& inside) noexcept {
