@@ -873,9 +873,10 @@ TEST_CASE("what is cut off and nearly white, or dark, becomes grey; ink keeps it
     for (Rgb8& c : p.day) c = {b, b, b};
     REQUIRE(p.run().ok());
     for (const Vec3f& out : p.albedo) {
-      CHECK_UNARY(is_finite(out) && out.x >= params.min_albedo && out.x <= params.max_albedo &&
-                  out.y >= params.min_albedo && out.z <= params.max_albedo);
+      CHECK_UNARY(is_finite(out) && out.x >= params.min_paint && out.x <= params.max_albedo &&
+                  out.y >= params.min_paint && out.z <= params.max_albedo);
     }
+    for (const Label l : {label::road, label::building}) CHECK(p.median(l) > 0.999F * params.min_albedo);
   }
 }
 

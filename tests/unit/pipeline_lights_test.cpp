@@ -312,19 +312,26 @@ TEST_CASE(
 TEST_CASE("vehicles have a wide gloss where their normals and roughness are guessed, but for those of exact depth") {
   struct Case {
     DepthSource source;
-    bool normals, roughness, changes;
+    bool labels, normals, roughness, changes;
   };
-  const Case cases[] = {{DepthSource::stereo, false, false, true},  {DepthSource::lidar, false, false, true},
-                        {DepthSource::network, false, false, true}, {DepthSource::network, true, false, false},
-                        {DepthSource::stereo, true, false, false},  {DepthSource::stereo, false, true, false},
-                        {DepthSource::exact, false, false, false}};
+  const Case cases[] = {
+      {DepthSource::stereo, true, false, false, true},  {DepthSource::lidar, true, false, false, true},
+      {DepthSource::network, true, false, false, true}, {DepthSource::network, true, true, false, false},
+      {DepthSource::stereo, true, true, false, false},  {DepthSource::stereo, true, false, true, false},
+      {DepthSource::exact, true, false, false, false},  {DepthSource::stereo, false, false, false, true},
+      {DepthSource::stereo, false, false, true, false}};
   for (const Case& c : cases) {
     CAPTURE(kDepthSourceNames[static_cast<std::size_t>(c.source)]);
+    CAPTURE(c.labels);
     CAPTURE(c.normals);
     CAPTURE(c.roughness);
     const street::Street& street = small_street();
     SceneView view = view_of(street);
     view.depth_source = c.source;
+    if (!c.labels) {
+      view.labels = {};
+      view.albedo = {};  // things are told from buildings where albedo is guessed
+    }
     if (!c.normals) view.normals = {};
     if (c.roughness) view.roughness = street.roughness.view();
     NightParams params = default_night_params();

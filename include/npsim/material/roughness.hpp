@@ -28,7 +28,7 @@ inline namespace NPSIM_ABI {
 // Classes that have a GGX alpha of at least `alpha`.
 struct WideGloss {
   LabelSet labels;
-  float alpha = 0.8F;
+  float alpha = 1.0F;
 };
 
 [[nodiscard]] inline Status validate(const WideGloss& w) noexcept {

@@ -59,6 +59,9 @@ inline constexpr std::array<SurfacePrior, kLabelCount> kSurfacePriors = {{
     {0.15F, kMatt},  // bicycle: tubes, and gaps between them that its outline takes for one skin
 }};
 
+// Paint under clear coat; what stands on a street without labels is a thing, and most things are cars.
+inline constexpr LabelSet kCoatedLabels = kVehicleLabels | LabelSet::of(label::dynamic_object);
+
 // Ids outside the definition count as unlabeled.
 [[nodiscard]] constexpr const SurfacePrior& surface_prior(Label l) noexcept {
   return kSurfacePriors[l < kLabelCount ? l : label::unlabeled];

@@ -63,7 +63,7 @@ struct MaterialParams {
   // A wide gloss where neither roughness nor normals are given and depth is not exact. Clear coat mirrors a lamp within
   // some degrees, which normals of a sensor's or a network's depth do not resolve, and a car's back or flank would
   // glare like chrome in the headlamps.
-  WideGloss wide_if_guessed{kVehicleLabels};
+  WideGloss wide_if_guessed{kCoatedLabels};
 };
 
 struct SurfaceAttributes {
@@ -104,6 +104,39 @@ inline void back_normals(const SceneMesh& mesh, Span<Vec3f> normal) {
   }
 }
 
+// Of each pixel, as given or guessed.
+template <class Executor, class Observer>
+[[nodiscard]] Status albedo_and_gloss(const MaterialParams& params, const SceneView& scene, const RefinedDepth& refined,
+                                      ImageView<Vec3f> albedo, ImageView<float> alpha, Workspace& workspace,
+                                      Executor& executor, Observer& observer) {
+  const auto share = [](float v) { return v > 0.0F ? (v < 1.0F ? v : 1.0F) : 0.0F; };  // a NaN becomes 0
+  const WorkspaceScope estimate(workspace);
+  ImageView<const Label> labels = refined.labels;
+  if (scene.albedo.empty()) {
+    ImageView<float> sun;
+    DaylightReport report;
+    AlbedoScene day;
+    NPSIM_RETURN_IF_ERROR(albedo_scene(scene, refined, workspace, day));
+    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(scene.shape(), sun));
+    NPSIM_RETURN_IF_ERROR(
+        estimate_albedo(params.albedo, day, workspace, AlbedoEstimate{albedo, sun}, report, executor));
+    observer.daylight(albedo, sun, report);
+    labels = day.labels;
+  } else {
+    for_pixels(scene.shape(), executor, [&](int x, int y) {
+      const Vec3f a = scene.albedo(x, y);
+      albedo(x, y) = {share(a.x), share(a.y), share(a.z)};
+    });
+  }
+  if (scene.roughness.empty()) {
+    const bool guessed = scene.normals.empty() && refined.source != DepthSource::exact;
+    return estimate_roughness(labels, guessed ? params.wide_if_guessed : WideGloss{}, alpha, executor);
+  }
+  for_pixels(scene.shape(), executor,
+             [&](int x, int y) { alpha(x, y) = alpha_of_roughness(share(scene.roughness(x, y))); });
+  return {};
+}
+
 }  // namespace attributes_detail
 
 template <class Executor, class Observer>
@@ -111,7 +144,6 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
                           const SceneMesh& mesh, const SurfaceAttributes& out, Workspace& workspace, Executor& executor,
                           Observer& observer) {
   const Shape shape = scene.shape();
-  const auto share = [](float v) { return v > 0.0F ? (v < 1.0F ? v : 1.0F) : 0.0F; };  // a NaN becomes 0
   WorkspaceScope scope(workspace);
   ImageView<Vec3f> albedo;
   ImageView<Vec3f> normal;
@@ -125,33 +157,8 @@ Status surface_attributes(const MaterialParams& params, const SceneView& scene, 
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, known));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, retro));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, film));
-  if (scene.albedo.empty()) {
-    const WorkspaceScope estimate(workspace);
-    ImageView<float> sun;
-    DaylightReport report;
-    AlbedoScene day;
-    NPSIM_RETURN_IF_ERROR(albedo_scene(scene, refined, workspace, day));
-    NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, sun));
-    NPSIM_RETURN_IF_ERROR(
-        estimate_albedo(params.albedo, day, workspace, AlbedoEstimate{albedo, sun}, report, executor));
-    observer.daylight(albedo, sun, report);
-  } else {
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        const Vec3f a = scene.albedo(x, y);
-        albedo(x, y) = {share(a.x), share(a.y), share(a.z)};
-      }
-    }
-  }
-  if (scene.roughness.empty()) {
-    const bool guessed = scene.normals.empty() && refined.source != DepthSource::exact;
-    const WideGloss wide = guessed ? params.wide_if_guessed : WideGloss{};
-    NPSIM_RETURN_IF_ERROR(estimate_roughness(refined.labels, wide, alpha, executor));
-  } else {
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) alpha(x, y) = alpha_of_roughness(share(scene.roughness(x, y)));
-    }
-  }
+  NPSIM_RETURN_IF_ERROR(
+      attributes_detail::albedo_and_gloss(params, scene, refined, albedo, alpha, workspace, executor, observer));
   const ReflectorScene reflecting{scene.labels,  scene.reflectors, albedo,
                                   refined.depth, scene.camera,     refined.ground.camera_height_m};
   NPSIM_RETURN_IF_ERROR(

@@ -15,6 +15,7 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/material/detail/albedo_scene.hpp"
+#include "npsim/material/detail/class_priors.hpp"
 #include "npsim/material/detail/daylight/picture.hpp"
 #include "npsim/material/detail/daylight/planes.hpp"
 
@@ -25,8 +26,7 @@ namespace daylight_detail {
 inline constexpr std::size_t kObjects = 256;    // told apart; what is more shares the first slot, which has no median
 inline constexpr std::size_t kObjectBins = 96;  // of luminance or height
 inline constexpr std::size_t kInstanceIds = 65536;
-inline constexpr LabelSet kMovableLabels =
-    kVehicleLabels | LabelSet::of(label::person, label::rider, label::dynamic_object);
+inline constexpr LabelSet kMovableLabels = kCoatedLabels | LabelSet::of(label::person, label::rider);
 
 struct Objects {
   Span<std::uint8_t> slot;  // by instance id
