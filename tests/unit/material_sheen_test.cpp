@@ -58,6 +58,8 @@ TEST_CASE("a car's side that is seen from above mirrors the street, what leans b
   const auto level = mirrored_by(0.1F, down(0), upright, up);  // roofs and crowns hide five of nine parts
   CHECK(level.sky / (0.04F * 4 / 9 * 3 / 7) == doctest::Approx(1).epsilon(0.02));
   CHECK(level.street / (0.04F * 5 / 9 * 0.1F) == doctest::Approx(1).epsilon(0.02));
+  CHECK(mirrored_by(0.1F, down(22), upright, up).sky > 0.0F);  // panels are curved
+  CHECK(mirrored_by(0.1F, down(28), down(28) * -1.0F, up).street > 0.0F);
   const auto back = mirrored_by(0.1F, down(31), down(31) * -1.0F, up);  // shows what is 31 degrees up
   CHECK(back.sky / (0.04F * (1 + 2 * 0.515F) * 3 / 7) == doctest::Approx(1).epsilon(0.02));
   CHECK(back.street == 0.0F);

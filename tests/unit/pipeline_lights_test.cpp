@@ -309,7 +309,9 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("vehicles have a wide gloss where their normals and roughness are guessed, but for those of exact depth") {
+TEST_CASE(
+    "vehicles and things have a wide gloss where their normals and roughness are guessed, but for those of exact "
+    "depth") {
   struct Case {
     DepthSource source;
     bool labels, normals, roughness, changes;
@@ -319,7 +321,7 @@ TEST_CASE("vehicles have a wide gloss where their normals and roughness are gues
       {DepthSource::network, true, false, false, true}, {DepthSource::network, true, true, false, false},
       {DepthSource::stereo, true, true, false, false},  {DepthSource::stereo, true, false, true, false},
       {DepthSource::exact, true, false, false, false},  {DepthSource::stereo, false, false, false, true},
-      {DepthSource::stereo, false, false, true, false}};
+      {DepthSource::stereo, false, false, true, false}, {DepthSource::exact, false, false, false, false}};
   for (const Case& c : cases) {
     CAPTURE(kDepthSourceNames[static_cast<std::size_t>(c.source)]);
     CAPTURE(c.labels);

@@ -21,7 +21,7 @@
 //    dark and bright, is taken out of its contrast, and what things mirror of sky and street is taken off, grey as it
 //    is; where a road gave the scale and camera and ground plane are known, and before doubtful colours become grey.
 // 7. Bounds: a pixel brighter than its class's level by more than a factor of `free_ratio` is drawn in, by a slope, not
-//    cut, so that what differs stays different; values in [min_albedo, max_albedo], of paint from min_paint.
+//    cut, so that what differs stays different; values in [min_albedo, max_albedo], of paint down to min_paint.
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.
 // It is an estimate up to a factor that the road's prior sets, not a measurement.
 // Cost: some 200 loops over the working image, 370 where there is a shadow, 100 more where there are cars; steps 1 and
@@ -67,8 +67,7 @@ struct AlbedoParams {
   float free_ratio = 6.0F;    // > 1: of luminance to the level of the class; white paint has .6 on asphalt of .1
   float panes_limit = 1.2F;   // of an object's luminance to its median
   float min_albedo = 0.015F;
-  float min_paint =
-      0.005F;  // the same under clear coat, if that is less: black paint without its gloss has .001 to .01
+  float min_paint = 0.005F;  // of kCoatedLabels, if that is less: black paint without its gloss has .001 to .01
   float max_albedo = 0.9F;
 };
 

@@ -59,8 +59,11 @@ inline constexpr std::array<SurfacePrior, kLabelCount> kSurfacePriors = {{
     {0.15F, kMatt},  // bicycle: tubes, and gaps between them that its outline takes for one skin
 }};
 
-// Paint under clear coat; what stands on a street without labels is a thing, and most things are cars.
-inline constexpr LabelSet kCoatedLabels = kVehicleLabels | LabelSet::of(label::dynamic_object);
+// Mostly paint under clear coat: vehicles, and what labels that are a guess call a thing (depth/things.hpp), of which
+// most are cars. Labels that are given call what moves else so (prams, bins). Bicycles are tubes without a skin.
+inline constexpr LabelSet kCoatedLabels =
+    LabelSet::of(label::car, label::truck, label::bus, label::caravan, label::trailer, label::train, label::motorcycle,
+                 label::dynamic_object);
 
 // Ids outside the definition count as unlabeled.
 [[nodiscard]] constexpr const SurfacePrior& surface_prior(Label l) noexcept {

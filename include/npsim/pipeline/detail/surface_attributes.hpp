@@ -13,6 +13,7 @@
 
 #include "npsim/core/scene_view.hpp"
 #include "npsim/core/status.hpp"
+#include "npsim/core/window_filter.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/refine_depth_params.hpp"
 #include "npsim/depth/things.hpp"
@@ -62,7 +63,7 @@ struct MaterialParams {
   RetroreflectionParams retroreflection;
   // A wide gloss where neither roughness nor normals are given and depth is not exact. Clear coat mirrors a lamp within
   // some degrees, which normals of a sensor's or a network's depth do not resolve, and a car's back or flank would
-  // glare like chrome in the headlamps.
+  // glare like chrome in the headlamps. Where labels are a guess, so do things, if albedo is guessed too.
   WideGloss wide_if_guessed{kCoatedLabels};
 };
 
@@ -110,6 +111,8 @@ template <class Executor, class Observer>
                                       ImageView<Vec3f> albedo, ImageView<float> alpha, Workspace& workspace,
                                       Executor& executor, Observer& observer) {
   const auto share = [](float v) { return v > 0.0F ? (v < 1.0F ? v : 1.0F) : 0.0F; };  // a NaN becomes 0
+  const bool normals_guessed = scene.normals.empty() && refined.source != DepthSource::exact;
+  const WideGloss wide = normals_guessed ? params.wide_if_guessed : WideGloss{};
   const WorkspaceScope estimate(workspace);
   ImageView<const Label> labels = refined.labels;
   if (scene.albedo.empty()) {
@@ -121,17 +124,14 @@ template <class Executor, class Observer>
     NPSIM_RETURN_IF_ERROR(
         estimate_albedo(params.albedo, day, workspace, AlbedoEstimate{albedo, sun}, report, executor));
     observer.daylight(albedo, sun, report);
-    labels = day.labels;
+    if (wide.labels.contains(label::dynamic_object)) labels = day.labels;
   } else {
     for_pixels(scene.shape(), executor, [&](int x, int y) {
       const Vec3f a = scene.albedo(x, y);
       albedo(x, y) = {share(a.x), share(a.y), share(a.z)};
     });
   }
-  if (scene.roughness.empty()) {
-    const bool guessed = scene.normals.empty() && refined.source != DepthSource::exact;
-    return estimate_roughness(labels, guessed ? params.wide_if_guessed : WideGloss{}, alpha, executor);
-  }
+  if (scene.roughness.empty()) return estimate_roughness(labels, wide, alpha, executor);
   for_pixels(scene.shape(), executor,
              [&](int x, int y) { alpha(x, y) = alpha_of_roughness(share(scene.roughness(x, y))); });
   return {};

@@ -15,7 +15,6 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/material/detail/albedo_scene.hpp"
-#include "npsim/material/detail/class_priors.hpp"
 #include "npsim/material/detail/daylight/picture.hpp"
 #include "npsim/material/detail/daylight/planes.hpp"
 
@@ -26,7 +25,8 @@ namespace daylight_detail {
 inline constexpr std::size_t kObjects = 256;    // told apart; what is more shares the first slot, which has no median
 inline constexpr std::size_t kObjectBins = 96;  // of luminance or height
 inline constexpr std::size_t kInstanceIds = 65536;
-inline constexpr LabelSet kMovableLabels = kCoatedLabels | LabelSet::of(label::person, label::rider);
+inline constexpr LabelSet kMovableLabels =
+    kVehicleLabels | LabelSet::of(label::person, label::rider, label::dynamic_object);
 
 struct Objects {
   Span<std::uint8_t> slot;  // by instance id
@@ -44,8 +44,8 @@ struct Objects {
     return slot[s.instances(x, y)];
   }
   [[nodiscard]] bool has_height(std::size_t object) const noexcept { return top_m[object] > bottom_m[object]; }
-  // How far down an object a pixel of the photograph lies, 0 at its top and 1 at its bottom: by its height where that is
-  // known, else by its working row.
+  // How far down an object a pixel of the photograph lies, 0 at its top and 1 at its bottom: by its height where that
+  // is known, else by its working row.
   [[nodiscard]] float down(const AlbedoScene& s, std::size_t object, int x, int y, float row) const noexcept {
     if (has_height(object) && is_valid_depth(s.depth(x, y))) {
       return (top_m[object] - height_m(s, x, y)) / (top_m[object] - bottom_m[object]);
