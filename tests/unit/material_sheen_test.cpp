@@ -83,7 +83,7 @@ TEST_CASE("a black bonnet under a sky ten thousand times as bright is as black a
     }
   }
   REQUIRE(ground.run(p, true).ok());
-  CHECK(p.median(label::car) / 0.005 == doctest::Approx(1).epsilon(0.01));
+  CHECK(p.median(label::car) / 0.015 == doctest::Approx(1).epsilon(0.01));
 }
 
 TEST_CASE("what paint mirrors of a cloudy day is not in its albedo: black stays black, dark red stays red") {

@@ -21,7 +21,7 @@
 //    dark and bright, is taken out of its contrast, and what things mirror of sky and street is taken off, grey as it
 //    is; where a road gave the scale and camera and ground plane are known, and before doubtful colours become grey.
 // 7. Bounds: a pixel brighter than its class's level by more than a factor of `free_ratio` is drawn in, by a slope, not
-//    cut, so that what differs stays different; values in [min_albedo, max_albedo], of paint down to min_paint.
+//    cut, so that what differs stays different; values in [min_albedo, max_albedo].
 // Invariant: output is finite and within the bounds; pixels without surface get the neutral prior.
 // It is an estimate up to a factor that the road's prior sets, not a measurement.
 // Cost: some 200 loops over the working image, 370 where there is a shadow, 100 more where there are cars; steps 1 and
@@ -67,15 +67,14 @@ struct AlbedoParams {
   float free_ratio = 6.0F;    // > 1: of luminance to the level of the class; white paint has .6 on asphalt of .1
   float panes_limit = 1.2F;   // of an object's luminance to its median
   float min_albedo = 0.015F;
-  float min_paint = 0.005F;  // of kCoatedLabels, if that is less: black paint without its gloss has .001 to .01
   float max_albedo = 0.9F;
 };
 
 [[nodiscard]] inline Status validate(const AlbedoParams& p) noexcept {
   const bool good = p.cast_removal >= 0.0F && p.cast_removal <= 1.0F && p.saturated_level >= 1 &&
                     p.saturated_level <= 256 && p.free_ratio > 1.0F && std::isfinite(p.free_ratio) &&
-                    p.panes_limit >= 1.0F && p.min_albedo >= 0.0F && p.min_paint >= 0.0F &&
-                    p.max_albedo > p.min_albedo && p.max_albedo <= 1.0F;
+                    p.panes_limit >= 1.0F && p.min_albedo >= 0.0F && p.max_albedo > p.min_albedo &&
+                    p.max_albedo <= 1.0F;
   return good ? Status() : Status(StatusCode::invalid_argument, "albedo: a parameter lies outside its range");
 }
 
@@ -453,8 +452,7 @@ inline constexpr float kLeastShare = 0.15F, kMostShare = 3.0F;
   constexpr float kPlantSlopeBelow = 0.85F;
   const int most = max_of(static_cast<int>(seen.r), static_cast<int>(seen.g), static_cast<int>(seen.b));
   float lum = luminance(a);
-  const float darkest = kCoatedLabels.contains(label) ? std::min(p.min_paint, p.min_albedo) : p.min_albedo;
-  if (!(lum > 0.0F)) return {darkest, darkest, darkest};
+  if (!(lum > 0.0F)) return {p.min_albedo, p.min_albedo, p.min_albedo};
   trust = std::min(trust, static_cast<float>(most) / dark);
   if (most >= p.saturated_level) {
     // What is cut off is the excess of the strongest channel. Ink is so strong without it that its hue is known; what
@@ -491,7 +489,9 @@ inline constexpr float kLeastShare = 0.15F, kMostShare = 3.0F;
   const float brightest = max_of(a.x, a.y, a.z);
   if (brightest > p.max_albedo) a *= p.max_albedo / brightest;  // all channels, so that the hue stays
   // A soft floor: what is nearly black keeps its differences.
-  const auto floored = [&](float v) { return clamp_to(std::sqrt(v * v + darkest * darkest), darkest, p.max_albedo); };
+  const auto floored = [&](float v) {
+    return clamp_to(std::sqrt(v * v + p.min_albedo * p.min_albedo), p.min_albedo, p.max_albedo);
+  };
   return {floored(a.x), floored(a.y), floored(a.z)};
 }
 

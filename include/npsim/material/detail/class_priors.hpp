@@ -59,12 +59,6 @@ inline constexpr std::array<SurfacePrior, kLabelCount> kSurfacePriors = {{
     {0.15F, kMatt},  // bicycle: tubes, and gaps between them that its outline takes for one skin
 }};
 
-// Mostly paint under clear coat: vehicles, and what labels that are a guess call a thing (depth/things.hpp), of which
-// most are cars. Labels that are given call what moves else so (prams, bins). Bicycles are tubes without a skin.
-inline constexpr LabelSet kCoatedLabels =
-    LabelSet::of(label::car, label::truck, label::bus, label::caravan, label::trailer, label::train, label::motorcycle,
-                 label::dynamic_object);
-
 // Ids outside the definition count as unlabeled.
 [[nodiscard]] constexpr const SurfacePrior& surface_prior(Label l) noexcept {
   return kSurfacePriors[l < kLabelCount ? l : label::unlabeled];

@@ -64,7 +64,7 @@ struct MaterialParams {
   // A wide gloss where neither roughness nor normals are given and depth is not exact. Clear coat mirrors a lamp within
   // some degrees, which normals of a sensor's or a network's depth do not resolve, and a car's back or flank would
   // glare like chrome in the headlamps. Where labels are a guess, so do things, if albedo is guessed too.
-  WideGloss wide_if_guessed{kCoatedLabels};
+  WideGloss wide_if_guessed{kVehicleLabels | LabelSet::of(label::dynamic_object)};
 };
 
 struct SurfaceAttributes {
