@@ -10,6 +10,7 @@
 #include "night_of_street.hpp"
 #include "npsim/core/executor.hpp"
 #include "npsim/pipeline/detail/rays_for_error.hpp"
+#include "npsim/pipeline/detail/surface_attributes.hpp"
 #include "npsim/pipeline/night.hpp"
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
@@ -347,4 +348,57 @@ TEST_CASE(
     }
     CHECK((changed > 0) == c.changes);
   }
+}
+
+TEST_CASE("a thing among guessed labels has a wide gloss if its normals are guessed, else that of a building") {
+  constexpr Shape shape{240, 160};
+  const npsim_test::Image<Rgb8> image(shape, {100, 100, 100});
+  const npsim_test::Image<Vec3f> normals(shape, Vec3f{0, 0, -1});
+  const npsim_test::Image<Vec3f> given(shape, Vec3f{0.3F, 0.3F, 0.3F});
+  npsim_test::Image<float> depth(shape, 20.0F);
+  npsim_test::Image<Label> labels(shape, label::building);
+  for (int y = 76; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      depth(x, y) = 300.0F / static_cast<float>(y - 60);
+      labels(x, y) = label::road;
+    }
+  }
+  for (int y = 65; y < 97; ++y) {  // a car 8 m away, before a house
+    for (int x = 100; x < 140; ++x) {
+      depth(x, y) = 8.0F;
+      labels(x, y) = label::building;
+    }
+  }
+  const float house = surface_prior(label::building).alpha;
+  const auto gloss = [&](DepthSource source, bool given_normals, bool given_albedo) {
+    SceneView scene;
+    scene.camera = {200, 200, 120, 60};
+    scene.image = image.view();
+    if (given_normals) scene.normals = normals.view();
+    if (given_albedo) scene.albedo = given.view();
+    npsim_test::Image<Vec3f> facing(shape, Vec3f{0, 0, -1});
+    RefinedDepth refined;
+    refined.depth = depth.view();
+    refined.labels = labels.cview();
+    refined.normals = facing.view();
+    refined.labels_guessed = true;
+    refined.ground = {{0, -1, 0}, 1.5F, 0.9F};
+    refined.source = source;
+    const MaterialParams params;
+    npsim_test::Scratch scratch(guessed_albedo_workspace_bytes(params.albedo, shape) + kWorkspaceAlignment);
+    npsim_test::Image<Vec3f> albedo(shape, Vec3f{});
+    npsim_test::Image<float> alpha(shape, 0.0F);
+    SerialExecutor serial;
+    NullObserver nobody;
+    REQUIRE(attributes_detail::albedo_and_gloss(params, scene, refined, albedo.view(), alpha.view(),
+                                                scratch.workspace(), serial, nobody)
+                .ok());
+    CHECK(alpha(20, 40) == house);
+    CHECK(alpha(20, 150) == surface_prior(label::road).alpha);
+    return alpha(120, 80);
+  };
+  CHECK(gloss(DepthSource::lidar, false, false) == 1.0F);
+  CHECK(gloss(DepthSource::exact, false, false) == house);
+  CHECK(gloss(DepthSource::network, true, false) == house);
+  CHECK(gloss(DepthSource::lidar, false, true) == house);
 }

@@ -9,7 +9,7 @@
 //             (Below a crown only the foot of a house is seen, and nothing says that it ends there.) Nor does the same
 //             surface go on beside more than a fifth of its outline, in a cell that is not low: half a car would differ
 //             from the other half by more than their paint.
-// Only materials ask (material/albedo.hpp): a black car is no dark facade. The mesh does not, which would take what is
+// Only materials ask (albedo and gloss): a black car is no dark facade. The mesh does not, which would take what is
 // missed of a thing's rim for what stands behind it.
 // Error: what touches a wall, lorries, poles, and what stands where the street leaves the plane stay buildings. Low
 // walls are things however long they are, and so is a ground floor before a storey that stands back.

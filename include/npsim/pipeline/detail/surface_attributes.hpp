@@ -63,7 +63,8 @@ struct MaterialParams {
   RetroreflectionParams retroreflection;
   // A wide gloss where neither roughness nor normals are given and depth is not exact. Clear coat mirrors a lamp within
   // some degrees, which normals of a sensor's or a network's depth do not resolve, and a car's back or flank would
-  // glare like chrome in the headlamps. Where labels are a guess, so do things, if albedo is guessed too.
+  // glare like chrome in the headlamps. Vehicles have it and what is labelled dynamic (prams, bins); of a scene without
+  // labels, where albedo is guessed as well, the things that albedo_scene() tells from buildings.
   WideGloss wide_if_guessed{kVehicleLabels | LabelSet::of(label::dynamic_object)};
 };
 
@@ -114,7 +115,7 @@ template <class Executor, class Observer>
   const bool normals_guessed = scene.normals.empty() && refined.source != DepthSource::exact;
   const WideGloss wide = normals_guessed ? params.wide_if_guessed : WideGloss{};
   const WorkspaceScope estimate(workspace);
-  ImageView<const Label> labels = refined.labels;
+  ImageView<const Label> labels = refined.labels;  // or those of things, which lie in that scope
   if (scene.albedo.empty()) {
     ImageView<float> sun;
     DaylightReport report;

@@ -50,10 +50,8 @@ struct Mirrored {
 // sight, normal, up: unit. The sky is as bright as a cloudy one by its elevation (CIE overcast), over roofs and crowns.
 [[nodiscard]] inline Mirrored mirrored_by(float alpha, const Vec3f& sight, const Vec3f& normal,
                                           const Vec3f& up) noexcept {
-  // Sines of elevations between which the street gives way to the sky: normals are unsure, and panels curved by some 13
-  // degrees to either side of them, which turns what they mirror by twice as much, about a skyline at 3 degrees
-  // [default].
-  constexpr float kStreetTo = -0.4F, kSkyFrom = 0.5F;
+  // Sines of elevations between which the street gives way to the sky: bodies are curved, and normals unsure [default].
+  constexpr float kStreetTo = -0.15F, kSkyFrom = 0.35F;
   constexpr float kGrazing = 0.25F;  // least cosine: at outlines normals are the least sure, and mirroring grows fast
   constexpr float kStreet = 0.1F;    // asphalt, and walls in half of the light
   if (alpha > 1.0F) return {};
