@@ -8,41 +8,18 @@
 #include <limits>
 
 #include "fixture.hpp"
+#include "standing_blocks.hpp"
 
 using namespace npsim;
 using npsim_test::Image;
 using npsim_test::Scratch;
+using npsim_test::StandingBlocks;
 
 namespace {
 
-constexpr Shape kShape{240, 160};
-constexpr Intrinsics kCamera{200, 200, 120, 60};
-constexpr GroundPlane kGround{{0, -1, 0}, 1.5F, 0.9F};
-
-struct Street {
-  Image<float> depth{kShape, 0.0F};
-  Image<Label> labels{kShape, label::sky};
+struct Street : StandingBlocks {
   Image<std::uint16_t> things{kShape, std::uint16_t{77}};
 
-  Street() {
-    for (int y = 61; y < kShape.height; ++y) {
-      for (int x = 0; x < kShape.width; ++x) put(x, y, 300.0F / static_cast<float>(y - 60), label::road);
-    }
-  }
-  void put(int x, int y, float z, Label l) {
-    depth(x, y) = z;
-    labels(x, y) = l;
-  }
-  // What stands z away in columns [left, right), from the ground to a height or, less, from a height.
-  void stand(int left, int right, float z, float height_m, Label l = label::building, float from_m = 0.0F) {
-    for (int y = row(height_m, z); y < row(from_m, z); ++y) {
-      if (y < 0 || y >= kShape.height) continue;
-      for (int x = left; x < right; ++x) put(x, y, z, l);
-    }
-  }
-  [[nodiscard]] static int row(float height_m, float z) {
-    return 60 + static_cast<int>(200.0F * (kGround.camera_height_m - height_m) / z);
-  }
   void tell(const GroundPlane& ground = kGround) {
     Scratch scratch(tell_things_workspace_bytes(kShape));
     REQUIRE(tell_things(depth.cview(), kCamera, ground, labels.view(), things.view(), scratch.workspace()).ok());
@@ -61,8 +38,8 @@ TEST_CASE("things: a car before a house, a wall of another depth right behind it
   street.stand(0, 240, 20.0F, 12.0F);
   street.stand(80, 140, 10.0F, 1.5F);
   street.tell();
-  for (int y = 0; y < kShape.height; ++y) {
-    for (int x = 0; x < kShape.width; ++x) {
+  for (int y = 0; y < Street::kShape.height; ++y) {
+    for (int x = 0; x < Street::kShape.width; ++x) {
       const bool car = x >= 80 && x < 140 && y >= Street::row(1.5F, 10.0F) && y < Street::row(0.0F, 10.0F);
       CHECK((street.things(x, y) != 0) == car);
       CHECK((street.labels(x, y) == label::dynamic_object) == car);
@@ -242,8 +219,11 @@ TEST_CASE("things: depths that are none, a picture of one pixel, all one depth")
   Image<Label> label_of_one(Shape{1, 1}, label::building);
   Image<std::uint16_t> thing(Shape{1, 1}, std::uint16_t{5});
   Scratch scratch(tell_things_workspace_bytes({1, 1}));
-  CHECK(tell_things(one.cview(), kCamera, kGround, label_of_one.view(), thing.view(), scratch.workspace()).ok());
+  CHECK(
+      tell_things(one.cview(), Street::kCamera, Street::kGround, label_of_one.view(), thing.view(), scratch.workspace())
+          .ok());
   CHECK(thing(0, 0) == 0);
-  CHECK(tell_things(one.cview(), kCamera, kGround, street.labels.view(), thing.view(), scratch.workspace()).code() ==
-        StatusCode::shape_mismatch);
+  CHECK(tell_things(one.cview(), Street::kCamera, Street::kGround, street.labels.view(), thing.view(),
+                    scratch.workspace())
+            .code() == StatusCode::shape_mismatch);
 }

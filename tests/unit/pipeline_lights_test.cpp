@@ -15,6 +15,7 @@
 #include "street/scene_view.hpp"
 #include "street/street.hpp"
 #include "unit/fixture.hpp"
+#include "unit/standing_blocks.hpp"
 
 namespace {
 
@@ -351,38 +352,27 @@ TEST_CASE(
 }
 
 TEST_CASE("a thing among guessed labels has a wide gloss if its normals are guessed, else that of a building") {
-  constexpr Shape shape{240, 160};
+  npsim_test::StandingBlocks blocks;
+  const Shape shape = blocks.kShape;
+  blocks.stand(0, shape.width, 20.0F, 7.5F);
+  blocks.stand(100, 140, 8.0F, 1.3F);  // a car before a house
   const npsim_test::Image<Rgb8> image(shape, {100, 100, 100});
   const npsim_test::Image<Vec3f> normals(shape, Vec3f{0, 0, -1});
   const npsim_test::Image<Vec3f> given(shape, Vec3f{0.3F, 0.3F, 0.3F});
-  npsim_test::Image<float> depth(shape, 20.0F);
-  npsim_test::Image<Label> labels(shape, label::building);
-  for (int y = 76; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      depth(x, y) = 300.0F / static_cast<float>(y - 60);
-      labels(x, y) = label::road;
-    }
-  }
-  for (int y = 65; y < 97; ++y) {  // a car 8 m away, before a house
-    for (int x = 100; x < 140; ++x) {
-      depth(x, y) = 8.0F;
-      labels(x, y) = label::building;
-    }
-  }
   const float house = surface_prior(label::building).alpha;
   const auto gloss = [&](DepthSource source, bool given_normals, bool given_albedo) {
     SceneView scene;
-    scene.camera = {200, 200, 120, 60};
+    scene.camera = blocks.kCamera;
     scene.image = image.view();
     if (given_normals) scene.normals = normals.view();
     if (given_albedo) scene.albedo = given.view();
     npsim_test::Image<Vec3f> facing(shape, Vec3f{0, 0, -1});
     RefinedDepth refined;
-    refined.depth = depth.view();
-    refined.labels = labels.cview();
+    refined.depth = blocks.depth.view();
+    refined.labels = blocks.labels.cview();
     refined.normals = facing.view();
     refined.labels_guessed = true;
-    refined.ground = {{0, -1, 0}, 1.5F, 0.9F};
+    refined.ground = blocks.kGround;
     refined.source = source;
     const MaterialParams params;
     npsim_test::Scratch scratch(guessed_albedo_workspace_bytes(params.albedo, shape) + kWorkspaceAlignment);

@@ -125,7 +125,7 @@ template <class Executor, class Observer>
     NPSIM_RETURN_IF_ERROR(
         estimate_albedo(params.albedo, day, workspace, AlbedoEstimate{albedo, sun}, report, executor));
     observer.daylight(albedo, sun, report);
-    if (wide.labels.contains(label::dynamic_object)) labels = day.labels;
+    if (wide.labels.contains(label::dynamic_object)) labels = day.labels;  // else things glare less as buildings
   } else {
     for_pixels(scene.shape(), executor, [&](int x, int y) {
       const Vec3f a = scene.albedo(x, y);
