@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Of what kind the ground is, by its look, for scenes without labels: smooth (road), rough (ballast), or green (soil).
 //
-// Asphalt is smooth, but for edges: ground counts as rough where every window near it is. Green is what is much greener
-// than the ground usually is, and what is greener and hangs together with it, without small holes and specks: cameras
-// have casts, which differ over the picture. Far away a pixel covers more of the ground than a stone, and what is rough
-// there may be flecks of sun as well: there rough ground is what other ground before it is, as if the street went
-// straight on.
+// Asphalt is smooth, but for edges: ground counts as rough where every window near it is, and what is rough around it
+// belongs to it. So are flecks of sun under trees; but they lie flat, and are long along the rows of the picture and
+// smooth inside, where stones are rough along the row as well. So rough ground is ballast where it hangs together with
+// such stones. Green is what is much greener than the ground usually is, and what is greener and hangs together with
+// it, without small holes and specks: cameras have casts, which differ over the picture.
 // Pixels are those of a picture some 960 px wide; windows scale with the width.
-// Cost: six means over windows of that picture, and two passes over 41 pixels at each. Memory: 8 planes of it.
+// Cost: five sums over windows of that picture, and two passes over 41 pixels at each for each of two planes. Memory:
+// 9 planes of it.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_GROUND_KINDS_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_GROUND_KINDS_HPP
 
@@ -17,7 +18,6 @@
 #include <cstdint>
 
 #include "npsim/core/algorithm.hpp"
-#include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
 #include "npsim/core/status.hpp"
@@ -27,7 +27,6 @@
 #include "npsim/depth/detail/given/reduced_picture.hpp"
 #include "npsim/depth/detail/given/small_pieces.hpp"
 #include "npsim/depth/detail/grow.hpp"
-#include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 #include "npsim/simd/math.hpp"
 
@@ -40,59 +39,39 @@ namespace refine_detail {
 [[nodiscard]] constexpr std::size_t ground_kinds_workspace_bytes(Shape shape) noexcept {
   const Shape reduced = reduced_shape(shape, ground_kinds_factor(shape));
   const std::size_t pixels = reduced.pixels();
-  return 5 * allocation_bytes<float>(pixels) + allocation_bytes<Label>(pixels) +
+  return 6 * allocation_bytes<float>(pixels) + allocation_bytes<Label>(pixels) +
          allocation_bytes<std::uint32_t>(kQuantileBins) +
          max_of(kWindowMeanPlanes * allocation_bytes<float>(pixels), close_pieces_bytes(reduced)) + kWorkspaceAlignment;
 }
 
-// Where rough ground is too far to tell, what lies before it. kinds: reduced by `factor`.
+// value becomes its least within `reach`, both ways. `rows` is scratch.
 template <class Executor>
-void continue_kinds(const Intrinsics& camera, const GroundPlane& ground, int factor, ImageView<Label> kinds,
-                    Executor& executor) {
-  constexpr float kStonesSeen_m = 0.2F;  // of the ground in one pixel, away from the camera
-  constexpr float kHorizon = -1e-3F;
-  constexpr float kJustNearer = 0.95F;
-  const float height_m = ground.camera_height_m;
-  const Vec3f ahead = forward_on_ground(ground);
-  if (!(ground.inlier_share > 0.0F && ahead.z > 0.5F && height_m > 0.0F)) return;
-  // A row of pixels at depth z covers z * z * factor / (fy * height).
-  const auto pixels = static_cast<float>(factor);
-  const float far_m = std::sqrt(kStonesSeen_m * camera.fy / pixels * height_m);
-  const auto ground_at = [&](int x, int y) {
-    const Vec3f ray = unproject_pixel(camera, x * factor + factor / 2, y * factor + factor / 2, 1.0F);
-    const float down = dot(ground.up, ray);
-    return down < kHorizon ? ray * (height_m / -down) : Vec3f{};
-  };
-  for_pixels(kinds.shape(), executor, [&](int x, int y) {
-    if (kinds(x, y) != label::rail_track) return;
-    const Vec3f point = ground_at(x, y);
-    if (!(point.z > far_m)) return;
-    for (const float share : {kJustNearer, 0.8F, 0.65F, 0.5F}) {
-      const Vec3f before = point - ahead * ((point.z - share * far_m) / ahead.z);
-      const Vec2f at = project(camera, before);
-      const float u = at.x / pixels;
-      const float v = at.y / pixels;
-      const auto last = static_cast<float>(kinds.width() - 1);
-      if (!(std::isfinite(u) && v >= 0.0F && v < static_cast<float>(kinds.height()))) continue;
-      // What never was in the picture is like its border, as far away as can be told.
-      if (!(u >= 0.0F && u < last + 1.0F) && share < kJustNearer) continue;
-      const int i = static_cast<int>(clamp_to(u, 0.0F, last));
-      const int j = static_cast<int>(v);
-      if (ground_at(i, j).z > far_m) continue;  // what is written is not read
-      const Label kind = kinds(i, j);
-      if (kind != label::road && kind != label::terrain) continue;
-      kinds(x, y) = kind;
-      return;
+void least_within(int reach, ImageView<float> value, ImageView<float> rows, Executor& executor) {
+  const Shape shape = value.shape();
+  for_pixels(shape, executor, [&](int x, int y) {
+    float low = value(x, y);
+    for (int u = std::max(x - reach, 0); u <= std::min(x + reach, shape.width - 1); ++u) {
+      low = std::min(low, value(u, y));
     }
+    rows(x, y) = low;
+  });
+  for_pixels(shape, executor, [&](int x, int y) {
+    float low = rows(x, y);
+    for (int v = std::max(y - reach, 0); v <= std::min(y + reach, shape.height - 1); ++v) {
+      low = std::min(low, rows(x, v));
+    }
+    value(x, y) = low;
   });
 }
 
 // labels: what is road becomes road, rail_track or terrain.
 template <class Executor>
-[[nodiscard]] Status tell_ground_kinds(ImageView<const Rgb8> image, const Intrinsics& camera, const GroundPlane& ground,
-                                       ImageView<Label> labels, Workspace& workspace, Executor& executor) {
+[[nodiscard]] Status tell_ground_kinds(ImageView<const Rgb8> image, ImageView<Label> labels, Workspace& workspace,
+                                       Executor& executor) {
   constexpr Label kPerhaps = 255;
   constexpr float kRough = 0.2F;            // mean |log2| about the local mean; asphalt at .1, ballast at .6
+  constexpr float kStones = 0.25F;          // the same about the mean of the row; ballast up to .5, asphalt .2
+  constexpr float kSomeStones = 0.12F;      // what hangs together with them; flecks of sun up to .1
   constexpr float kGreen = 0.45F;           // log2 of green over the mean of red and blue, above the camera's cast
   constexpr float kGreenish = 0.15F;        // beside what is green
   constexpr float kUsual = 0.25F;           // the share of the ground that tells the cast, which is not uniform
@@ -105,10 +84,10 @@ template <class Executor>
   const WorkspaceScope scope(workspace);
   const int factor = ground_kinds_factor(image.shape());
   const Shape shape = reduced_shape(image.shape(), factor);
-  ImageView<float> log_y, greenness, mean, rough, green;
+  ImageView<float> log_y, greenness, mean, rough, stones, green;
   ImageView<Label> kinds;
   Span<std::uint32_t> histogram;
-  for (ImageView<float>* p : {&log_y, &greenness, &mean, &rough, &green}) {
+  for (ImageView<float>* p : {&log_y, &greenness, &mean, &rough, &stones, &green}) {
     NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, *p));
   }
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, kinds));
@@ -129,15 +108,17 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(window_mean(one, log_y, radius, 0.0F, 0.0F, workspace, mean, executor));
   const auto off = [&](int x, int y) { return std::fabs(log_y(x, y) - mean(x, y)); };
   NPSIM_RETURN_IF_ERROR(window_mean(one, off, radius, 0.0F, 0.0F, workspace, rough, executor));
+  const auto off_row = [&](int x, int y) {
+    const int first = std::max(x - radius, 0);
+    const int last = std::min(x + radius, shape.width - 1);
+    float sum = 0.0F;
+    for (int u = first; u <= last; ++u) sum += log_y(u, y);
+    return std::fabs(log_y(x, y) - sum / static_cast<float>(last - first + 1));
+  };
+  NPSIM_RETURN_IF_ERROR(window_mean(one, off_row, radius, 0.0F, 0.0F, workspace, stones, executor));
   NPSIM_RETURN_IF_ERROR(window_mean(one, greenness, radius, 0.0F, 0.0F, workspace, green, executor));
-  const ImageView<float> least = mean;  // of roughness in the row nearby
-  for_pixels(shape, executor, [&](int x, int y) {
-    float low = rough(x, y);
-    for (int u = std::max(x - reach, 0); u <= std::min(x + reach, shape.width - 1); ++u) {
-      low = std::min(low, rough(u, y));
-    }
-    least(x, y) = low;
-  });
+  least_within(reach, rough, mean, executor);
+  least_within(reach, stones, mean, executor);
   const auto on_ground = [&](int x, int y) { return kinds(x, y) == label::road; };
   const float least_green = plane_quantile(shape, on_ground, green, kGrey, histogram);
   const float usual_green = plane_quantile(shape, on_ground, green, kUsual, histogram);
@@ -159,14 +140,16 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(close_pieces(kinds, is_road, all, label::terrain, small, workspace));
   NPSIM_RETURN_IF_ERROR(close_pieces(kinds, is_terrain, all, label::road, small, workspace));
   for_pixels(shape, executor, [&](int x, int y) {
-    if (!on_ground(x, y)) return;
-    float low = least(x, y);
-    for (int v = std::max(y - reach, 0); v <= std::min(y + reach, shape.height - 1); ++v) {
-      low = std::min(low, least(x, v));
-    }
-    if (low > kRough) kinds(x, y) = label::rail_track;
+    if (!on_ground(x, y) || !(rough(x, y) > kRough) || !(stones(x, y) > kSomeStones)) return;
+    kinds(x, y) = stones(x, y) > kStones ? label::rail_track : kPerhaps;
   });
-  continue_kinds(camera, ground, factor, kinds, executor);
+  depth_detail::grow(kinds, label::rail_track, [](Label l) { return l == kPerhaps; });
+  const auto is_core = [&](int x, int y) { return kinds(x, y) == label::rail_track ? 1.0F : 0.0F; };
+  window_sum(is_core, reach, mean, rough, executor);
+  for_pixels(shape, executor, [&](int x, int y) {
+    if (kinds(x, y) == kPerhaps) kinds(x, y) = label::road;
+    if (on_ground(x, y) && rough(x, y) > 0.5F) kinds(x, y) = label::rail_track;
+  });
   for_pixels(labels.shape(), executor, [&](int x, int y) {
     const Label kind = reduced_at(kinds, factor, x, y);
     if (labels(x, y) == label::road && (kind == label::terrain || kind == label::rail_track)) labels(x, y) = kind;

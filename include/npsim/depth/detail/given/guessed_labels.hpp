@@ -335,7 +335,7 @@ template <class Executor>
     NPSIM_RETURN_IF_ERROR(drop_lone_seeds(labels, workspace, executor));
     if (lines) mark_between_lines(image, depth, camera, ground, labels);
     NPSIM_RETURN_IF_ERROR(spread_seeds(image, labels, workspace));
-    NPSIM_RETURN_IF_ERROR(tell_ground_kinds(image, camera, ground, labels, workspace, executor));
+    NPSIM_RETURN_IF_ERROR(tell_ground_kinds(image, labels, workspace, executor));
   }
   return tell_plants(image, depth, camera, lines ? &noise : nullptr, labels, workspace, executor);
 }
