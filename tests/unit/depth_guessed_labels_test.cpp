@@ -397,6 +397,22 @@ TEST_CASE("guessed labels: a blue sky goes on down to what is not blue, was meas
   CHECK(s.share(label::sky, 122, 480, 42, 118) == 0.0);
 }
 
+TEST_CASE("guessed labels: under a blue cast the sky is what is bluer than that, and no wall that fades into it") {
+  const Vec3f sky{0.35F, 0.7F, 0.8F}, wall{0.1F, 0.2F, 0.22F};
+  Street s;
+  s.paint([&](int x, int y) {
+    const float t = y >= 118 ? 1.0F : clamp_to(static_cast<float>(x - 160) / 160.0F, 0.0F, 1.0F);
+    return sky + (wall - sky) * t;
+  });
+  s.measure([](int, int y) { return y >= 118 ? std::fmin(20.0F, road_m(y)) : 0.0F; });
+  for (int y = 0; y < 30; ++y) {
+    for (int x = 0; x < 200; ++x) s.surface(x, y) = 0;
+  }
+  s.guess();
+  CHECK(s.share(label::sky, 0, 160, 0, 118) == 1.0);
+  CHECK(s.share(label::sky, 290, 480, 0, 118) == 0.0);
+}
+
 TEST_CASE("guessed labels: without a ground plane all that is no sky stands; the order of chunks changes no label") {
   Street s;
   s.ground.inlier_share = 0.0F;

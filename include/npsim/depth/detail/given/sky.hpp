@@ -148,10 +148,9 @@ struct ColourHistogram {
   }
 };
 
-[[nodiscard]] inline bool is_blue(const Rgb8& c) noexcept {
-  constexpr int kBlue = 24;  // codes of blue above red
-  return c.b >= c.r + kBlue;
-}
+inline constexpr int kBlue = 24;  // codes of blue above red
+[[nodiscard]] inline int blue_over_red(const Rgb8& c) noexcept { return c.b - c.r; }
+[[nodiscard]] inline bool is_blue(const Rgb8& c) noexcept { return blue_over_red(c) >= kBlue; }
 
 // The pixels of the picture's upper edge, above all measurements, that look so.
 [[nodiscard]] inline int count_at_edge(const SkyLook& look, ImageView<const Rgb8> image,
