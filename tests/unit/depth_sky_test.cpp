@@ -794,8 +794,8 @@ TEST_CASE("below wires the sky goes on in its own colour; a ledge as thin above 
 }
 
 TEST_CASE(
-    "of an exact map without its sky, that below a lamp and below measured wires is sky, clouds and all; far houses "
-    "and a wall that it has not are surface; of a laser it is sky below the lamp") {
+    "of an exact map without its sky, that below a lamp and below measured wires is sky, and between branches, clouds "
+    "and all; far houses and a wall that it has not are surface; of a laser it is sky below the lamp") {
   View v;
   for (int y = 0; y < 60; ++y) {
     for (int x = 0; x < 100; ++x) {
@@ -811,6 +811,13 @@ TEST_CASE(
     v.image(x, 14) = Rgb8{40, 40, 40};
     v.depth(x, 14) = 12.0F;
   }
+  for (int y = 6; y < 18; ++y) {  // branches thicker than wires, and sky between them
+    for (int x = 84; x < 98; ++x) {
+      if (y > 8 && y < 15 && x > 86 && x < 95) continue;
+      v.image(x, y) = Rgb8{40, 40, 40};
+      v.depth(x, y) = 15.0F;
+    }
+  }
   for (int x = 8; x < 16; ++x) {
     for (int y = 4; y < 8; ++y) v.image(x, y) = Rgb8{90, 95, 100};   // a dark cloud
     for (int y = 22; y < 30; ++y) v.image(x, y) = Rgb8{80, 70, 60};  // a house out of reach
@@ -822,6 +829,8 @@ TEST_CASE(
     for (int y = 6; y < 30; ++y) CHECK(v.surface(75, y) == 0);
     for (int y = 15; y < 30; ++y) CHECK(v.surface(4, y) == 0);
     CHECK(v.surface(12, 6) == 0);
+    CHECK(v.surface(90, 8) == 1);
+    CHECK(v.surface(90, 12) == 0);
     CHECK(v.surface(12, 25) == 1);
     CHECK(v.surface(12, 42) == 1);
     CHECK(v.surface(45, 15) == 1);
@@ -831,7 +840,10 @@ TEST_CASE(
   for (Rgb8& c : v.image.view().pixels()) c = Rgb8{120, 120, 120};  // nothing is told apart: a pane is none of the sky
   v.run(DepthSource::exact);
   CHECK(v.surface(12, 42) == 1);
+  CHECK(v.surface(90, 12) == 1);
   CHECK(v.surface(90, 2) == 0);
+  CHECK(v.surface(75, 15) == 0);
+  CHECK(v.surface(4, 20) == 1);
 }
 
 namespace {

@@ -101,6 +101,23 @@ TEST_CASE("a depth map's source is found from what is measured and how it scatte
   CHECK(source_of(Image<float>(kShape, 0.0F)) == DepthSource::network);
 }
 
+TEST_CASE(
+    "rendered depth is exact in steps of 1/256 m and 1 cm as well, a network's is not, nor a room's in millimetres") {
+  const auto stored = [](float noise, float scale, float step_m) {
+    Image<float> depth = street(noise);
+    for (float& z : depth.view().pixels()) z = std::round(scale * z / step_m) * step_m;
+    return depth;
+  };
+  for (const float step_m : {1.0F / 256.0F, 0.01F}) {
+    CHECK(source_of(stored(0.0F, 0.3F, step_m)) == DepthSource::exact);
+    CHECK(source_of(stored(0.0005F, 0.3F, step_m)) == DepthSource::network);
+  }
+  DepthSourceParams most_on_planes;
+  most_on_planes.collinear = 0.37F;  // .34 are where the steps are not looked at
+  CHECK(find_depth_source(most_on_planes, stored(0.0F, 0.5F, 1.0F / 256.0F).cview(), {}) == DepthSource::exact);
+  CHECK(source_of(stored(0.00015F, 0.1F, 0.001F)) == DepthSource::network);  // .3 to 2 m away
+}
+
 TEST_CASE("missing sky is no hole, and a small map enlarged is not exact") {
   Image<float> depth = street(0.002F);
   thin_out(depth, [](int x, int y) { return y > 40 || (x > 90 && x < 150); });
@@ -370,6 +387,28 @@ TEST_CASE("exact depth: a foot just below the road comes up to it in the mesh, a
   for (int x = 225; x < 295; ++x) {
     for (int y = 110; y < 145; ++y) {
       CHECK(out.mesh_depth(x, y) == doctest::Approx(static_cast<double>(car_m)).epsilon(1e-5));
+    }
+  }
+}
+
+TEST_CASE("exact depth without labels: a car's sill low over the road is no kerb, and the road before it stays") {
+  constexpr float kCar_m = 6.0F;
+  const auto road_m = [](int y) { return fall(y) > 0.0F ? 1.5F / fall(y) : 1e9F; };
+  Image<float> depth(kShape, 0.0F);
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      const bool car = x >= 120 && x < 220 && y >= 100 && 1.5F - kCar_m * fall(y) > 0.08F;
+      depth(x, y) = car ? kCar_m : std::fmin(30.0F, road_m(y));
+    }
+  }
+  const Chain chain(depth, DepthSource::exact, {}, {}, 90);
+  const RefinedDepth& out = chain.out;
+  REQUIRE(out.labels_guessed);
+  REQUIRE(out.ground.inlier_share > 0.0F);
+  for (int y = 100; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (depth(x, y) < 0.99F * road_m(y)) continue;
+      CHECK(out.mesh_depth(x, y) == doctest::Approx(static_cast<double>(depth(x, y))).epsilon(1e-3));
     }
   }
 }

@@ -354,8 +354,9 @@ template <class Executor>
                                     Executor& executor, RefinedDepth& out) {
   KerbFaceParams kerbs = params.kerbs;
   kerbs.enabled = kerbs.enabled && scene.normals.empty();  // refinement has found the faces that given ones show
-  // Steps within one label, and roads above their pavement, are errors of an estimate.
-  kerbs.only_at_borders = kerbs.only_at_borders || !out.trust.bounded;
+  // Steps within one label, and roads above their pavement, are errors of an estimate; where labels are guessed a car's
+  // sill is ground.
+  kerbs.only_at_borders = kerbs.only_at_borders || !out.trust.bounded || out.labels_guessed;
   NPSIM_RETURN_IF_ERROR(kerb_faces(kerbs, scene.camera, out.ground, scene.labels, out.depth, out.normals, workspace));
   if (out.trust.bounded) {
     out.mesh_depth = out.filled;  // its memory: no step asks any more

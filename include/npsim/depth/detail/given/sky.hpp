@@ -36,8 +36,9 @@
 // gap is three times as high as three of four are, the laser has looked without an answer, if its rows lie equally far
 // apart; there sky is what goes on evenly from that above, across what is no thicker than wires too, looks like it or
 // is of its brightness, and is seen by rays that do not fall to the ground.
-// Exact maps, and those of networks, whose sky is left out have no gaps between samples: of them all that is missing is
-// asked like what is above a sensor's last row, below lamps and measured wires too.
+// Exact maps, and those of networks, whose sky is left out have no gaps between samples, nor walls above their last row:
+// of them all that is missing is asked, below lamps and measured wires and between branches too, and what looks like
+// the sky is it. Where the picture tells nothing apart, what is missing from the upper edge on is.
 // Where the ground is known, what lies farther below its horizon than a street climbs is surface in all of this, but
 // for sky that reaches down there from the upper edge.
 // Cost: a few passes. Memory: 25 bytes per pixel, for a dense map none.
@@ -427,6 +428,17 @@ inline void ask_gaps(const SkyLook& look, const GroundPlane& ground, const Intri
          steps < kEvenStep * at_top && missing_sky < kHardlyAny * sky;
 }
 
+// What hangs together with no sky at the upper edge becomes surface.
+inline void keep_sky_from_above(ImageView<std::uint8_t> surface) noexcept {
+  for (int y = 1; y < surface.height(); ++y) {
+    for (int x = 0; x < surface.width(); ++x) {
+      if (surface(x, y) == kSky) surface(x, y) = kLike;
+    }
+  }
+  grow(surface, kSky, [](std::uint8_t c) { return c == kLike; });
+  for (std::uint8_t& s : surface.pixels()) s = s == kSky ? kSky : kSurface;
+}
+
 // find_sky() wherever it looks so.
 [[nodiscard]] inline Status find_what_looks_like_sky(const GroundPlane& ground, const Intrinsics& camera,
                                                      ImageView<const Rgb8> image, ImageView<const float> depth,
@@ -475,7 +487,9 @@ inline void ask_gaps(const SkyLook& look, const GroundPlane& ground, const Intri
   if (look.known) {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
-        if (surface(x, y) != kSurface) surface(x, y) = look.of(image(x, y)) ? kLike : kUnlike;
+        if (surface(x, y) == kSurface) continue;
+        const std::uint8_t like = whole_areas ? kSky : kLike;  // between branches no sky leads to it from the edge
+        surface(x, y) = look.of(image(x, y)) ? like : kUnlike;
       }
     }
     NPSIM_RETURN_IF_ERROR(drop_walls(image, topmost, surface, workspace));
@@ -487,7 +501,7 @@ inline void ask_gaps(const SkyLook& look, const GroundPlane& ground, const Intri
       if (surface(x, 0) == kLike) surface(x, 0) = kSky;
     }
   } else if (!gaps) {
-    if (whole_areas) mark_surface(true);
+    if (whole_areas) keep_sky_from_above(surface);
     return {};
   }
   const auto grow_evenly = [&](std::uint8_t into) {
