@@ -36,9 +36,10 @@
 // gap is three times as high as three of four are, the laser has looked without an answer, if its rows lie equally far
 // apart; there sky is what goes on evenly from that above, across what is no thicker than wires too, looks like it or
 // is of its brightness, and is seen by rays that do not fall to the ground.
-// Exact maps, and those of networks, whose sky is left out have no gaps between samples, nor walls above their last row:
-// of them all that is missing is asked, below lamps and measured wires and between branches too, and what looks like
-// the sky is it. Where the picture tells nothing apart, what is missing from the upper edge on is.
+// Exact maps, and those of networks, whose sky is left out have no gaps between samples: of them all that is missing is
+// asked like what is above a sensor's last row, below lamps and measured wires too. Exact ones miss no wall, so that
+// what looks like the sky between branches is sky. Where the picture tells nothing apart, what is missing from the
+// upper edge on is.
 // Where the ground is known, what lies farther below its horizon than a street climbs is surface in all of this, but
 // for sky that reaches down there from the upper edge.
 // Cost: a few passes. Memory: 25 bytes per pixel, for a dense map none.
@@ -488,7 +489,7 @@ inline void keep_sky_from_above(ImageView<std::uint8_t> surface) noexcept {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
         if (surface(x, y) == kSurface) continue;
-        const std::uint8_t like = whole_areas ? kSky : kLike;  // between branches no sky leads to it from the edge
+        const std::uint8_t like = source == DepthSource::exact ? kSky : kLike;
         surface(x, y) = look.of(image(x, y)) ? like : kUnlike;
       }
     }
