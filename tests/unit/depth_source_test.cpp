@@ -112,9 +112,11 @@ TEST_CASE(
     CHECK(source_of(stored(0.0F, 0.3F, step_m)) == DepthSource::exact);
     CHECK(source_of(stored(0.0005F, 0.3F, step_m)) == DepthSource::network);
   }
-  DepthSourceParams most_on_planes;
-  most_on_planes.collinear = 0.37F;  // .34 are where the steps are not looked at
-  CHECK(find_depth_source(most_on_planes, stored(0.0F, 0.5F, 1.0F / 256.0F).cview(), {}) == DepthSource::exact);
+  DepthSourceParams asked;
+  asked.collinear = 0.37F;  // .34 are where the steps are not looked at
+  CHECK(find_depth_source(asked, stored(0.0F, 0.5F, 1.0F / 256.0F).cview(), {}) == DepthSource::exact);
+  asked.collinear = 0.06F;  // .08 of a network's are where ten times the steps are tolerated
+  CHECK(find_depth_source(asked, stored(0.0005F, 1.0F, 1.0F / 256.0F).cview(), {}) == DepthSource::network);
   CHECK(source_of(stored(0.00015F, 0.1F, 0.001F)) == DepthSource::network);  // .3 to 2 m away
 }
 

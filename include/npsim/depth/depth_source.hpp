@@ -156,9 +156,9 @@ struct DepthNoise {
 //     between rows and beams; everything else gives whole areas.
 //   exact: of triples of pixels in line, a hundredth of the width apart and over which 1/z changes, at least
 //     `collinear` lie on a line to 2e-4 of 1/z, as they do on planes. Noise or the slow errors of a network leave
-//     chance: below .02. The distance is such that a small map enlarged bilinearly does not look like planes. Rendered
-//     depth that is stored in steps, as of 1/256 m or 1 cm, lies off by half a step, so as much is tolerated, to 5e-4:
-//     generated streets then have .19 to .21 and .12 to .16, a frame of a renderer .18, sensors' and networks' .03.
+//     chance: of real frames below .03. The distance is such that a small map enlarged bilinearly does not look like
+//     planes. Rendered depth that is stored in steps, as of 1/256 m or 1 cm, lies off, so half a step over z is
+//     tolerated, to 5e-4: generated streets then have .19 to .21 and .12 to .16, a frame of a renderer .18.
 //   stereo: of the pixels of surfaces between measured ones of their row and column, at least `enclosed` are missing.
 //     Stereo has no depth where only one camera looks and where nothing distinguishes one place from the next. Depth
 //     cameras with a pattern of light count as stereo: they triangulate too.
@@ -256,8 +256,8 @@ inline void count_triple(float za, float zb, float zc, float step_m, DepthStatis
   s.collinear += std::fabs(a + c - 2.0F) < clamp_to(0.5F * step_m / zb, kOnLine, kMostOnLine) ? 1U : 0U;
 }
 
-// The steps in which depth is stored: the least by which it differs from a pixel to the next in its row. 0 where that is
-// less than 2 mm, which moves no line at the distances of a street.
+// The steps in which depth is stored: the least by which it differs from a pixel to the next in its row. 0 where that
+// is less than 2 mm, which moves no line at the distances of a street.
 [[nodiscard]] inline float stored_step_m(ImageView<const float> depth) noexcept {
   constexpr float kFine_m = 0.002F;
   float least = 1e30F;

@@ -7,7 +7,7 @@
 // such stones. Green is what is much greener than the ground usually is, and what is greener and hangs together with
 // it, without small holes and specks: cameras have casts, which differ over the picture.
 // Pixels are those of a picture some 960 px wide; windows scale with the width.
-// Cost: five sums over windows of that picture, and two passes over 41 pixels at each for each of two planes. Memory:
+// Cost: nine sums over windows of that picture, and two passes over 41 pixels at each for each of two planes. Memory:
 // 9 planes of it.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_GROUND_KINDS_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_GROUND_KINDS_HPP
@@ -70,8 +70,8 @@ template <class Executor>
                                        Executor& executor) {
   constexpr Label kPerhaps = 255;
   constexpr float kRough = 0.2F;            // mean |log2| about the local mean; asphalt at .1, ballast at .6
-  constexpr float kStones = 0.25F;          // the same about the mean of the row; ballast up to .5, asphalt .2
-  constexpr float kSomeStones = 0.12F;      // what hangs together with them; flecks of sun up to .1
+  constexpr float kStones = 0.25F;          // the same about the mean of the row; ballast up to .5, asphalt .22
+  constexpr float kSomeStones = 0.12F;      // what hangs together with them; flecks of sun up to .12
   constexpr float kGreen = 0.45F;           // log2 of green over the mean of red and blue, above the camera's cast
   constexpr float kGreenish = 0.15F;        // beside what is green
   constexpr float kUsual = 0.25F;           // the share of the ground that tells the cast, which is not uniform

@@ -217,8 +217,8 @@ inline void mark_between_lines(ImageView<const Rgb8> image, ImageView<const floa
 }
 
 // Blue that was not measured, in rays that do not fall, and that the sky leads to in small steps is sky: it gets
-// lighter towards the horizon. Where most of what was measured is blue as well, by the camera's cast or haze, it is
-// what is that much bluer.
+// lighter towards the horizon. Where what was measured is blue as well, by the camera's cast or haze, that is what is
+// half again as blue.
 inline void spread_blue_sky(ImageView<const Rgb8> image, ImageView<const float> depth, const Intrinsics& camera,
                             const GroundPlane& ground, ImageView<Label> labels) noexcept {
   depth_detail::ByteHistogram measured{};
@@ -228,8 +228,7 @@ inline void spread_blue_sky(ImageView<const Rgb8> image, ImageView<const float> 
       measured[static_cast<std::size_t>(max_of(depth_detail::blue_over_red(image(x, y)), 0))] += 1;
     }
   }
-  const int usual = depth_detail::quantile_of(measured, 0.5);
-  const int least = depth_detail::kBlue + (usual < depth_detail::kBlue ? 0 : usual);
+  const int least = max_of(depth_detail::kBlue, 3 * depth_detail::quantile_of(measured, 0.5) / 2);
   depth_detail::grow_from(labels, label::sky, [&](int x, int y, int from_x, int from_y) {
     return labels(x, y) == label::unlabeled && !is_valid_depth(depth(x, y)) &&
            depth_detail::blue_over_red(image(x, y)) >= least &&

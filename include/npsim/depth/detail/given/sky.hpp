@@ -37,9 +37,9 @@
 // apart; there sky is what goes on evenly from that above, across what is no thicker than wires too, looks like it or
 // is of its brightness, and is seen by rays that do not fall to the ground.
 // Exact maps, and those of networks, whose sky is left out have no gaps between samples: of them all that is missing is
-// asked like what is above a sensor's last row, below lamps and measured wires too. Exact ones miss no wall, so that
+// asked like what is above a sensor's last row, below lamps and measured wires too. Exact ones miss no panes, so that
 // what looks like the sky between branches is sky. Where the picture tells nothing apart, what is missing from the
-// upper edge on is.
+// upper edge on is, but for rays that fall to the ground.
 // Where the ground is known, what lies farther below its horizon than a street climbs is surface in all of this, but
 // for sky that reaches down there from the upper edge.
 // Cost: a few passes. Memory: 25 bytes per pixel, for a dense map none.
@@ -429,11 +429,20 @@ inline void ask_gaps(const SkyLook& look, const GroundPlane& ground, const Intri
          steps < kEvenStep * at_top && missing_sky < kHardlyAny * sky;
 }
 
-// What hangs together with no sky at the upper edge becomes surface.
-inline void keep_sky_from_above(ImageView<std::uint8_t> surface) noexcept {
+inline constexpr float kClimb = 0.1F;  // of a street, at most
+
+// Whether the ray of a pixel falls to the ground, or to what a street climbs.
+[[nodiscard]] inline bool falls_to_ground(const GroundPlane& ground, const Intrinsics& camera, int x, int y) noexcept {
+  return ground.inlier_share > 0.0F && fall_of_ray(ground, camera, x, y) > kClimb;
+}
+
+// What hangs together with no sky at the upper edge becomes surface, and what is seen by rays that fall to the ground:
+// strips that are missing at the sides of a rectified picture reach down to its lower edge.
+inline void keep_sky_from_above(const GroundPlane& ground, const Intrinsics& camera,
+                                ImageView<std::uint8_t> surface) noexcept {
   for (int y = 1; y < surface.height(); ++y) {
     for (int x = 0; x < surface.width(); ++x) {
-      if (surface(x, y) == kSky) surface(x, y) = kLike;
+      if (surface(x, y) == kSky) surface(x, y) = falls_to_ground(ground, camera, x, y) ? kSurface : kLike;
     }
   }
   grow(surface, kSky, [](std::uint8_t c) { return c == kLike; });
@@ -474,23 +483,18 @@ inline void keep_sky_from_above(ImageView<std::uint8_t> surface) noexcept {
     }
     return top;
   };
-  const auto mark_surface = [&](bool with_gaps) {
-    for (int x = 0; x < shape.width; ++x) {
-      const int top = topmost_in(x - kReach, x + kReach);
-      for (int y = 0; y < shape.height; ++y) {
-        surface(x, y) = (with_gaps ? y >= top : is_valid_depth(depth(x, y))) ? kSurface : kSky;
-      }
+  for (int x = 0; x < shape.width; ++x) {
+    const int top = topmost_in(x - kReach, x + kReach);
+    for (int y = 0; y < shape.height; ++y) {
+      surface(x, y) = (whole_areas ? is_valid_depth(depth(x, y)) : y >= top) ? kSurface : kSky;
     }
-  };
-  mark_surface(!whole_areas);
+  }
   const SkyLook look = sky_look(image, surface, kDarkestSky);
   const bool gaps = source == DepthSource::lidar;
   if (look.known) {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) {
-        if (surface(x, y) == kSurface) continue;
-        const std::uint8_t like = source == DepthSource::exact ? kSky : kLike;
-        surface(x, y) = look.of(image(x, y)) ? like : kUnlike;
+        if (surface(x, y) != kSurface) surface(x, y) = look.of(image(x, y)) ? kLike : kUnlike;
       }
     }
     NPSIM_RETURN_IF_ERROR(drop_walls(image, topmost, surface, workspace));
@@ -502,7 +506,7 @@ inline void keep_sky_from_above(ImageView<std::uint8_t> surface) noexcept {
       if (surface(x, 0) == kLike) surface(x, 0) = kSky;
     }
   } else if (!gaps) {
-    if (whole_areas) keep_sky_from_above(surface);
+    if (whole_areas) keep_sky_from_above(ground, camera, surface);
     return {};
   }
   const auto grow_evenly = [&](std::uint8_t into) {
@@ -516,7 +520,8 @@ inline void keep_sky_from_above(ImageView<std::uint8_t> surface) noexcept {
     if (gaps) grow_evenly(kGap);
   } while (cross_wires(image, whole_areas || gaps, surface));
   grow_evenly(kBeside);
-  for (std::uint8_t& s : surface.pixels()) s = s == kBeside || s == kGap ? kSurface : s;
+  const std::uint8_t enclosed = source == DepthSource::exact ? kSky : kLike;
+  for (std::uint8_t& s : surface.pixels()) s = s == kBeside || s == kGap ? kSurface : (s == kLike ? enclosed : s);
   grow(surface, kSurface, [](std::uint8_t c) { return c == kLike || c == kUnlike; });
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) surface(x, y) = surface(x, y) == kSurface ? 1 : 0;
@@ -529,7 +534,6 @@ inline void keep_sky_from_above(ImageView<std::uint8_t> surface) noexcept {
 // or where a bank was taken for the ground, the sky reaches down there from above.
 inline void clear_sky_below_horizon(const GroundPlane& ground, const Intrinsics& camera,
                                     ImageView<std::uint8_t> surface) noexcept {
-  constexpr float kClimb = 0.1F;
   if (!(ground.inlier_share > 0.0F)) return;
   for (int x = 0; x < surface.width(); ++x) {
     if (surface(x, 0) == kSky) surface(x, 0) = kLike;
@@ -537,7 +541,7 @@ inline void clear_sky_below_horizon(const GroundPlane& ground, const Intrinsics&
   grow(surface, kLike, [](std::uint8_t c) { return c == kSky; });
   for (int y = 0; y < surface.height(); ++y) {
     for (int x = 0; x < surface.width(); ++x) {
-      const bool below = surface(x, y) == kSky && fall_of_ray(ground, camera, x, y) > kClimb;
+      const bool below = surface(x, y) == kSky && falls_to_ground(ground, camera, x, y);
       surface(x, y) = below || surface(x, y) == kSurface ? kSurface : kSky;
     }
   }

@@ -8,7 +8,8 @@
 // both levels have one label it is among the lower pixels, and its top at the step.
 //   line: pixels of ground with ground of the other level (min_step_m to max_step_m) beside them, the lower ones at a
 //         border of labels, else the upper ones; its direction from the line's points around, by their principal axis
-//         in plan, where they are a line. Of an estimate steps at borders of labels alone (only_at_borders)
+//         in plan, where they are a line. Of an estimate, and of guessed labels, steps at borders of labels alone
+//         (only_at_borders)
 //   face: a pixel of the other ground near the line, whose ray meets the upright plane through the line between the
 //         two levels, gets that depth and the plane's normal: farther than before at a border of labels, else nearer
 // A step that looks away from the camera has no such pixel: rays over its edge meet the plane above it.
