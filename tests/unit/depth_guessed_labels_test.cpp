@@ -345,7 +345,8 @@ TEST_CASE("guessed labels: a lawn has no holes of asphalt and asphalt no tufts, 
   CHECK(s.share(label::road, 160, 340, 170, 270) == 1.0);
 }
 
-TEST_CASE("guessed labels: flecks of sun are no ballast, near or far or beside it, which is one to its border") {
+TEST_CASE(
+    "guessed labels: flecks of sun are no ballast, near, far or beside some, whose stones are told up to its border") {
   constexpr float kFleck_m = 0.4F;
   Street s;
   s.measure([](int, int y) { return y >= 126 ? road_m(y) : 0.0F; });
@@ -371,7 +372,7 @@ TEST_CASE("guessed labels: flecks of sun are no ballast, near or far or beside i
     }
   }
   CHECK(lost == 0);
-  CHECK(taken < 30 * 15);  // a row; windows are 5 px wide, and the nearest flecks rough
+  CHECK(taken < 30 * 15);  // 15 px of each row: windows are 5 px wide, and the nearest flecks rough
 }
 
 TEST_CASE("guessed labels: a blue sky goes on down to what is not blue, was measured, or differs by a step") {

@@ -102,7 +102,8 @@ TEST_CASE("a depth map's source is found from what is measured and how it scatte
 }
 
 TEST_CASE(
-    "rendered depth is exact in steps of 1/256 m and 1 cm as well, a network's is not, nor a room's in millimetres") {
+    "rendered depth is exact in steps of 1/256 m and 1 cm, a network's is not, nor a camera's of a room in "
+    "millimetres") {
   const auto stored = [](float noise, float scale, float step_m) {
     Image<float> depth = street(noise);
     for (float& z : depth.view().pixels()) z = std::round(scale * z / step_m) * step_m;

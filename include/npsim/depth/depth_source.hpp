@@ -158,7 +158,7 @@ struct DepthNoise {
 //     `collinear` lie on a line to 2e-4 of 1/z, as they do on planes. Noise or the slow errors of a network leave
 //     chance: of real frames below .03. The distance is such that a small map enlarged bilinearly does not look like
 //     planes. Rendered depth that is stored in steps, as of 1/256 m or 1 cm, lies off, so half a step over z is
-//     tolerated, to 5e-4: generated streets then have .19 to .21 and .12 to .16, a frame of a renderer .18.
+//     tolerated, to 5e-4: generated streets then have .19 to .21 and .12 to .16 (in 1 cm one of four is not told).
 //   stereo: of the pixels of surfaces between measured ones of their row and column, at least `enclosed` are missing.
 //     Stereo has no depth where only one camera looks and where nothing distinguishes one place from the next. Depth
 //     cameras with a pattern of light count as stereo: they triangulate too.

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Of what kind the ground is, by its look, for scenes without labels: smooth (road), rough (ballast), or green (soil).
 //
-// Asphalt is smooth, but for edges: ground counts as rough where every window near it is, and what is rough around it
-// belongs to it. So are flecks of sun under trees; but they lie flat, and are long along the rows of the picture and
-// smooth inside, where stones are rough along the row as well. So rough ground is ballast where it hangs together with
-// such stones. Green is what is much greener than the ground usually is, and what is greener and hangs together with
-// it, without small holes and specks: cameras have casts, which differ over the picture.
+// Asphalt is smooth, but for edges: ground counts as rough where every window near it is, and what lies within those
+// windows belongs to it. Flecks of sun under trees are rough as well; but they lie flat, and are long along the rows of
+// the picture and smooth inside, where stones are rough along the row too. So rough ground is ballast where it hangs
+// together with such stones. Stones of little contrast, as under clouds, are not told. Green is what is much greener
+// than the ground usually is, and what is greener and hangs together with it, without small holes and specks: cameras
+// have casts, which differ over the picture.
 // Pixels are those of a picture some 960 px wide; windows scale with the width.
 // Cost: nine sums over windows of that picture, and two passes over 41 pixels at each for each of two planes. Memory:
 // 9 planes of it.
@@ -69,9 +70,12 @@ template <class Executor>
 [[nodiscard]] Status tell_ground_kinds(ImageView<const Rgb8> image, ImageView<Label> labels, Workspace& workspace,
                                        Executor& executor) {
   constexpr Label kPerhaps = 255;
-  constexpr float kRough = 0.2F;            // mean |log2| about the local mean; asphalt at .1, ballast at .6
-  constexpr float kStones = 0.25F;          // the same about the mean of the row; ballast up to .5, asphalt .22
-  constexpr float kSomeStones = 0.12F;      // what hangs together with them; flecks of sun up to .12
+  // Means of |log2| about the local mean, and their least within kNear: asphalt has .1, ballast .2 to .6.
+  constexpr float kRough = 0.2F;
+  // The same about the mean of the window's row: asphalt has up to .22, ballast .4 to .5 where it is roughest; and what
+  // hangs together with that: flecks of sun have .04 to .12.
+  constexpr float kStones = 0.25F;
+  constexpr float kSomeStones = 0.12F;
   constexpr float kGreen = 0.45F;           // log2 of green over the mean of red and blue, above the camera's cast
   constexpr float kGreenish = 0.15F;        // beside what is green
   constexpr float kUsual = 0.25F;           // the share of the ground that tells the cast, which is not uniform
@@ -117,8 +121,9 @@ template <class Executor>
   };
   NPSIM_RETURN_IF_ERROR(window_mean(one, off_row, radius, 0.0F, 0.0F, workspace, stones, executor));
   NPSIM_RETURN_IF_ERROR(window_mean(one, greenness, radius, 0.0F, 0.0F, workspace, green, executor));
-  least_within(reach, rough, mean, executor);
-  least_within(reach, stones, mean, executor);
+  const ImageView<float> scratch = mean;
+  least_within(reach, rough, scratch, executor);
+  least_within(reach, stones, scratch, executor);
   const auto on_ground = [&](int x, int y) { return kinds(x, y) == label::road; };
   const float least_green = plane_quantile(shape, on_ground, green, kGrey, histogram);
   const float usual_green = plane_quantile(shape, on_ground, green, kUsual, histogram);
@@ -144,11 +149,13 @@ template <class Executor>
     kinds(x, y) = stones(x, y) > kStones ? label::rail_track : kPerhaps;
   });
   depth_detail::grow(kinds, label::rail_track, [](Label l) { return l == kPerhaps; });
+  // All within reach of a core is rough, as its least within that is.
   const auto is_core = [&](int x, int y) { return kinds(x, y) == label::rail_track ? 1.0F : 0.0F; };
-  window_sum(is_core, reach, mean, rough, executor);
+  const ImageView<float> cores = rough;
+  window_sum(is_core, reach, scratch, cores, executor);
   for_pixels(shape, executor, [&](int x, int y) {
     if (kinds(x, y) == kPerhaps) kinds(x, y) = label::road;
-    if (on_ground(x, y) && rough(x, y) > 0.5F) kinds(x, y) = label::rail_track;
+    if (on_ground(x, y) && cores(x, y) > 0.5F) kinds(x, y) = label::rail_track;
   });
   for_pixels(labels.shape(), executor, [&](int x, int y) {
     const Label kind = reduced_at(kinds, factor, x, y);

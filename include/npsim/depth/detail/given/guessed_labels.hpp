@@ -3,7 +3,7 @@
 //
 // Every later step asks labels where a surface ends and what it is like. Four can be guessed: on thirteen street frames
 // whose labels are known 85 to 95 % of the pixels get theirs, of the ground 85 to 100 (docs/evaluation.md).
-//   sky      depth/detail/given/sky.hpp, and what is blue and goes on from it.
+//   sky      depth/detail/given/sky.hpp, and what is blue, or bluer than the camera's cast, and goes on from it.
 //   ground   of what was measured, that within ground_within_m() of the ground plane, or twice that where depth noise
 //            moves heights as far, and what lies flat beside it (a street rises and falls), in the lines of a scanner
 //            without a neighbour. What stands is measured twice as far above the plane, or in rays that do not fall,
@@ -217,21 +217,21 @@ inline void mark_between_lines(ImageView<const Rgb8> image, ImageView<const floa
 }
 
 // Blue that was not measured, in rays that do not fall, and that the sky leads to in small steps is sky: it gets
-// lighter towards the horizon. Where what was measured is blue as well, by the camera's cast or haze, that is what is
-// half again as blue.
+// lighter towards the horizon. Surfaces that were measured tell the camera's cast, or haze: the sky is at least half
+// again as blue as their median.
 inline void spread_blue_sky(ImageView<const Rgb8> image, ImageView<const float> depth, const Intrinsics& camera,
                             const GroundPlane& ground, ImageView<Label> labels) noexcept {
   depth_detail::ByteHistogram measured{};
   for (int y = 0; y < labels.height(); ++y) {
     for (int x = 0; x < labels.width(); ++x) {
-      if (!is_valid_depth(depth(x, y))) continue;
+      if (!is_valid_depth(depth(x, y)) || labels(x, y) == label::sky) continue;
       measured[static_cast<std::size_t>(max_of(depth_detail::blue_over_red(image(x, y)), 0))] += 1;
     }
   }
-  const int least = max_of(depth_detail::kBlue, 3 * depth_detail::quantile_of(measured, 0.5) / 2);
+  const int least_blue = max_of(depth_detail::kBlue, 3 * depth_detail::quantile_of(measured, 0.5) / 2);
   depth_detail::grow_from(labels, label::sky, [&](int x, int y, int from_x, int from_y) {
     return labels(x, y) == label::unlabeled && !is_valid_depth(depth(x, y)) &&
-           depth_detail::blue_over_red(image(x, y)) >= least &&
+           depth_detail::blue_over_red(image(x, y)) >= least_blue &&
            !(depth_detail::fall_of_ray(ground, camera, x, y) > 0.0F) &&
            2 * depth_detail::difference(image(x, y), image(from_x, from_y)) <= depth_detail::kEvenSky;
   });

@@ -37,9 +37,10 @@
 // apart; there sky is what goes on evenly from that above, across what is no thicker than wires too, looks like it or
 // is of its brightness, and is seen by rays that do not fall to the ground.
 // Exact maps, and those of networks, whose sky is left out have no gaps between samples: of them all that is missing is
-// asked like what is above a sensor's last row, below lamps and measured wires too. Exact ones miss no panes, so that
-// what looks like the sky between branches is sky. Where the picture tells nothing apart, what is missing from the
-// upper edge on is, but for rays that fall to the ground.
+// asked like what is above a sensor's last row, below lamps and measured wires too. Where the picture tells nothing
+// apart, what is missing in either from the upper edge on is sky, down to the horizon and what a street climbs.
+// Exact maps miss hardly anything but the sky: over a known ground what looks like it is sky in them also where nothing
+// leads there from the edge, as between branches, but for walls.
 // Where the ground is known, what lies farther below its horizon than a street climbs is surface in all of this, but
 // for sky that reaches down there from the upper edge.
 // Cost: a few passes. Memory: 25 bytes per pixel, for a dense map none.
@@ -429,20 +430,21 @@ inline void ask_gaps(const SkyLook& look, const GroundPlane& ground, const Intri
          steps < kEvenStep * at_top && missing_sky < kHardlyAny * sky;
 }
 
-inline constexpr float kClimb = 0.1F;  // of a street, at most
-
-// Whether the ray of a pixel falls to the ground, or to what a street climbs.
-[[nodiscard]] inline bool falls_to_ground(const GroundPlane& ground, const Intrinsics& camera, int x, int y) noexcept {
+// Whether the ray of a pixel falls by more than a street climbs.
+[[nodiscard]] inline bool falls_below_street(const GroundPlane& ground, const Intrinsics& camera, int x,
+                                             int y) noexcept {
+  constexpr float kClimb = 0.1F;
   return ground.inlier_share > 0.0F && fall_of_ray(ground, camera, x, y) > kClimb;
 }
 
-// What hangs together with no sky at the upper edge becomes surface, and what is seen by rays that fall to the ground:
-// strips that are missing at the sides of a rectified picture reach down to its lower edge.
+// What hangs together with no sky at the upper edge becomes surface, and what is seen by rays that fall below the
+// street: strips that are missing at the sides of a rectified picture reach down to its lower edge.
 inline void keep_sky_from_above(const GroundPlane& ground, const Intrinsics& camera,
                                 ImageView<std::uint8_t> surface) noexcept {
-  for (int y = 1; y < surface.height(); ++y) {
+  for (int y = 0; y < surface.height(); ++y) {
     for (int x = 0; x < surface.width(); ++x) {
-      if (surface(x, y) == kSky) surface(x, y) = falls_to_ground(ground, camera, x, y) ? kSurface : kLike;
+      if (surface(x, y) == kSurface) continue;
+      surface(x, y) = falls_below_street(ground, camera, x, y) ? kSurface : (y == 0 ? kSky : kLike);
     }
   }
   grow(surface, kSky, [](std::uint8_t c) { return c == kLike; });
@@ -520,7 +522,7 @@ inline void keep_sky_from_above(const GroundPlane& ground, const Intrinsics& cam
     if (gaps) grow_evenly(kGap);
   } while (cross_wires(image, whole_areas || gaps, surface));
   grow_evenly(kBeside);
-  const std::uint8_t enclosed = source == DepthSource::exact ? kSky : kLike;
+  const std::uint8_t enclosed = source == DepthSource::exact && ground.inlier_share > 0.0F ? kSky : kLike;
   for (std::uint8_t& s : surface.pixels()) s = s == kBeside || s == kGap ? kSurface : (s == kLike ? enclosed : s);
   grow(surface, kSurface, [](std::uint8_t c) { return c == kLike || c == kUnlike; });
   for (int y = 0; y < shape.height; ++y) {
@@ -541,7 +543,7 @@ inline void clear_sky_below_horizon(const GroundPlane& ground, const Intrinsics&
   grow(surface, kLike, [](std::uint8_t c) { return c == kSky; });
   for (int y = 0; y < surface.height(); ++y) {
     for (int x = 0; x < surface.width(); ++x) {
-      const bool below = surface(x, y) == kSky && falls_to_ground(ground, camera, x, y);
+      const bool below = surface(x, y) == kSky && falls_below_street(ground, camera, x, y);
       surface(x, y) = below || surface(x, y) == kSurface ? kSurface : kSky;
     }
   }
