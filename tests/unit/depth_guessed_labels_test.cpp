@@ -363,6 +363,7 @@ TEST_CASE(
   });
   s.guess();
   CHECK(s.share(label::road, 0, 225, 130, 270) == 1.0);
+  CHECK(s.share(label::rail_track, 400, 470, 145, 160) > 0.97);
   int lost = 0, taken = 0;
   for (int y = 160; y < 190; ++y) {
     for (int x = 240; x < 480; ++x) {

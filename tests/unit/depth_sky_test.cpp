@@ -839,6 +839,10 @@ TEST_CASE(
   }
   v.run(DepthSource::lidar);
   CHECK(v.surface(75, 15) == 0);
+  v.ground.inlier_share = 0.0F;  // without a ground what is enclosed may be a hole in it
+  v.run(DepthSource::exact);
+  CHECK(v.surface(90, 12) == 1);
+  CHECK(v.surface(90, 2) == 0);
   for (Rgb8& c : v.image.view().pixels()) c = Rgb8{120, 120, 120};  // nothing is told apart: a pane is none of the sky
   v.run(DepthSource::exact);
   CHECK(v.surface(12, 42) == 1);

@@ -112,19 +112,26 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(window_mean(one, log_y, radius, 0.0F, 0.0F, workspace, mean, executor));
   const auto off = [&](int x, int y) { return std::fabs(log_y(x, y) - mean(x, y)); };
   NPSIM_RETURN_IF_ERROR(window_mean(one, off, radius, 0.0F, 0.0F, workspace, rough, executor));
-  const auto off_row = [&](int x, int y) {
+  const ImageView<float> scratch = mean;
+  for_pixels(shape, executor, [&](int x, int y) {
     const int first = std::max(x - radius, 0);
     const int last = std::min(x + radius, shape.width - 1);
     float sum = 0.0F;
     for (int u = first; u <= last; ++u) sum += log_y(u, y);
-    return std::fabs(log_y(x, y) - sum / static_cast<float>(last - first + 1));
-  };
-  NPSIM_RETURN_IF_ERROR(window_mean(one, off_row, radius, 0.0F, 0.0F, workspace, stones, executor));
+    scratch(x, y) = std::fabs(log_y(x, y) - sum / static_cast<float>(last - first + 1));
+  });
+  NPSIM_RETURN_IF_ERROR(window_mean(one, scratch, radius, 0.0F, 0.0F, workspace, stones, executor));
   NPSIM_RETURN_IF_ERROR(window_mean(one, greenness, radius, 0.0F, 0.0F, workspace, green, executor));
-  const ImageView<float> scratch = mean;
   least_within(reach, rough, scratch, executor);
   least_within(reach, stones, scratch, executor);
   const auto on_ground = [&](int x, int y) { return kinds(x, y) == label::road; };
+  // What may be of a kind is of it where it hangs together with what is, else road.
+  const auto decide = [&](Label kind) {
+    depth_detail::grow(kinds, kind, [](Label l) { return l == kPerhaps; });
+    for_pixels(shape, executor, [&](int x, int y) {
+      if (kinds(x, y) == kPerhaps) kinds(x, y) = label::road;
+    });
+  };
   const float least_green = plane_quantile(shape, on_ground, green, kGrey, histogram);
   const float usual_green = plane_quantile(shape, on_ground, green, kUsual, histogram);
   const float cast = clamp_to(std::min(usual_green, least_green + kGreenish), 0.0F, kCast);
@@ -133,10 +140,7 @@ template <class Executor>
       kinds(x, y) = green(x, y) > cast + kGreen ? label::terrain : kPerhaps;
     }
   });
-  depth_detail::grow(kinds, label::terrain, [](Label l) { return l == kPerhaps; });
-  for_pixels(shape, executor, [&](int x, int y) {
-    if (kinds(x, y) == kPerhaps) kinds(x, y) = label::road;
-  });
+  decide(label::terrain);
   // Lawns have no holes of asphalt, nor it tufts of grass.
   const auto is_road = [](Label l) { return l == label::road; };
   const auto is_terrain = [](Label l) { return l == label::terrain; };
@@ -148,13 +152,12 @@ template <class Executor>
     if (!on_ground(x, y) || !(rough(x, y) > kRough) || !(stones(x, y) > kSomeStones)) return;
     kinds(x, y) = stones(x, y) > kStones ? label::rail_track : kPerhaps;
   });
-  depth_detail::grow(kinds, label::rail_track, [](Label l) { return l == kPerhaps; });
+  decide(label::rail_track);
   // All within reach of a core is rough, as its least within that is.
   const auto is_core = [&](int x, int y) { return kinds(x, y) == label::rail_track ? 1.0F : 0.0F; };
   const ImageView<float> cores = rough;
   window_sum(is_core, reach, scratch, cores, executor);
   for_pixels(shape, executor, [&](int x, int y) {
-    if (kinds(x, y) == kPerhaps) kinds(x, y) = label::road;
     if (on_ground(x, y) && cores(x, y) > 0.5F) kinds(x, y) = label::rail_track;
   });
   for_pixels(labels.shape(), executor, [&](int x, int y) {
