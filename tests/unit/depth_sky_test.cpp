@@ -15,12 +15,15 @@ using npsim_test::Image;
 
 namespace {
 
+constexpr DepthNoise kNoise{0.001F, 0};  // of stereo, 1/m
+
 void find(const Image<Rgb8>& image, const Image<float>& depth, DepthSource source, Image<std::uint8_t>& surface,
           const GroundPlane& ground = {}) {
   const Shape shape = depth.cview().shape();
   const Intrinsics camera{100, 100, 0.5F * static_cast<float>(shape.width), 0.5F * static_cast<float>(shape.height)};
   npsim_test::Scratch scratch(find_sky_workspace_bytes(shape));
-  REQUIRE(find_sky(ground, camera, image.cview(), depth.cview(), source, surface.view(), scratch.workspace()).ok());
+  REQUIRE(
+      find_sky(ground, camera, image.cview(), depth.cview(), source, kNoise, surface.view(), scratch.workspace()).ok());
 }
 
 // A photograph and its depth, which those that follow draw, and what is found in them.
@@ -227,6 +230,35 @@ TEST_CASE("of a stereo pair clouds that were matched at 30 m are sky, a tower th
   }
   v.run();  // what a laser measures is there
   CHECK(v.surface(80, 20) == 1);
+}
+
+TEST_CASE(
+    "of a stereo pair a pale front that is matched as planes are is no sky; a cloud as grey and one as even are") {
+  // Left a front, in the middle a cloud, both darker than the sky and up to the upper edge; right a piece of the sky
+  // that is as smooth as the front.
+  const auto front = [](int x, int y) { return x < 20 && y < 40; };
+  const auto cloud = [](int x, int y) { return x >= 40 && x < 60 && y < 20; };
+  const auto smooth = [](int x, int y) { return x >= 80 && y < 20; };
+  Drawn d({100, 60}, {60, 60, 55});
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      const bool pale = front(x, y) || cloud(x, y);
+      if (y < 30 || pale) d.image(x, y) = pale ? Rgb8{150, 155, 148} : Rgb8{210, 216, 216};
+      const float matched_m = 30.0F + static_cast<float>((7 * x + 3 * y) % 40);
+      d.depth(x, y) = y >= 30 || front(x, y) || smooth(x, y) ? 1.0F / (0.02F + 0.0002F * static_cast<float>(x))
+                                                             : ((x + y) % 9 == 0 ? 0.0F : matched_m);
+      if (y >= 40) d.depth(x, y) = 15.0F;
+    }
+  }
+  d.run(DepthSource::stereo);
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 100; ++x) {
+      CAPTURE(x);
+      CAPTURE(y);
+      if (front(x, y) && x < 19) CHECK(d.surface(x, y) == 1);
+      if (y < 28 && x > 20) CHECK(d.surface(x, y) == 0);
+    }
+  }
 }
 
 TEST_CASE(

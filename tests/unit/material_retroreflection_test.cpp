@@ -11,6 +11,7 @@
 #include "fixture.hpp"
 #include "lit_points.hpp"
 #include "npsim/core/executor.hpp"
+#include "npsim/core/random.hpp"
 #include "npsim/material/bsdf.hpp"
 #include "npsim/material/retroreflection.hpp"
 #include "npsim/render/direct.hpp"
@@ -324,6 +325,52 @@ TEST_CASE("retroreflection: wide pale ground is no paint, while lines, stop line
   scene.depth = {};  // the road's median alone
   REQUIRE(find() == StatusCode::ok);
   CHECK(share_of_paint(Kind::pale, 0.0F) == 1.0);
+}
+
+TEST_CASE(
+    "retroreflection: a worn line, half of it below the contrast of paint, is paint, pale stones and a gutter not") {
+  const Shape shape{80, 60};
+  npsim_test::Image<Label> labels(shape, label::road);
+  npsim_test::Image<Vec3f> albedo(shape, Vec3f{0.1F, 0.1F, 0.1F});
+  npsim_test::Image<Retroreflector> out(shape);
+  enum class Kind { asphalt, line, gutter, stone };
+  const auto kind_at = [](int x, int y) {
+    if (x >= 20 && x < 26) return Kind::line;
+    if (x >= 60 && x < 66) return Kind::gutter;
+    return x > 40 && x < 55 && x % 5 == 0 && y % 5 == 0 ? Kind::stone : Kind::asphalt;
+  };
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * shape.width + x), 0);
+      const float u = r.uniform();
+      // The line from .16 to .23, the gutter from .13 to .21.
+      constexpr float kLow[] = {0.09F, 0.16F, 0.13F, 0.17F};
+      constexpr float kSpan[] = {0.02F, 0.07F, 0.08F, 0.0F};
+      const auto kind = static_cast<std::size_t>(kind_at(x, y));
+      const float a = kLow[kind] + kSpan[kind] * u;
+      albedo.view()(x, y) = {a, a, a};
+    }
+  }
+  npsim_test::Scratch scratch(find_retroreflectors_workspace_bytes(shape));
+  SerialExecutor serial;
+  REQUIRE(find_retroreflectors({}, 0.0F, {labels.cview(), {}, albedo.cview()}, out.view(), scratch.workspace(), serial)
+              .ok());
+  int painted[4] = {}, all[4] = {};
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const auto kind = static_cast<std::size_t>(kind_at(x, y));
+      ++all[kind];
+      painted[kind] += out.view()(x, y).kind == RetroKind::beads ? 1 : 0;
+    }
+  }
+  const auto share = [&](Kind kind) {
+    const auto k = static_cast<std::size_t>(kind);
+    return static_cast<double>(painted[k]) / all[k];
+  };
+  CHECK(share(Kind::line) == 1.0);
+  CHECK(share(Kind::gutter) < 0.3);  // grains that have the contrast by themselves
+  CHECK(share(Kind::stone) == 0.0);
+  CHECK(share(Kind::asphalt) == 0.0);
 }
 
 TEST_CASE(

@@ -144,7 +144,8 @@ template <class Executor>
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, measured));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, surface));
   NPSIM_RETURN_IF_ERROR(estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, out.ground));
-  NPSIM_RETURN_IF_ERROR(find_sky(out.ground, scene.camera, scene.image, scene.depth, out.source, surface, workspace));
+  NPSIM_RETURN_IF_ERROR(
+      find_sky(out.ground, scene.camera, scene.image, scene.depth, out.source, out.noise, surface, workspace));
   if (!params.guess_labels) {
     for_pixels(shape, executor,
                [&](int x, int y) { labels(x, y) = surface(x, y) == 0 ? label::sky : label::unlabeled; });

@@ -67,8 +67,8 @@ struct RetroreflectionParams {
   float marking_cd_lx_m2 = 0.15F;  // R_L of white paint, dry: EN 1436 class R3 [default]; R2 .1, R4 .2, R5 .3
   float road_cd_lx_m2 = 0.0125F;   // R_L of bare asphalt, dry: .010 to .020, less what bsdf.hpp gives there
   float wet_share = 0.2F;          // what a film of water leaves: RW2 .035 of R3 .15
-  // Paint has so many times the albedo of the picture's road and of a third of the ground around it; old concrete has
-  // .2 to asphalt's .1 [default].
+  // Paint has so many times the albedo of the picture's road and of a third of the ground around it, on a quarter of a
+  // piece that all has .75 of it; old concrete has .2 to asphalt's .1 [default].
   float marking_contrast = 2.0F;
 };
 
@@ -260,26 +260,57 @@ inline constexpr LabelSet kPainted = LabelSet::of(label::road, label::parking, l
   return 4 * ground < kSamples || 3 * darker > ground;
 }
 
+// Paint and grain. Worn, dirty or blurred, the albedo of one marking may be as often below as above the contrast that
+// paint has: it is one piece of what stands out by kPale of that contrast, and paint where a quarter of it has all of
+// it [default].
 template <class Executor>
-void find_ground(const RetroreflectionParams& p, float wetness, const ReflectorScene& s, ImageView<Retroreflector> out,
-                 Executor& executor) {
+[[nodiscard]] Status find_ground(const RetroreflectionParams& p, float wetness, const ReflectorScene& s,
+                                 ImageView<Retroreflector> out, Workspace& workspace, Executor& executor) {
+  constexpr float kPale = 0.75F;
+  constexpr std::uint8_t kMayBe = 1;
+  constexpr std::uint8_t kIs = 2;
+  const Shape shape = out.shape();
   const float road = albedo_of_road(s.labels, s.albedo);
   const float left = 1.0F - (1.0F - p.wet_share) * wetness;
   const Retroreflector paint{left * p.marking_cd_lx_m2 / kWhitePaint, RetroKind::beads};
   const Retroreflector grain{left * p.road_cd_lx_m2 / kAsphalt, RetroKind::grain};
-  executor.for_chunks(static_cast<std::size_t>(out.height()), 64, [&](std::size_t begin, std::size_t end) {
-    for (auto y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-      for (int x = 0; x < out.width(); ++x) {
-        const Label l = s.labels(x, y);
-        if (!kGroundLabels.contains(l)) continue;
-        const float own = luminance(s.albedo(x, y));
-        const bool painted = kPainted.contains(l) && road > 0.0F && own > p.marking_contrast * road &&
-                             stands_out(s, x, y, own, p.marking_contrast);
-        out(x, y) = painted ? paint : grain;
-        out(x, y).strength *= share_of_bright(most_of(s.albedo(x, y)));
+  const WorkspaceScope scope(workspace);
+  Span<std::uint32_t> list;
+  ImageView<std::uint8_t> painted, open;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), list));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, painted));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, open));
+  const auto each = [&](const auto& f) {
+    executor.for_chunks(static_cast<std::size_t>(shape.height), 64, [&](std::size_t begin, std::size_t end) {
+      for (auto y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
+        for (int x = 0; x < shape.width; ++x) f(x, y);
+      }
+    });
+  };
+  each([&](int x, int y) {
+    const float own = luminance(s.albedo(x, y));
+    const auto has = [&](float contrast) { return own > contrast * road && stands_out(s, x, y, own, contrast); };
+    const bool may_be = kPainted.contains(s.labels(x, y)) && road > 0.0F && has(kPale * p.marking_contrast);
+    open(x, y) = may_be ? 1 : 0;
+    painted(x, y) = !may_be ? 0 : (has(p.marking_contrast) ? kIs : kMayBe);
+  });
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (open(x, y) == 0) continue;
+      const Span<const std::uint32_t> piece(list.data(), take_piece(open, x, y, list));
+      std::size_t sure = 0;
+      for (const std::uint32_t pixel : piece) sure += painted(place_of(pixel, shape.width)) == kIs ? 1U : 0U;
+      for (const std::uint32_t pixel : piece) {
+        if (4 * sure >= piece.size()) painted(place_of(pixel, shape.width)) = kIs;
       }
     }
+  }
+  each([&](int x, int y) {
+    if (!kGroundLabels.contains(s.labels(x, y))) return;
+    out(x, y) = painted(x, y) == kIs ? paint : grain;
+    out(x, y).strength *= share_of_bright(most_of(s.albedo(x, y)));
   });
+  return {};
 }
 
 // Makes sheeting of every piece of the pixels for which is_member(x, y), white of which has the R_A `white_cd_lx_m2`.
@@ -327,7 +358,7 @@ template <class IsMember>
 }  // namespace retro_detail
 
 // What each pixel shows. `wetness` as in roughness.hpp. By pieces of a label or mark, because front and back of a sign
-// are one object each. Cost: two passes over the pixels and .3 us for each of ground that is pale enough for paint.
+// are one object each. Cost: four passes over the pixels and .3 us, or .6, for each of ground that is pale enough.
 template <class Executor>
 Status find_retroreflectors(const RetroreflectionParams& p, float wetness, const ReflectorScene& scene,
                             ImageView<Retroreflector> out, Workspace& workspace, Executor& executor) {
@@ -348,7 +379,7 @@ Status find_retroreflectors(const RetroreflectionParams& p, float wetness, const
   }
   if (!p.on) return {};
   if (!scene.labels.empty()) {
-    find_ground(p, wetness, scene, out, executor);
+    NPSIM_RETURN_IF_ERROR(find_ground(p, wetness, scene, out, workspace, executor));
     const auto is_sign = [&](int x, int y) { return scene.labels(x, y) == label::traffic_sign; };
     NPSIM_RETURN_IF_ERROR(find_sheeting(p.sign_cd_lx_m2, false, is_sign, scene.albedo, out, workspace));
   }

@@ -7,7 +7,8 @@
 //   ground   of what was measured, that within ground_within_m() of the ground plane, or twice that where depth noise
 //            moves heights as far, and what lies flat beside it (a street rises and falls), in the lines of a scanner
 //            without a neighbour. What stands is measured twice as far above the plane, or in rays that do not fall,
-//            and, by a scanner, where the surface goes on upright. A seed with less than a fifth of its kind in a
+//            and where the surface goes on upright; in depth without gaps down to the ground, by most of its
+//            neighbours where that is low. A seed with less than a fifth of its kind in a
 //            window of an 80th of the width around it is a mismatch. Between a scanner's lines there are more seeds:
 //            mark_between_lines(). All else takes the label of the seed that is nearest along a path through the
 //            picture (given/picture_paths.hpp): a laser's lines are far apart, and things end where colours do. Its
@@ -123,6 +124,42 @@ struct Slope {
   return false;
 }
 
+// How far above the ground (x, y) was measured, how far noise moves that, and from where on nothing is ground.
+struct MeasuredHeight {
+  float above_m, noise_m, stands_m;
+};
+[[nodiscard]] inline MeasuredHeight measured_height(float z, const Intrinsics& camera, const GroundPlane& ground,
+                                                    const DepthNoise& noise, int x, int y) noexcept {
+  const float noise_m = 2.0F * depth_detail::fall_of_ray(ground, camera, x, y) * z * z * noise.deviation(1.0F / z);
+  return {height_above_ground(ground, unproject_pixel(camera, x, y, z)), noise_m,
+          2.0F * depth_detail::ground_within_m(ground) + noise_m};
+}
+
+// Whether the surface at (x, y), too low to stand by its height alone, goes on upright to where it does, as near as
+// noise allows. For depth without gaps: four places in the column are asked.
+[[nodiscard]] inline bool is_foot(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
+                                  const MeasuredHeight& height, int x, int y) noexcept {
+  constexpr float kSteep = 2.0F;  // 63 degrees
+  constexpr float kStep_m = 0.1F;
+  constexpr int kPlaces = 4;
+  if (height.above_m <= height.noise_m || height.above_m > height.stands_m) return false;
+  const float z = depth(x, y);
+  const float noise_along_m = height.noise_m / depth_detail::fall_of_ray(ground, camera, x, y);  // two deviations
+  const Vec3f here = unproject_pixel(camera, x, y, z);
+  for (int place = 1; place <= kPlaces; ++place) {
+    const float rise_m = height.stands_m - height.above_m + kStep_m * static_cast<float>(place);
+    const float v = static_cast<float>(y) - std::ceil(rise_m * camera.fy / z);
+    if (!(v >= 0.0F)) return false;
+    const int row = static_cast<int>(v);
+    if (!is_valid_depth(depth(x, row))) continue;
+    const Slope slope = slope_to(depth, camera, ground, here, x, row);
+    if (height.above_m + slope.rise_m > height.stands_m && slope.along_m < slope.rise_m / kSteep + noise_along_m) {
+      return true;
+    }
+  }
+  return false;
+}
+
 // labels: what is unlabelled, measured and known by its height becomes road or building.
 // lines: of a scanner, whose points have no neighbours.
 inline void mark_by_height(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
@@ -146,18 +183,19 @@ inline void mark_by_height(ImageView<const float> depth, const Intrinsics& camer
       }
       const float z = depth(x, y);
       if (!is_valid_depth(z)) continue;
-      const float above_m = height_m(x, y);
-      const float noise_m = 2.0F * fall * z * z * noise.deviation(1.0F / z);
+      const MeasuredHeight height = measured_height(z, camera, ground, noise, x, y);
+      const float above_m = height.above_m;
       const float flat_m = kFlatWithin * within_m + kFlatSlope * z;
-      const float stands_m = 2.0F * within_m + noise_m;
-      const bool in_doubt = above_m <= std::max(flat_m, stands_m);
-      if (std::fabs(above_m) < within_m + std::min(noise_m, within_m)) {
+      const bool in_doubt = above_m <= std::max(flat_m, height.stands_m);
+      if (!lines && is_foot(depth, camera, ground, height, x, y)) {
+        labels(x, y) = label::building;
+      } else if (std::fabs(above_m) < within_m + std::min(height.noise_m, within_m)) {
         labels(x, y) = label::road;
       } else if (lines && above_m > 0.0F && in_doubt && goes_on_upright(depth, camera, ground, x, y)) {
         labels(x, y) = label::building;
       } else if (std::fabs(above_m) < flat_m && lies_flat(depth, camera, ground, x, y)) {
         labels(x, y) = lines ? label::road : kPerhaps;
-      } else if (above_m > stands_m) {
+      } else if (above_m > height.stands_m) {
         labels(x, y) = label::building;
       }
     }
@@ -237,20 +275,46 @@ inline void spread_blue_sky(ImageView<const Rgb8> image, ImageView<const float> 
   });
 }
 
+// Of the seeds in a window of that radius, the share of buildings.
+template <class Executor>
+[[nodiscard]] Status share_of_buildings(ImageView<const Label> labels, int radius, ImageView<float> share,
+                                        Workspace& workspace, Executor& executor) {
+  const auto seeds = [&](int x, int y) {
+    return labels(x, y) == label::road || labels(x, y) == label::building ? 1.0F : 0.0F;
+  };
+  const auto stands = [&](int x, int y) { return labels(x, y) == label::building ? 1.0F : 0.0F; };
+  return window_mean(seeds, stands, std::max(1, radius), 0.0F, 0.0F, workspace, share, executor);
+}
+
+// Noise moves each pixel of a foot by itself: of low seeds, those are of buildings that have more of them around.
+template <class Executor>
+[[nodiscard]] Status smooth_feet(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
+                                 const DepthNoise& noise, ImageView<Label> labels, Workspace& workspace,
+                                 Executor& executor) {
+  constexpr int kInWidth = 320;
+  const WorkspaceScope scope(workspace);
+  ImageView<float> share;
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(labels.shape(), share));
+  NPSIM_RETURN_IF_ERROR(share_of_buildings(labels, labels.width() / kInWidth, share, workspace, executor));
+  for_pixels(labels.shape(), executor, [&](int x, int y) {
+    Label& l = labels(x, y);
+    if ((l != label::building && l != label::road) || !is_valid_depth(depth(x, y))) return;
+    if (!(depth_detail::fall_of_ray(ground, camera, x, y) > 0.0F)) return;
+    const MeasuredHeight height = measured_height(depth(x, y), camera, ground, noise, x, y);
+    if (std::fabs(height.above_m) <= height.stands_m) l = share(x, y) > 0.5F ? label::building : label::road;
+  });
+  return {};
+}
+
 // Seeds with few of their kind around them are seeds no more.
 template <class Executor>
 [[nodiscard]] Status drop_lone_seeds(ImageView<Label> labels, Workspace& workspace, Executor& executor) {
   constexpr int kInWidth = 160;
   constexpr float kFew = 0.2F;
   const WorkspaceScope scope(workspace);
-  ImageView<float> share;  // of buildings
+  ImageView<float> share;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(labels.shape(), share));
-  const auto seeds = [&](int x, int y) {
-    return labels(x, y) == label::road || labels(x, y) == label::building ? 1.0F : 0.0F;
-  };
-  const auto stands = [&](int x, int y) { return labels(x, y) == label::building ? 1.0F : 0.0F; };
-  NPSIM_RETURN_IF_ERROR(
-      window_mean(seeds, stands, std::max(1, labels.width() / kInWidth), 0.0F, 0.0F, workspace, share, executor));
+  NPSIM_RETURN_IF_ERROR(share_of_buildings(labels, labels.width() / kInWidth, share, workspace, executor));
   for_pixels(labels.shape(), executor, [&](int x, int y) {
     Label& l = labels(x, y);
     if ((l == label::building && share(x, y) < kFew) || (l == label::road && share(x, y) > 1.0F - kFew)) {
@@ -342,6 +406,7 @@ template <class Executor>
   if (has_ground) {
     spread_blue_sky(image, depth, camera, ground, labels);
     mark_by_height(depth, camera, ground, noise, lines, labels);
+    if (!lines) NPSIM_RETURN_IF_ERROR(smooth_feet(depth, camera, ground, noise, labels, workspace, executor));
     NPSIM_RETURN_IF_ERROR(drop_lone_seeds(labels, workspace, executor));
     if (lines) mark_between_lines(image, depth, camera, ground, labels);
     NPSIM_RETURN_IF_ERROR(spread_seeds(image, labels, workspace));

@@ -31,6 +31,7 @@
 // the picture tells the sky from the rest of what is missing or beyond kMismatchedSky_m, it decides of all that as it
 // does of what is far in a dense map; where it does not, or what it calls sky was matched while the even part that is
 // missing at the top is not of it (bright houses below a dark sky), what was matched is surface, as for other sensors.
+// Fronts of other colours than the sky's that were matched as planes are stay (given/sky_walls.hpp).
 // A laser measures wires, poles and crowns high above the rest, and what hangs or stands before the sky has sky below
 // and beside it. A gap is what it leaves out between two answers to one side of a pixel, one above the other. Where a
 // gap is three times as high as three of four are, the laser has looked without an answer, if its rows lie equally far
@@ -454,8 +455,8 @@ inline void keep_sky_from_above(const GroundPlane& ground, const Intrinsics& cam
 // find_sky() wherever it looks so.
 [[nodiscard]] inline Status find_what_looks_like_sky(const GroundPlane& ground, const Intrinsics& camera,
                                                      ImageView<const Rgb8> image, ImageView<const float> depth,
-                                                     DepthSource source, ImageView<std::uint8_t> surface,
-                                                     Workspace& workspace) noexcept {
+                                                     DepthSource source, const DepthNoise& noise,
+                                                     ImageView<std::uint8_t> surface, Workspace& workspace) noexcept {
   if (is_dense(depth)) {
     if (find_sky_among_far(
             image, depth, [](float z) { return !(z < kFarSky_m); }, true, surface))
@@ -468,7 +469,7 @@ inline void keep_sky_from_above(const GroundPlane& ground, const Intrinsics& cam
   const auto mismatched = [](float z) { return !is_valid_depth(z) || z > kMismatchedSky_m; };
   if (source == DepthSource::stereo && find_sky_among_far(image, depth, mismatched, false, surface) &&
       !misses_what_is_missing(image, depth, surface)) {
-    return {};
+    return drop_matched_walls(image, depth, noise, surface, workspace);
   }
   const bool whole_areas = source == DepthSource::exact || source == DepthSource::network;
   constexpr int kReach = 8;
@@ -556,12 +557,12 @@ inline void clear_sky_below_horizon(const GroundPlane& ground, const Intrinsics&
          allocation_bytes<int>(static_cast<std::size_t>(shape.width)) + kWorkspaceAlignment;
 }
 
-// surface: 1 where there is one, 0 for the sky. All of one shape.
+// noise: of the depth. surface: 1 where there is one, 0 for the sky. All of one shape.
 [[nodiscard]] inline Status find_sky(const GroundPlane& ground, const Intrinsics& camera, ImageView<const Rgb8> image,
-                                     ImageView<const float> depth, DepthSource source, ImageView<std::uint8_t> surface,
-                                     Workspace& workspace) noexcept {
+                                     ImageView<const float> depth, DepthSource source, const DepthNoise& noise,
+                                     ImageView<std::uint8_t> surface, Workspace& workspace) noexcept {
   NPSIM_RETURN_IF_ERROR(
-      depth_detail::find_what_looks_like_sky(ground, camera, image, depth, source, surface, workspace));
+      depth_detail::find_what_looks_like_sky(ground, camera, image, depth, source, noise, surface, workspace));
   depth_detail::clear_sky_below_horizon(ground, camera, surface);
   return {};
 }
