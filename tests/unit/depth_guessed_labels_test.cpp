@@ -190,6 +190,21 @@ TEST_CASE(
   CHECK(s.share(label::road, 290, 370, row_at(12.9F, 0.12F), 270) > 0.98);
 }
 
+TEST_CASE(
+    "guessed labels: of exact depth a post on a traffic island ends where it stands, not on the stones before it") {
+  const auto post = [](int x, int y) { return x >= 50 && x < 80 && 1.5F - 4.0F * fall(y) >= 0.12F; };
+  Street s;
+  s.noise = {1e-3F, 1, 1.0F, 1.0F};
+  s.measure([&](int x, int y) {
+    const float ground_m = x >= 20 && x < 110 ? road_m(y) * 1.38F / 1.5F : road_m(y);
+    return post(x, y) ? 4.0F : std::fmin(20.0F, ground_m);
+  });
+  s.guess();
+  const auto island_row = [](float z) { return static_cast<int>(kCamera.cy + kCamera.fy * 1.38F / z); };
+  CHECK(s.share(label::building, 52, 78, island_row(4.5F), island_row(4.0F)) == 1.0);
+  CHECK(s.share(label::road, 52, 78, island_row(3.93F), 269) > 0.97);
+}
+
 TEST_CASE("guessed labels: a ramp under a laser's lines is ground as far as it lies flat, a wall as high is none") {
   Street s;
   const auto wall = [](int x) { return x < 100; };

@@ -18,12 +18,12 @@ namespace {
 constexpr DepthNoise kNoise{0.001F, 0};  // of stereo, 1/m
 
 void find(const Image<Rgb8>& image, const Image<float>& depth, DepthSource source, Image<std::uint8_t>& surface,
-          const GroundPlane& ground = {}) {
+          const GroundPlane& ground = {}, const DepthNoise& noise = kNoise) {
   const Shape shape = depth.cview().shape();
   const Intrinsics camera{100, 100, 0.5F * static_cast<float>(shape.width), 0.5F * static_cast<float>(shape.height)};
   npsim_test::Scratch scratch(find_sky_workspace_bytes(shape));
   REQUIRE(
-      find_sky(ground, camera, image.cview(), depth.cview(), source, kNoise, surface.view(), scratch.workspace()).ok());
+      find_sky(ground, camera, image.cview(), depth.cview(), source, noise, surface.view(), scratch.workspace()).ok());
 }
 
 // A photograph and its depth, which those that follow draw, and what is found in them.
@@ -34,7 +34,9 @@ struct Drawn {
   Image<std::uint8_t> surface;
   GroundPlane ground;
   explicit Drawn(Shape s, const Rgb8& all = {}) : shape(s), image(s, all), depth(s, 0.0F), surface(s, 9) {}
-  void run(DepthSource source = DepthSource::lidar) { find(image, depth, source, surface, ground); }
+  void run(DepthSource source = DepthSource::lidar, const DepthNoise& noise = kNoise) {
+    find(image, depth, source, surface, ground, noise);
+  }
 };
 
 // Measured below row 40; a dark tower from there up to row 10, and beside it the sky down to row 30.
@@ -232,33 +234,45 @@ TEST_CASE("of a stereo pair clouds that were matched at 30 m are sky, a tower th
   CHECK(v.surface(80, 20) == 1);
 }
 
-TEST_CASE(
-    "of a stereo pair a pale front that is matched as planes are is no sky; a cloud as grey and one as even are") {
-  // Left a front, in the middle a cloud, both darker than the sky and up to the upper edge; right a piece of the sky
-  // that is as smooth as the front.
-  const auto front = [](int x, int y) { return x < 20 && y < 40; };
-  const auto cloud = [](int x, int y) { return x >= 40 && x < 60 && y < 20; };
-  const auto smooth = [](int x, int y) { return x >= 80 && y < 20; };
-  Drawn d({100, 60}, {60, 60, 55});
-  for (int y = 0; y < 60; ++y) {
-    for (int x = 0; x < 100; ++x) {
-      const bool pale = front(x, y) || cloud(x, y);
-      if (y < 30 || pale) d.image(x, y) = pale ? Rgb8{150, 155, 148} : Rgb8{210, 216, 216};
-      const float matched_m = 30.0F + static_cast<float>((7 * x + 3 * y) % 40);
-      d.depth(x, y) = y >= 30 || front(x, y) || smooth(x, y) ? 1.0F / (0.02F + 0.0002F * static_cast<float>(x))
-                                                             : ((x + y) % 9 == 0 ? 0.0F : matched_m);
-      if (y >= 40) d.depth(x, y) = 15.0F;
+TEST_CASE("of a stereo pair a pale front that goes on in what is matched as planes are is no sky; clouds as grey are") {
+  // Left a front that stands on a darker one, in the middle a cloud as grey, matched anyhow or as smoothly but far
+  // behind what is below it, right a part of the sky as smooth as the front.
+  const auto front = [](int x, int y) { return x < 14 && y < 40; };
+  const auto cloud = [](int x, int y) { return x >= 40 && x < 60 && y < 30; };
+  const auto run = [&](bool smooth_cloud, bool smooth_sky, float nearness, const DepthNoise& noise) {
+    Drawn d({100, 60}, {60, 60, 55});
+    for (int y = 0; y < 60; ++y) {
+      for (int x = 0; x < 100; ++x) {
+        const bool pale = front(x, y) || cloud(x, y);
+        if (y < 30 || pale) d.image(x, y) = pale ? Rgb8{150, 155, 148} : Rgb8{210, 216, 216};
+        if (y >= 40 && x < 14) d.image(x, y) = Rgb8{20, 20, 18};
+        const bool part = x >= 85 && y < 12;
+        const bool smooth = cloud(x, y) ? smooth_cloud : part || smooth_sky;
+        const float slanted_m = 1.0F / (nearness * (0.02F + 0.0002F * static_cast<float>(x)));
+        const float matched_m = 30.0F + static_cast<float>((17 * x + 23 * y) % 40);
+        const bool missing = x >= 14 && !part && (x + y) % 9 == 0;
+        d.depth(x, y) = missing ? 0.0F : (x < 14 || smooth ? slanted_m : matched_m);
+        if (y >= 30 && x >= 14) d.depth(x, y) = 15.0F;
+      }
     }
-  }
-  d.run(DepthSource::stereo);
-  for (int y = 0; y < 60; ++y) {
-    for (int x = 0; x < 100; ++x) {
-      CAPTURE(x);
-      CAPTURE(y);
-      if (front(x, y) && x < 19) CHECK(d.surface(x, y) == 1);
-      if (y < 28 && x > 20) CHECK(d.surface(x, y) == 0);
+    d.run(DepthSource::stereo, noise);
+    int sky_of_front = 0;
+    for (int y = 0; y < 28; ++y) {
+      for (int x = 0; x < 100; ++x) {
+        CAPTURE(x);
+        CAPTURE(y);
+        if (front(x, y) && x < 13) sky_of_front += d.surface(x, y) == 0 ? 1 : 0;
+        if (x > 14) CHECK(d.surface(x, y) == 0);
+      }
     }
-  }
+    return sky_of_front;
+  };
+  CHECK(run(false, false, 1.0F, kNoise) == 0);
+  CHECK(run(true, false, 1.0F, kNoise) == 0);
+  // What does not tell: a sky that is as smooth, disparities that are nearly the sky's, and noise of no pair.
+  CHECK(run(true, true, 1.0F, kNoise) > 300);
+  CHECK(run(false, false, 0.4F, kNoise) > 300);
+  CHECK(run(false, false, 1.0F, {0.02F, 1}) > 300);
 }
 
 TEST_CASE(

@@ -328,13 +328,16 @@ TEST_CASE("retroreflection: wide pale ground is no paint, while lines, stop line
 }
 
 TEST_CASE(
-    "retroreflection: a worn line, half of it below the contrast of paint, is paint, pale stones and a gutter not") {
+    "retroreflection: a worn line, half of it below the contrast of paint, is paint, stones and gutters are not, "
+    "beside a line or not") {
   const Shape shape{80, 60};
   npsim_test::Image<Label> labels(shape, label::road);
   npsim_test::Image<Vec3f> albedo(shape, Vec3f{0.1F, 0.1F, 0.1F});
   npsim_test::Image<Retroreflector> out(shape);
-  enum class Kind { asphalt, line, gutter, stone };
+  enum class Kind { asphalt, line, gutter, stone, edge, beside };
   const auto kind_at = [](int x, int y) {
+    if (x < 3) return Kind::edge;
+    if (x < 8) return Kind::beside;
     if (x >= 20 && x < 26) return Kind::line;
     if (x >= 60 && x < 66) return Kind::gutter;
     return x > 40 && x < 55 && x % 5 == 0 && y % 5 == 0 ? Kind::stone : Kind::asphalt;
@@ -343,9 +346,9 @@ TEST_CASE(
     for (int x = 0; x < shape.width; ++x) {
       RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * shape.width + x), 0);
       const float u = r.uniform();
-      // The line from .16 to .23, the gutter from .13 to .21.
-      constexpr float kLow[] = {0.09F, 0.16F, 0.13F, 0.17F};
-      constexpr float kSpan[] = {0.02F, 0.07F, 0.08F, 0.0F};
+      // The line from .16 to .23, the gutter from .15 to .21, another between a white line and the picture's border.
+      constexpr float kLow[] = {0.09F, 0.16F, 0.15F, 0.17F, 0.155F, 0.4F};
+      constexpr float kSpan[] = {0.02F, 0.07F, 0.06F, 0.0F, 0.02F, 0.05F};
       const auto kind = static_cast<std::size_t>(kind_at(x, y));
       const float a = kLow[kind] + kSpan[kind] * u;
       albedo.view()(x, y) = {a, a, a};
@@ -355,7 +358,7 @@ TEST_CASE(
   SerialExecutor serial;
   REQUIRE(find_retroreflectors({}, 0.0F, {labels.cview(), {}, albedo.cview()}, out.view(), scratch.workspace(), serial)
               .ok());
-  int painted[4] = {}, all[4] = {};
+  int painted[6] = {}, all[6] = {};
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       const auto kind = static_cast<std::size_t>(kind_at(x, y));
@@ -369,8 +372,8 @@ TEST_CASE(
   };
   CHECK(share(Kind::line) == 1.0);
   CHECK(share(Kind::gutter) < 0.3);  // grains that have the contrast by themselves
-  CHECK(share(Kind::stone) == 0.0);
-  CHECK(share(Kind::asphalt) == 0.0);
+  for (const Kind kind : {Kind::stone, Kind::asphalt, Kind::edge}) CHECK(share(kind) == 0.0);
+  CHECK(share(Kind::beside) == 1.0);
 }
 
 TEST_CASE(

@@ -67,8 +67,8 @@ struct RetroreflectionParams {
   float marking_cd_lx_m2 = 0.15F;  // R_L of white paint, dry: EN 1436 class R3 [default]; R2 .1, R4 .2, R5 .3
   float road_cd_lx_m2 = 0.0125F;   // R_L of bare asphalt, dry: .010 to .020, less what bsdf.hpp gives there
   float wet_share = 0.2F;          // what a film of water leaves: RW2 .035 of R3 .15
-  // Paint has so many times the albedo of the picture's road and of a third of the ground around it, on a quarter of a
-  // piece that all has .75 of it; old concrete has .2 to asphalt's .1 [default].
+  // Paint has so many times the albedo of the picture's road and of a third of the ground around it, or is of a piece
+  // whose median has .95 of that; old concrete has .2 to asphalt's .1 [default].
   float marking_contrast = 2.0F;
 };
 
@@ -260,15 +260,14 @@ inline constexpr LabelSet kPainted = LabelSet::of(label::road, label::parking, l
   return 4 * ground < kSamples || 3 * darker > ground;
 }
 
-// Paint and grain. Worn, dirty or blurred, the albedo of one marking may be as often below as above the contrast that
-// paint has: it is one piece of what stands out by kPale of that contrast, and paint where a quarter of it has all of
-// it [default].
+// Paint and grain. Worn, dirty or blurred, the albedo of one marking lies as often below as above the contrast that
+// paint has. So a piece of what stands out by kPale of that is looked at as a whole: where its median has kWorn of the
+// contrast, what has kPale of the median is paint as well; a gutter beside a white line has not.
 template <class Executor>
 [[nodiscard]] Status find_ground(const RetroreflectionParams& p, float wetness, const ReflectorScene& s,
                                  ImageView<Retroreflector> out, Workspace& workspace, Executor& executor) {
   constexpr float kPale = 0.75F;
-  constexpr std::uint8_t kMayBe = 1;
-  constexpr std::uint8_t kIs = 2;
+  constexpr float kWorn = 0.95F;
   const Shape shape = out.shape();
   const float road = albedo_of_road(s.labels, s.albedo);
   const float left = 1.0F - (1.0F - p.wet_share) * wetness;
@@ -276,40 +275,44 @@ template <class Executor>
   const Retroreflector grain{left * p.road_cd_lx_m2 / kAsphalt, RetroKind::grain};
   const WorkspaceScope scope(workspace);
   Span<std::uint32_t> list;
-  ImageView<std::uint8_t> painted, open;
+  Span<float> sorted;
+  ImageView<std::uint8_t> open;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), list));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, painted));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), sorted));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, open));
-  const auto each = [&](const auto& f) {
+  const auto each_ground = [&](const auto& f) {
     executor.for_chunks(static_cast<std::size_t>(shape.height), 64, [&](std::size_t begin, std::size_t end) {
       for (auto y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-        for (int x = 0; x < shape.width; ++x) f(x, y);
+        for (int x = 0; x < shape.width; ++x) {
+          if (kGroundLabels.contains(s.labels(x, y))) f(x, y);
+        }
       }
     });
   };
-  each([&](int x, int y) {
+  for (std::uint8_t& o : open.pixels()) o = 0;
+  each_ground([&](int x, int y) {
     const float own = luminance(s.albedo(x, y));
     const auto has = [&](float contrast) { return own > contrast * road && stands_out(s, x, y, own, contrast); };
-    const bool may_be = kPainted.contains(s.labels(x, y)) && road > 0.0F && has(kPale * p.marking_contrast);
-    open(x, y) = may_be ? 1 : 0;
-    painted(x, y) = !may_be ? 0 : (has(p.marking_contrast) ? kIs : kMayBe);
+    const bool pale = kPainted.contains(s.labels(x, y)) && road > 0.0F && has(kPale * p.marking_contrast);
+    open(x, y) = pale ? 1 : 0;
+    out(x, y) = pale && has(p.marking_contrast) ? paint : grain;
   });
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
       if (open(x, y) == 0) continue;
-      const Span<const std::uint32_t> piece(list.data(), take_piece(open, x, y, list));
-      std::size_t sure = 0;
-      for (const std::uint32_t pixel : piece) sure += painted(place_of(pixel, shape.width)) == kIs ? 1U : 0U;
-      for (const std::uint32_t pixel : piece) {
-        if (4 * sure >= piece.size()) painted(place_of(pixel, shape.width)) = kIs;
+      const std::size_t count = take_piece(open, x, y, list);
+      const auto own = [&](std::size_t i) { return luminance(s.albedo(place_of(list[i], shape.width))); };
+      for (std::size_t i = 0; i < count; ++i) sorted[i] = own(i);
+      float* const first = sorted.data();
+      select_nth(first, first + count / 2, first + count);
+      const float median = first[count / 2];
+      if (median < kWorn * p.marking_contrast * road) continue;
+      for (std::size_t i = 0; i < count; ++i) {
+        if (own(i) > kPale * median) out(place_of(list[i], shape.width)) = paint;
       }
     }
   }
-  each([&](int x, int y) {
-    if (!kGroundLabels.contains(s.labels(x, y))) return;
-    out(x, y) = painted(x, y) == kIs ? paint : grain;
-    out(x, y).strength *= share_of_bright(most_of(s.albedo(x, y)));
-  });
+  each_ground([&](int x, int y) { out(x, y).strength *= share_of_bright(most_of(s.albedo(x, y))); });
   return {};
 }
 

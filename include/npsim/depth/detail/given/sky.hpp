@@ -44,7 +44,7 @@
 // leads there from the edge, as between branches, but for walls.
 // Where the ground is known, what lies farther below its horizon than a street climbs is surface in all of this, but
 // for sky that reaches down there from the upper edge.
-// Cost: a few passes. Memory: 25 bytes per pixel, for a dense map none.
+// Cost: a few passes. Memory: 29 bytes per pixel, for a dense map none.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SKY_HPP
 

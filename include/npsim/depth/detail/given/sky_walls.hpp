@@ -11,11 +11,12 @@
 // - The largest piece that does not go on is the sky. If what does not go on is in crumbs, tiles or leaves, none is.
 // - A piece less than half as large, most of which is whiter than that, by its darkest channel, or less blue, beyond
 //   quantiles, is a wall in the sun. A white wall that is larger is not told from a blue sky.
-// - Of a stereo pair a front has a disparity as smooth as a plane's, clouds have not: on four frames .73 of the pixels
-//   of a pale front lie within two deviations between those beside them, .1 to .3 of those of the sky. A piece most of
-//   which does, and has colours of its own, is a wall.
+// - Of a stereo pair a front goes on in the surface beside it without a step, and its disparity is as smooth as a
+//   plane's: of a pale front of a real frame .71 of the pixels lie within two deviations between those beside them, of
+//   the skies of four .03 to .27. A piece of colours of its own, most of which does, is a wall, unless the sky is as
+//   smooth, as where its matches were filled or smoothed.
 // Pieces are found by 16 passes at most: windings fall into several.
-// Method: our own. Cost: a few passes. Memory: 25 bytes per pixel.
+// Method: our own. Cost: a few passes. Memory: 29 bytes per pixel.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SKY_WALLS_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_SKY_WALLS_HPP
 
@@ -59,8 +60,8 @@ inline constexpr double kExtreme = 0.02;      // quantiles of the largest piece
 inline constexpr int kOtherThanSky = 24;      // codes beyond them
 
 struct SkyPiece {
-  std::uint32_t seams = 0;
-  std::uint32_t edges = 0;
+  std::uint32_t seams = 0;  // where it goes on in what was measured
+  std::uint32_t edges = 0;  // where it does not
   std::uint32_t pixels = 0;
   std::uint32_t other = 0;    // whiter or less blue than the sky
   std::uint32_t matched = 0;  // of a stereo pair, as on planes
@@ -245,15 +246,18 @@ class SkyPieces {
   return {};
 }
 
-// Of a stereo pair. map: kSky becomes kSurface where the pair was matched as it is on planes, in most of a piece whose
-// colours are not the sky's. noise: of the depth.
+// Of a stereo pair. map: kSky becomes kSurface where a piece goes on in what is surface, without a step of depth, was
+// matched for the most part as it is on planes, which the sky was not, and has not the sky's colours. noise: of the
+// depth; nothing is told where it is no pair's.
 [[nodiscard]] inline Status drop_matched_walls(ImageView<const Rgb8> image, ImageView<const float> depth,
                                                const DepthNoise& noise, ImageView<std::uint8_t> map,
                                                Workspace& workspace) noexcept {
-  constexpr float kOnPlane = 2.0F;      // deviations
-  constexpr float kNear = 10.0F;        // deviations of 1 / z from that of the sky
-  constexpr int kInWidth = 256;         // of the distance between the three pixels that are compared
-  constexpr std::uint32_t kLeast = 16;  // pixels: fewer mix two colours
+  constexpr float kOnPlane = 2.0F;  // deviations
+  constexpr float kNoStep = 4.0F;
+  constexpr float kNear = 10.0F;      // of 1 / z from that of the sky
+  constexpr double kSmoothSky = 0.4;  // of its pixels as on planes: it was filled or smoothed
+  constexpr int kInWidth = 256;       // of the distance between the three pixels that are compared
+  if (noise.power != 0) return {};
   const WorkspaceScope scope(workspace);
   const int reach = std::max(1, depth.width() / kInWidth);
   const auto as_on_planes = [&](int x, int y) {
@@ -261,20 +265,28 @@ class SkyPieces {
     const float z[3] = {depth(x - reach, y), depth(x, y), depth(x + reach, y)};
     if (!is_valid_depth(z[0]) || !is_valid_depth(z[1]) || !is_valid_depth(z[2])) return false;
     const float w = 1.0F / z[1];
-    return w > kNear * noise.deviation(w) &&
-           std::fabs(w - 0.5F * (1.0F / z[0] + 1.0F / z[2])) < kOnPlane * noise.deviation(w);
+    return w > kNear * noise.amplitude &&
+           std::fabs(w - 0.5F * (1.0F / z[0] + 1.0F / z[2])) < kOnPlane * noise.amplitude;
   };
   for (std::uint8_t& m : map.pixels()) m = m == kSky ? kLike : m;
   SkyPieces pieces;
   NPSIM_RETURN_IF_ERROR(pieces.find(image, map, workspace));
-  const SkyPiece* largest = nullptr;
+  const SkyPiece* sky = nullptr;
   pieces.each([&](int x, int y, SkyPiece& p) {
     p.matched += as_on_planes(x, y) ? 1U : 0U;
-    if (largest == nullptr || p.pixels > largest->pixels) largest = &p;
+    for (const PixelPlace& at :
+         {PixelPlace{x - kSeamRows, y}, {x + kSeamRows, y}, {x, y - kSeamRows}, {x, y + kSeamRows}}) {
+      if (!map.contains(at.x, at.y) || map(at) != kSurface) continue;
+      if (!is_valid_depth(depth(x, y)) || !is_valid_depth(depth(at))) continue;
+      const float step = std::fabs(1.0F / depth(x, y) - 1.0F / depth(at));
+      ++(step < kNoStep * noise.amplitude ? p.seams : p.edges);
+    }
+    if (sky == nullptr || p.pixels > sky->pixels) sky = &p;
   });
-  pieces.compare(image, largest);
+  pieces.compare(image, sky);
+  const bool told = sky != nullptr && sky->matched < kSmoothSky * sky->pixels;
   pieces.each([&](int x, int y, const SkyPiece& p) {
-    const bool wall = p.pixels >= kLeast && 2.0 * p.matched > p.pixels && SkyPieces::is_other(p, largest);
+    const bool wall = told && p.goes_on() && 2.0 * p.matched > p.pixels && SkyPieces::is_other(p, sky);
     map(x, y) = wall ? kSurface : kSky;
   });
   return {};
