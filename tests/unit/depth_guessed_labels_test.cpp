@@ -190,6 +190,35 @@ TEST_CASE(
   CHECK(s.share(label::road, 290, 370, row_at(12.9F, 0.12F), 270) > 0.98);
 }
 
+TEST_CASE("guessed labels: the foot of a post of 5 px stays in exact depth, specks that noise makes as wide do not") {
+  constexpr Shape kWide{1920, 40};
+  constexpr Intrinsics kLong{1600, 1600, 960, -170};  // row 30 meets the ground 12 m away
+  const auto stands = [](int x, int y) { return x % 100 < 5 && y < 30; };
+  Image<float> depth(kWide, 0.0F);
+  for (int y = 0; y < kWide.height; ++y) {
+    for (int x = 0; x < kWide.width; ++x) {
+      depth(x, y) = stands(x, y) ? 12.0F : 1.5F * kLong.fy / (static_cast<float>(y) + 0.5F - kLong.cy);
+    }
+  }
+  const auto left = [&](const DepthNoise& noise, int height) {
+    Image<Label> labels(kWide, label::road);
+    for (int y = 0; y < kWide.height; ++y) {
+      for (int x = 0; x < kWide.width; ++x) {
+        if (stands(x, y) && y >= 30 - height) labels(x, y) = label::building;
+      }
+    }
+    npsim_test::Scratch scratch(refine_detail::guess_labels_workspace_bytes(kWide));
+    SerialExecutor serial;
+    REQUIRE(refine_detail::smooth_feet(depth.cview(), kLong, kGround, noise, labels.view(), scratch.workspace(), serial)
+                .ok());
+    int n = 0;
+    for (const Label l : labels.view().pixels()) n += l == label::building ? 1 : 0;
+    return n;
+  };
+  CHECK(left({1e-3F, 1, 1.0F, 1.0F}, 30) > 2800);  // of 20 posts of 150 pixels
+  CHECK(left({3e-4F, 0, 4.0F, 1.0F}, 5) == 0);
+}
+
 TEST_CASE(
     "guessed labels: of exact depth a post on a traffic island ends where it stands, not on the stones before it") {
   const auto post = [](int x, int y) { return x >= 50 && x < 80 && 1.5F - 4.0F * fall(y) >= 0.12F; };

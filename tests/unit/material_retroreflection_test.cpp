@@ -327,18 +327,47 @@ TEST_CASE("retroreflection: wide pale ground is no paint, while lines, stop line
   CHECK(share_of_paint(Kind::pale, 0.0F) == 1.0);
 }
 
+TEST_CASE("retroreflection: a stretch of road that gets twice as pale over 1.5 m and darker again is no paint") {
+  const Shape shape{480, 240};
+  const Intrinsics camera{400.0F, 400.0F, 240.0F, 20.0F};
+  constexpr float kHeight = 1.4F;
+  constexpr int kTop = 60;
+  npsim_test::Image<Label> labels(shape, label::road);
+  npsim_test::Image<Vec3f> albedo(shape, Vec3f{0.1F, 0.1F, 0.1F});
+  npsim_test::Image<float> depth(shape, 0.0F);
+  npsim_test::Image<Retroreflector> out(shape);
+  for (int y = kTop; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      const float z = camera.fy * kHeight / (static_cast<float>(y) + 0.5F - camera.cy);
+      const float side = (static_cast<float>(x) + 0.5F - camera.cx) / camera.fx * z;
+      const float a = 0.1F + 0.12F * std::fmax(0.0F, 1.0F - std::fabs(side) / 1.5F);
+      depth.view()(x, y) = z;
+      albedo.view()(x, y) = {a, a, a};
+    }
+  }
+  npsim_test::Scratch scratch(find_retroreflectors_workspace_bytes(shape));
+  SerialExecutor serial;
+  const ReflectorScene scene{labels.cview(), {}, albedo.cview(), depth.cview(), camera, kHeight};
+  REQUIRE(find_retroreflectors({}, 0.0F, scene, out.view(), scratch.workspace(), serial).ok());
+  int painted = 0;
+  for (int y = kTop; y < 180; ++y) {
+    for (int x = 0; x < shape.width; ++x) painted += out.view()(x, y).kind == RetroKind::beads ? 1 : 0;
+  }
+  CHECK(painted < 100);  // far away, where less is seen around
+}
+
 TEST_CASE(
     "retroreflection: a worn line, half of it below the contrast of paint, is paint, stones and gutters are not, "
     "beside a line or not") {
-  const Shape shape{80, 60};
+  const Shape shape{160, 60};
   npsim_test::Image<Label> labels(shape, label::road);
   npsim_test::Image<Vec3f> albedo(shape, Vec3f{0.1F, 0.1F, 0.1F});
   npsim_test::Image<Retroreflector> out(shape);
   enum class Kind { asphalt, line, gutter, stone, edge, beside };
   const auto kind_at = [](int x, int y) {
-    if (x < 3) return Kind::edge;
-    if (x < 8) return Kind::beside;
-    if (x >= 20 && x < 26) return Kind::line;
+    if (x < 12 || x >= 156) return Kind::edge;
+    if (x < 18 || x >= 150) return Kind::beside;
+    if (x >= 24 && x < 30) return Kind::line;
     if (x >= 60 && x < 66) return Kind::gutter;
     return x > 40 && x < 55 && x % 5 == 0 && y % 5 == 0 ? Kind::stone : Kind::asphalt;
   };
@@ -346,9 +375,10 @@ TEST_CASE(
     for (int x = 0; x < shape.width; ++x) {
       RandomStream r(3, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * shape.width + x), 0);
       const float u = r.uniform();
-      // The line from .16 to .23, the gutter from .15 to .21, another between a white line and the picture's border.
-      constexpr float kLow[] = {0.09F, 0.16F, 0.15F, 0.17F, 0.155F, 0.4F};
-      constexpr float kSpan[] = {0.02F, 0.07F, 0.06F, 0.0F, 0.02F, 0.05F};
+      // The line from .165 to .24, the gutter from .15 to .21, others between white lines and the picture's
+      // borders, wider and narrower than these.
+      constexpr float kLow[] = {0.09F, 0.165F, 0.15F, 0.17F, 0.155F, 0.4F};
+      constexpr float kSpan[] = {0.02F, 0.075F, 0.06F, 0.0F, 0.02F, 0.05F};
       const auto kind = static_cast<std::size_t>(kind_at(x, y));
       const float a = kLow[kind] + kSpan[kind] * u;
       albedo.view()(x, y) = {a, a, a};

@@ -67,8 +67,8 @@ struct RetroreflectionParams {
   float marking_cd_lx_m2 = 0.15F;  // R_L of white paint, dry: EN 1436 class R3 [default]; R2 .1, R4 .2, R5 .3
   float road_cd_lx_m2 = 0.0125F;   // R_L of bare asphalt, dry: .010 to .020, less what bsdf.hpp gives there
   float wet_share = 0.2F;          // what a film of water leaves: RW2 .035 of R3 .15
-  // Paint has so many times the albedo of the picture's road and of a third of the ground around it, or is of a piece
-  // whose median has .95 of that; old concrete has .2 to asphalt's .1 [default].
+  // Paint has so many times the albedo of the picture's road and of a third of the ground around it; old concrete has
+  // .2 to asphalt's .1 [default]. Worn paint beside such pixels has less: find_retroreflectors().
   float marking_contrast = 2.0F;
 };
 
@@ -261,13 +261,16 @@ inline constexpr LabelSet kPainted = LabelSet::of(label::road, label::parking, l
 }
 
 // Paint and grain. Worn, dirty or blurred, the albedo of one marking lies as often below as above the contrast that
-// paint has. So a piece of what stands out by kPale of that is looked at as a whole: where its median has kWorn of the
-// contrast, what has kPale of the median is paint as well; a gutter beside a white line has not.
+// paint has. So a piece of what stands out by half of that (1.5 of 2) is looked at as a whole: where its median has
+// kWorn of the road's albedo by the contrast, and a third of its pixels are paint by themselves, what has kAlike of the
+// median is paint as well. A gutter beside a white line has not, and a pale stretch of road has no such third.
 template <class Executor>
 [[nodiscard]] Status find_ground(const RetroreflectionParams& p, float wetness, const ReflectorScene& s,
                                  ImageView<Retroreflector> out, Workspace& workspace, Executor& executor) {
-  constexpr float kPale = 0.75F;
+  constexpr float kAlike = 0.75F;
   constexpr float kWorn = 0.95F;
+  constexpr std::size_t kMost = 3;  // pixels to one of paint by itself
+  const float pale_contrast = 0.5F * (1.0F + p.marking_contrast);
   const Shape shape = out.shape();
   const float road = albedo_of_road(s.labels, s.albedo);
   const float left = 1.0F - (1.0F - p.wet_share) * wetness;
@@ -275,10 +278,10 @@ template <class Executor>
   const Retroreflector grain{left * p.road_cd_lx_m2 / kAsphalt, RetroKind::grain};
   const WorkspaceScope scope(workspace);
   Span<std::uint32_t> list;
-  Span<float> sorted;
+  Span<float> values;
   ImageView<std::uint8_t> open;
   NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), list));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), sorted));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), values));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, open));
   const auto each_ground = [&](const auto& f) {
     executor.for_chunks(static_cast<std::size_t>(shape.height), 64, [&](std::size_t begin, std::size_t end) {
@@ -293,7 +296,7 @@ template <class Executor>
   each_ground([&](int x, int y) {
     const float own = luminance(s.albedo(x, y));
     const auto has = [&](float contrast) { return own > contrast * road && stands_out(s, x, y, own, contrast); };
-    const bool pale = kPainted.contains(s.labels(x, y)) && road > 0.0F && has(kPale * p.marking_contrast);
+    const bool pale = kPainted.contains(s.labels(x, y)) && road > 0.0F && has(pale_contrast);
     open(x, y) = pale ? 1 : 0;
     out(x, y) = pale && has(p.marking_contrast) ? paint : grain;
   });
@@ -302,13 +305,17 @@ template <class Executor>
       if (open(x, y) == 0) continue;
       const std::size_t count = take_piece(open, x, y, list);
       const auto own = [&](std::size_t i) { return luminance(s.albedo(place_of(list[i], shape.width))); };
-      for (std::size_t i = 0; i < count; ++i) sorted[i] = own(i);
-      float* const first = sorted.data();
+      std::size_t sure = 0;
+      for (std::size_t i = 0; i < count; ++i) {
+        values[i] = own(i);
+        sure += out(place_of(list[i], shape.width)).kind == RetroKind::beads ? 1U : 0U;
+      }
+      float* const first = values.data();
       select_nth(first, first + count / 2, first + count);
       const float median = first[count / 2];
-      if (median < kWorn * p.marking_contrast * road) continue;
+      if (kMost * sure < count || median < kWorn * p.marking_contrast * road) continue;
       for (std::size_t i = 0; i < count; ++i) {
-        if (own(i) > kPale * median) out(place_of(list[i], shape.width)) = paint;
+        if (own(i) > kAlike * median) out(place_of(list[i], shape.width)) = paint;
       }
     }
   }
@@ -361,7 +368,8 @@ template <class IsMember>
 }  // namespace retro_detail
 
 // What each pixel shows. `wetness` as in roughness.hpp. By pieces of a label or mark, because front and back of a sign
-// are one object each. Cost: four passes over the pixels and .3 us, or .6, for each of ground that is pale enough.
+// are one object each, and of pale ground, because a marking is. Cost: five passes over the pixels, one of them serial,
+// .3 us for each of ground that is 1.5 times as pale as the road and .6 us for each that is twice as pale.
 template <class Executor>
 Status find_retroreflectors(const RetroreflectionParams& p, float wetness, const ReflectorScene& scene,
                             ImageView<Retroreflector> out, Workspace& workspace, Executor& executor) {

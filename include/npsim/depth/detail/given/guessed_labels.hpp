@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Labels of scenes that have none: ground, plants, sky, and what else stands.
 //
-// Every later step asks labels where a surface ends and what it is like. Four can be guessed: on thirteen street frames
-// whose labels are known 85 to 95 % of the pixels get theirs, of the ground 85 to 100 (docs/evaluation.md).
+// Every later step asks labels where a surface ends and what it is like. Four can be guessed: on fifteen street frames
+// whose labels are known 85 to 97 % of the pixels get theirs, of the ground 85 to 100 (docs/evaluation.md).
 //   sky      depth/detail/given/sky.hpp, and what is blue, or bluer than the camera's cast, and goes on from it.
 //   ground   of what was measured, that within ground_within_m() of the ground plane, or twice that where depth noise
 //            moves heights as far, and what lies flat beside it (a street rises and falls), in the lines of a scanner
 //            without a neighbour. What stands is measured twice as far above the plane, or in rays that do not fall,
-//            and where the surface goes on upright; in depth without gaps down to the ground, by most of its
-//            neighbours where that is low. A seed with less than a fifth of its kind in a
-//            window of an 80th of the width around it is a mismatch. Between a scanner's lines there are more seeds:
-//            mark_between_lines(). All else takes the label of the seed that is nearest along a path through the
-//            picture (given/picture_paths.hpp): a laser's lines are far apart, and things end where colours do. Its
-//            kind: given/ground_kinds.hpp.
+//            and where the surface goes on upright: is_foot(), of a scanner goes_on_upright(). A seed with less than a
+//            fifth of its kind in a window of an 80th of the width around it is a mismatch. Between a scanner's lines
+//            there are more seeds: mark_between_lines(). All else takes the label of the seed that is nearest along a
+//            path through the picture (given/picture_paths.hpp): a laser's lines are far apart, and things end where
+//            colours do. Its kind: given/ground_kinds.hpp.
 //   plants   of what stands, where it looks like leaves (given/plant_look.hpp) and no scanner finds it smooth
 //            (given/scan_roughness.hpp): what is likely to, what may and hangs together with it, and small pieces
 //            within.
@@ -124,7 +123,7 @@ struct Slope {
   return false;
 }
 
-// How far above the ground (x, y) was measured, how far noise moves that, and from where on nothing is ground.
+// How far above the ground (x, y) was measured, two deviations of that, and from where on nothing is ground.
 struct MeasuredHeight {
   float above_m, noise_m, stands_m;
 };
@@ -137,17 +136,18 @@ struct MeasuredHeight {
 
 // Whether the surface at (x, y), too low to stand by its height alone, goes on upright as near as two deviations allow
 // to where it does stand, and, as near as four do, over the next .1 m: a pavement before a wall does not. False where
-// two deviations are over two metres: streets climb. For depth without gaps: five places in the column are asked.
+// two deviations are over two metres, for streets climb, and below two deviations of height. For depth that is no
+// scanner's: five places in the column are asked. The ray of (x, y) must fall.
 [[nodiscard]] inline bool is_foot(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
                                   const MeasuredHeight& height, int x, int y) noexcept {
   constexpr float kSteep = 2.0F;  // 63 degrees
   constexpr float kStep_m = 0.1F;
   constexpr int kPlaces = 4;
-  constexpr float kLeastKnown_m = 2.0F;
+  constexpr float kMostNoise_m = 2.0F;
   if (height.above_m <= height.noise_m || height.above_m > height.stands_m) return false;
   const float z = depth(x, y);
   const float noise_along_m = height.noise_m / depth_detail::fall_of_ray(ground, camera, x, y);  // two deviations
-  if (noise_along_m > kLeastKnown_m) return false;
+  if (noise_along_m > kMostNoise_m) return false;
   const Vec3f here = unproject_pixel(camera, x, y, z);
   const auto row_above = [&](float rise_m) {
     const float v = static_cast<float>(y) - std::ceil(rise_m * camera.fy / z);
@@ -165,12 +165,17 @@ struct MeasuredHeight {
   return false;
 }
 
+// Whether the ray of (x, y) falls to the ground within 300 m.
+[[nodiscard]] inline bool may_meet_ground(const GroundPlane& ground, const Intrinsics& camera, int x, int y) noexcept {
+  constexpr float kFarGround_m = 300.0F;
+  return depth_detail::fall_of_ray(ground, camera, x, y) * kFarGround_m > ground.camera_height_m;
+}
+
 // labels: what is unlabelled, measured and known by its height becomes road or building.
 // lines: of a scanner, whose points have no neighbours.
 inline void mark_by_height(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
                            const DepthNoise& noise, bool lines, ImageView<Label> labels) noexcept {
   constexpr Label kPerhaps = 255;
-  constexpr float kFarGround_m = 300.0F;
   constexpr float kFlatWithin = 2.5F;  // of what ground may be off, that which lies flat may
   constexpr float kFlatSlope = 0.01F;  // and of its depth
   constexpr float kStep = 0.25F;       // of a neighbour, of what ground may be off
@@ -181,8 +186,7 @@ inline void mark_by_height(ImageView<const float> depth, const Intrinsics& camer
   for (int y = 0; y < labels.height(); ++y) {
     for (int x = 0; x < labels.width(); ++x) {
       if (labels(x, y) != label::unlabeled) continue;
-      const float fall = depth_detail::fall_of_ray(ground, camera, x, y);
-      if (!(fall * kFarGround_m > ground.camera_height_m)) {
+      if (!may_meet_ground(ground, camera, x, y)) {
         labels(x, y) = label::building;
         continue;
       }
@@ -291,20 +295,23 @@ template <class Executor>
   return window_mean(seeds, stands, std::max(1, radius), 0.0F, 0.0F, workspace, share, executor);
 }
 
-// Noise moves each pixel of a foot by itself: of low seeds, those are of buildings that have more of them around.
+// Noise moves patches of a foot: of low seeds, those are of buildings that have more of them around, in a window three
+// patches wide, or a 160th of the picture if that is less. Posts narrower than half of it lose their foot.
 template <class Executor>
 [[nodiscard]] Status smooth_feet(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
                                  const DepthNoise& noise, ImageView<Label> labels, Workspace& workspace,
                                  Executor& executor) {
   constexpr int kInWidth = 320;
+  constexpr float kPatches = 1.5F;
+  const int radius = std::min(labels.width() / kInWidth, static_cast<int>(kPatches * noise.width_px));
   const WorkspaceScope scope(workspace);
   ImageView<float> share;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(labels.shape(), share));
-  NPSIM_RETURN_IF_ERROR(share_of_buildings(labels, labels.width() / kInWidth, share, workspace, executor));
+  NPSIM_RETURN_IF_ERROR(share_of_buildings(labels, radius, share, workspace, executor));
   for_pixels(labels.shape(), executor, [&](int x, int y) {
     Label& l = labels(x, y);
     if ((l != label::building && l != label::road) || !is_valid_depth(depth(x, y))) return;
-    if (!(depth_detail::fall_of_ray(ground, camera, x, y) > 0.0F)) return;
+    if (!may_meet_ground(ground, camera, x, y)) return;
     const MeasuredHeight height = measured_height(depth(x, y), camera, ground, noise, x, y);
     if (std::fabs(height.above_m) <= height.stands_m) l = share(x, y) > 0.5F ? label::building : label::road;
   });

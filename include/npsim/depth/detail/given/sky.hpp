@@ -31,7 +31,8 @@
 // the picture tells the sky from the rest of what is missing or beyond kMismatchedSky_m, it decides of all that as it
 // does of what is far in a dense map; where it does not, or what it calls sky was matched while the even part that is
 // missing at the top is not of it (bright houses below a dark sky), what was matched is surface, as for other sensors.
-// Fronts of other colours than the sky's that were matched as planes are stay (given/sky_walls.hpp).
+// Of a pair of known baseline, even pieces of other colours than the sky's that were matched as planes are stay surface
+// (given/sky_walls.hpp).
 // A laser measures wires, poles and crowns high above the rest, and what hangs or stands before the sky has sky below
 // and beside it. A gap is what it leaves out between two answers to one side of a pixel, one above the other. Where a
 // gap is three times as high as three of four are, the laser has looked without an answer, if its rows lie equally far
@@ -61,6 +62,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/vec.hpp"
 #include "npsim/core/workspace.hpp"
+#include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/detail/given/sky_map.hpp"
 #include "npsim/depth/detail/given/sky_walls.hpp"
 #include "npsim/depth/detail/ground_level.hpp"

@@ -12,9 +12,9 @@
 // - A piece less than half as large, most of which is whiter than that, by its darkest channel, or less blue, beyond
 //   quantiles, is a wall in the sun. A white wall that is larger is not told from a blue sky.
 // - Of a stereo pair a front goes on in the surface beside it without a step, and its disparity is as smooth as a
-//   plane's: of a pale front of a real frame .71 of the pixels lie within two deviations between those beside them, of
-//   the skies of four .03 to .27. A piece of colours of its own, most of which does, is a wall, unless the sky is as
-//   smooth, as where its matches were filled or smoothed.
+//   plane's: of a pale front of a real frame .71 of the pixels lie within two deviations of the mean of those a 256th
+//   of the width beside them, of the skies of four .03 to .27. A piece of colours of its own, most of which does, is
+//   a wall, unless the largest piece is as smooth, as where the matches of a sky were filled.
 // Pieces are found by 16 passes at most: windings fall into several.
 // Method: our own. Cost: a few passes. Memory: 29 bytes per pixel.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_SKY_WALLS_HPP
@@ -247,14 +247,14 @@ class SkyPieces {
 }
 
 // Of a stereo pair. map: kSky becomes kSurface where a piece goes on in what is surface, without a step of depth, was
-// matched for the most part as it is on planes, which the sky was not, and has not the sky's colours. noise: of the
-// depth; nothing is told where it is no pair's.
+// matched for the most part as it is on planes, which the sky was not, and has not the sky's colours. The sky is the
+// largest piece. noise: of the depth; nothing is told where the pair's baseline is unknown.
 [[nodiscard]] inline Status drop_matched_walls(ImageView<const Rgb8> image, ImageView<const float> depth,
                                                const DepthNoise& noise, ImageView<std::uint8_t> map,
                                                Workspace& workspace) noexcept {
-  constexpr float kOnPlane = 2.0F;  // deviations
-  constexpr float kNoStep = 4.0F;
-  constexpr float kNear = 10.0F;      // of 1 / z from that of the sky
+  constexpr float kOnPlane = 2.0F;    // deviations of 1 / z, as are the next two
+  constexpr float kNoStep = 4.0F;     // across kSeamRows, or as many columns
+  constexpr float kNear = 10.0F;      // from the sky's
   constexpr double kSmoothSky = 0.4;  // of its pixels as on planes: it was filled or smoothed
   constexpr int kInWidth = 256;       // of the distance between the three pixels that are compared
   if (noise.power != 0) return {};
