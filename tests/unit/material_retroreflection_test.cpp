@@ -113,6 +113,38 @@ double returned_by_beads(const CarAhead& car, double level, double outlines) {
   return sum / car.to_camera.z * std::min(open(car.to_lamp.z), open(car.to_camera.z));
 }
 
+// A level road of one albedo, seen from 1.4 m above it; rows before kTop are left out.
+struct LevelRoad {
+  static constexpr float kHeight = 1.4F;
+  static constexpr int kTop = 60;
+  Shape shape;
+  npsim_test::Image<Label> labels{shape, label::road};
+  npsim_test::Image<Vec3f> albedo{shape, Vec3f{0.1F, 0.1F, 0.1F}};
+  npsim_test::Image<float> depth{shape, 0.0F};
+  npsim_test::Image<Retroreflector> out{shape};
+  ReflectorScene scene;
+
+  LevelRoad(Shape s, const Intrinsics& camera)
+      : shape(s), scene{labels.cview(), {}, albedo.cview(), depth.cview(), camera, kHeight} {
+    each([&](int x, int y, float, float z) { depth.view()(x, y) = z; });
+  }
+  // f(x, y, m to the right, m away).
+  template <class F>
+  void each(const F& f) const {
+    const Intrinsics camera = scene.camera;
+    for (int y = kTop; y < shape.height; ++y) {
+      const float z = camera.fy * kHeight / (static_cast<float>(y) + 0.5F - camera.cy);
+      for (int x = 0; x < shape.width; ++x) f(x, y, (static_cast<float>(x) + 0.5F - camera.cx) / camera.fx * z, z);
+    }
+  }
+  [[nodiscard]] StatusCode find() {
+    npsim_test::Scratch scratch(find_retroreflectors_workspace_bytes(shape));
+    SerialExecutor serial;
+    return find_retroreflectors({}, 0.0F, scene, out.view(), scratch.workspace(), serial).code();
+  }
+  [[nodiscard]] bool is_paint(int x, int y) { return out.view()(x, y).kind == RetroKind::beads; }
+};
+
 }  // namespace
 
 TEST_CASE("retroreflection: painted beads return as rays traced through them do, 5 to 20 m ahead, within a fourth") {
@@ -251,13 +283,7 @@ TEST_CASE("retroreflection: wide pale ground is no paint, while lines, stop line
   // 1.4 m above a level road. Pale ground is a lane wide from 6 to 20 m, 2.4 times the asphalt; paint of 2.2 to 5
   // times: a line of .12 m, stop lines near and far, worn bars .55 m wide along the view with .45 m between them, bars
   // across it, and the line of a bay of which a strip of .3 m is seen between pavement and car.
-  const Shape shape{960, 480};
-  const Intrinsics camera{800.0F, 800.0F, 480.0F, 40.0F};
-  constexpr float kHeight = 1.4F;
-  constexpr int kTop = 60;
-  npsim_test::Image<Label> labels(shape, label::road);
-  npsim_test::Image<Vec3f> albedo(shape, Vec3f{0.1F, 0.1F, 0.1F});
-  npsim_test::Image<float> depth(shape, 0.0F);
+  LevelRoad road({960, 480}, {800.0F, 800.0F, 480.0F, 40.0F});
   const auto within = [](float v, float low, float high) { return v >= low && v < high; };
   enum class Kind { asphalt, pale, line, near_stop, far_stop, along, across, bay, other };
   const auto kind_at = [&](float x, float z) {
@@ -270,44 +296,27 @@ TEST_CASE("retroreflection: wide pale ground is no paint, while lines, stop line
     if (within(x, -7.2F, -7.0F)) return Kind::bay;
     return within(x, -7.25F, -6.95F) || x > -6.0F ? Kind::asphalt : Kind::other;
   };
-  const auto at = [&](int x, int y) {
-    const float z = camera.fy * kHeight / (static_cast<float>(y) + 0.5F - camera.cy);
-    return std::pair{(static_cast<float>(x) + 0.5F - camera.cx) / camera.fx * z, z};
-  };
-  for (int y = kTop; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      const auto [side, z] = at(x, y);
-      constexpr float kAlbedo[] = {0.1F, 0.24F, 0.4F, 0.5F, 0.5F, 0.22F, 0.22F, 0.5F, 0.2F};
-      const Kind kind = kind_at(side, z);
-      const float a = kAlbedo[static_cast<int>(kind)];
-      depth.view()(x, y) = z;
-      albedo.view()(x, y) = {a, a, a};
-      if (kind == Kind::other) labels.view()(x, y) = side < -7.25F ? label::sidewalk : label::car;
-    }
-  }
-  ReflectorScene scene{labels.cview(), {}, albedo.cview(), depth.cview(), camera, kHeight};
-  npsim_test::Image<Retroreflector> out(shape);
-  npsim_test::Scratch scratch(find_retroreflectors_workspace_bytes(shape));
-  SerialExecutor serial;
-  const auto find = [&] {
-    return find_retroreflectors({}, 0.0F, scene, out.view(), scratch.workspace(), serial).code();
-  };
+  road.each([&](int x, int y, float side, float z) {
+    constexpr float kAlbedo[] = {0.1F, 0.24F, 0.4F, 0.5F, 0.5F, 0.22F, 0.22F, 0.5F, 0.2F};
+    const Kind kind = kind_at(side, z);
+    const float a = kAlbedo[static_cast<int>(kind)];
+    road.albedo.view()(x, y) = {a, a, a};
+    if (kind == Kind::other) road.labels.view()(x, y) = side < -7.25F ? label::sidewalk : label::car;
+  });
+  const ReflectorScene scene = road.scene;
   const auto share_of_paint = [&](Kind kind, float border_m) {
     int all = 0, painted = 0;
-    for (int y = kTop; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        const auto [side, z] = at(x, y);
-        if (kind_at(side, z) != kind) continue;
-        if (kind_at(side - border_m, z) != kind || kind_at(side + border_m, z) != kind) continue;
-        if (kind_at(side, z - border_m) != kind || kind_at(side, z + border_m) != kind) continue;
-        ++all;
-        if (out.view()(x, y).kind == RetroKind::beads) ++painted;
-      }
-    }
+    road.each([&](int x, int y, float side, float z) {
+      if (kind_at(side, z) != kind) return;
+      if (kind_at(side - border_m, z) != kind || kind_at(side + border_m, z) != kind) return;
+      if (kind_at(side, z - border_m) != kind || kind_at(side, z + border_m) != kind) return;
+      ++all;
+      painted += road.is_paint(x, y) ? 1 : 0;
+    });
     REQUIRE(all > 50);
     return static_cast<double>(painted) / all;
   };
-  REQUIRE(find() == StatusCode::ok);
+  REQUIRE(road.find() == StatusCode::ok);
   CHECK(share_of_paint(Kind::asphalt, 0.0F) == 0.0);
   CHECK(share_of_paint(Kind::pale, 1.1F) == 0.0);
   CHECK(share_of_paint(Kind::pale, 0.0F) < 0.4);  // its borders
@@ -315,44 +324,28 @@ TEST_CASE("retroreflection: wide pale ground is no paint, while lines, stop line
     CAPTURE(static_cast<int>(kind));
     CHECK(share_of_paint(kind, 0.0F) > 0.98);
   }
-  scene.camera_height_m = -1.0F;
-  CHECK(find() == StatusCode::invalid_argument);
-  scene.camera_height_m = kHeight;
-  scene.camera.fx = 0.0F;
-  CHECK(find() == StatusCode::invalid_argument);
-  scene.depth = depth.cview().sub(0, 0, {10, 10});
-  CHECK(find() == StatusCode::shape_mismatch);
-  scene.depth = {};  // the road's median alone
-  REQUIRE(find() == StatusCode::ok);
+  road.scene.camera_height_m = -1.0F;
+  CHECK(road.find() == StatusCode::invalid_argument);
+  road.scene.camera_height_m = LevelRoad::kHeight;
+  road.scene.camera.fx = 0.0F;
+  CHECK(road.find() == StatusCode::invalid_argument);
+  road.scene.depth = road.depth.cview().sub(0, 0, {10, 10});
+  CHECK(road.find() == StatusCode::shape_mismatch);
+  road.scene.depth = {};  // the road's median alone
+  REQUIRE(road.find() == StatusCode::ok);
+  road.scene = scene;
   CHECK(share_of_paint(Kind::pale, 0.0F) == 1.0);
 }
 
 TEST_CASE("retroreflection: a stretch of road that gets twice as pale over 1.5 m and darker again is no paint") {
-  const Shape shape{480, 240};
-  const Intrinsics camera{400.0F, 400.0F, 240.0F, 20.0F};
-  constexpr float kHeight = 1.4F;
-  constexpr int kTop = 60;
-  npsim_test::Image<Label> labels(shape, label::road);
-  npsim_test::Image<Vec3f> albedo(shape, Vec3f{0.1F, 0.1F, 0.1F});
-  npsim_test::Image<float> depth(shape, 0.0F);
-  npsim_test::Image<Retroreflector> out(shape);
-  for (int y = kTop; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      const float z = camera.fy * kHeight / (static_cast<float>(y) + 0.5F - camera.cy);
-      const float side = (static_cast<float>(x) + 0.5F - camera.cx) / camera.fx * z;
-      const float a = 0.1F + 0.12F * std::fmax(0.0F, 1.0F - std::fabs(side) / 1.5F);
-      depth.view()(x, y) = z;
-      albedo.view()(x, y) = {a, a, a};
-    }
-  }
-  npsim_test::Scratch scratch(find_retroreflectors_workspace_bytes(shape));
-  SerialExecutor serial;
-  const ReflectorScene scene{labels.cview(), {}, albedo.cview(), depth.cview(), camera, kHeight};
-  REQUIRE(find_retroreflectors({}, 0.0F, scene, out.view(), scratch.workspace(), serial).ok());
+  LevelRoad road({480, 240}, {400.0F, 400.0F, 240.0F, 20.0F});
+  road.each([&](int x, int y, float side, float) {
+    const float a = 0.1F + 0.12F * std::fmax(0.0F, 1.0F - std::fabs(side) / 1.5F);
+    road.albedo.view()(x, y) = {a, a, a};
+  });
+  REQUIRE(road.find() == StatusCode::ok);
   int painted = 0;
-  for (int y = kTop; y < 180; ++y) {
-    for (int x = 0; x < shape.width; ++x) painted += out.view()(x, y).kind == RetroKind::beads ? 1 : 0;
-  }
+  road.each([&](int x, int y, float, float) { painted += y < 180 && road.is_paint(x, y) ? 1 : 0; });
   CHECK(painted < 100);  // far away, where less is seen around
 }
 

@@ -97,13 +97,14 @@ struct Slope {
   return flat(1) && flat(-1);
 }
 
+inline constexpr float kSteep = 2.0F;  // 63 degrees, of what is upright
+
 // Whether something measured above (x, y), kLow_m to half a metre higher, is as far away: the surface is upright. The
 // first 16 points above are asked.
 [[nodiscard]] inline bool goes_on_upright(ImageView<const float> depth, const Intrinsics& camera,
                                           const GroundPlane& ground, int x, int y) noexcept {
   constexpr float kLow_m = 0.1F;  // noise of lower ones counts for more than what they rise
   constexpr float kHigh_m = 0.5F;
-  constexpr float kSteep = 2.0F;  // 63 degrees
   constexpr int kPoints = 16;
   const float z = depth(x, y);
   const Vec3f here = unproject_pixel(camera, x, y, z);
@@ -140,7 +141,6 @@ struct MeasuredHeight {
 // scanner's: five places in the column are asked. The ray of (x, y) must fall.
 [[nodiscard]] inline bool is_foot(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
                                   const MeasuredHeight& height, int x, int y) noexcept {
-  constexpr float kSteep = 2.0F;  // 63 degrees
   constexpr float kStep_m = 0.1F;
   constexpr int kPlaces = 4;
   constexpr float kMostNoise_m = 2.0F;
