@@ -10,6 +10,7 @@
 #include <limits>
 
 #include "fixture.hpp"
+#include "npsim/depth/detail/measured/hanging_points.hpp"
 #include "npsim/depth/detail/measured/hidden_points.hpp"
 #include "npsim/depth/detail/measured/unlabelled_matches.hpp"
 
@@ -42,6 +43,20 @@ struct Frame {
   [[nodiscard]] Image<float> visible(Executor executor = {}) const {
     Image<float> kept = measured;
     refine_detail::drop_hidden_points(measured.cview(), kept.view(), executor);
+    return kept;
+  }
+  // Lines of a scanner, 10 rows apart, on the ground.
+  void scan_ground() {
+    for (const int y : {46, 52, 60, 70, 80, 90, 100}) {
+      for (int x = 0; x < kShape.width; x += 3) {
+        measured(x, y) = kGround.camera_height_m * kCamera.fy / (static_cast<float>(y) - kCamera.cy);
+      }
+    }
+  }
+  template <class Executor = SerialExecutor>
+  [[nodiscard]] Image<float> before_ground(GroundPlane ground = kGround, Executor executor = {}) const {
+    Image<float> kept = measured;
+    refine_detail::drop_hanging_points(measured.cview(), kCamera, ground, kept.view(), executor);
     return kept;
   }
   template <class Executor = SerialExecutor>
@@ -322,6 +337,81 @@ TEST_CASE("unlabelled matches: a blot in an even sky goes, one of another colour
   CHECK(kept(239, 159) == 0.0F);
 }
 
+TEST_CASE("hanging points: a rope in one line, and a tape in those of two sweeps, go; ground and the post stay") {
+  Frame f;
+  f.scan_ground();
+  Image<std::uint8_t> hangs(kShape, 0);
+  const auto hit = [&](int x, int y, float z, bool alone) {
+    f.measured(x, y) = z;
+    hangs(x, y) = alone ? 1 : 0;
+  };
+  for (int x = 21; x < 60; x += 3) {
+    hit(x, 70, 7.6F, false);  // the ground rises by .36 m
+    hit(x, 80, 4.0F, true);   // .7 m high
+  }
+  for (int x = 90; x < 129; x += 3) hit(x, 80, 4.0F, true);
+  for (int x = 91; x < 129; x += 3) hit(x, 82, 4.0F, true);
+  for (const int y : {60, 70, 80, 90, 100}) hit(198, y, 4.0F, false);
+  hit(189, 80, 4.0F, true);                                      // a twig beside the post
+  for (const int x : {210, 213, 216}) hit(x, 60, 10.5F, false);  // a box: the next line meets the ground before it
+  const Image<float> kept = f.before_ground();
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      CAPTURE(x);
+      CAPTURE(y);
+      REQUIRE(kept(x, y) == (hangs(x, y) != 0 ? 0.0F : f.measured(x, y)));
+    }
+  }
+  BackwardExecutor backward;
+  const Image<float> again = f.before_ground(kGround, backward);
+  GroundPlane unknown = kGround;
+  unknown.inlier_share = 0.0F;
+  const Image<float> all = f.before_ground(unknown);
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      REQUIRE(again(x, y) == kept(x, y));
+      REQUIRE(all(x, y) == f.measured(x, y));
+    }
+  }
+}
+
+TEST_CASE(
+    "hanging points: a bollard whose points lie between the lines of the ground behind it stays, a near one too") {
+  struct Bollard {
+    int low, apart;
+    float z, noise;
+  };
+  for (const Bollard b : {Bollard{78, 11, 7.0F, 0.15F}, Bollard{84, 7, 2.0F, 0.0F}}) {
+    Frame f;
+    f.scan_ground();
+    const int middle = b.low - b.apart;
+    f.measured(121, b.low) = f.measured(121, middle - b.apart) = b.z + b.noise;
+    f.measured(121, middle) = b.z;
+    CHECK(f.before_ground()(121, middle) == b.z);
+    CHECK(f.before_ground()(121, middle - b.apart) == b.z + b.noise);
+    f.measured(121, b.low) = f.measured(121, middle - b.apart) = 0.0F;
+    CHECK(f.before_ground()(121, middle) == 0.0F);
+    f.measured(121, middle - b.apart - 1) = 1.06F * b.z;  // another twig
+    CHECK(f.before_ground()(121, middle) == 0.0F);
+  }
+}
+
+TEST_CASE("hanging points: a branch before a wall, or before the sky, stays; so does one hit in every row") {
+  Frame f;
+  f.scan_ground();
+  for (int x = 0; x < kShape.width; x += 3) f.measured(x, 60) = x < 120 ? 8.0F : 0.0F;  // a wall, and nothing
+  for (int x = 120; x < kShape.width; x += 3) f.measured(x, 52) = f.measured(x, 46) = 0.0F;
+  f.measured(60, 70) = f.measured(180, 70) = 6.0F;
+  CHECK(f.before_ground()(60, 70) == 6.0F);
+  CHECK(f.before_ground()(180, 70) == 6.0F);
+  Frame dense;
+  for (int y = 46; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; x += 2) dense.measured(x, y) = 300.0F / (static_cast<float>(y) - 40.0F);
+  }
+  dense.measured(120, 80) = 4.0F;
+  CHECK(dense.before_ground()(120, 80) == 4.0F);
+}
+
 TEST_CASE("unlabelled matches: a road in whole pixels of disparity, of one colour, keeps its bands") {
   Frame f;
   for (int y = 0; y < kShape.height; ++y) {
@@ -342,6 +432,7 @@ TEST_CASE("unlabelled matches: no depth, NaN, infinite and negative depth, one p
   CHECK(std::isnan(kept(5, 5)));
   CHECK(kept(7, 5) == -1.0F);
   CHECK(std::isnan(f.visible()(5, 5)));
+  CHECK(std::isnan(f.before_ground()(5, 5)));
   Image<Rgb8> image({1, 1}, kWall);
   Image<float> one({1, 1}, 3.0F);
   Image<float> out = one;

@@ -38,6 +38,7 @@
 #include "npsim/depth/detail/given/guessed_labels.hpp"
 #include "npsim/depth/detail/given/unlabelled_borders.hpp"
 #include "npsim/depth/detail/given/unlabelled_ground.hpp"
+#include "npsim/depth/detail/measured/hanging_points.hpp"
 #include "npsim/depth/detail/measured/hidden_points.hpp"
 #include "npsim/depth/detail/measured/unlabelled_matches.hpp"
 #include "npsim/depth/detail/object_borders.hpp"
@@ -111,6 +112,7 @@ template <class Executor>
       return drop_unlabelled_matches(scene.image, scene.depth, spill.reach_px, measured, workspace, executor);
     }
     drop_hidden_points(scene.depth, measured, executor);
+    drop_hanging_points(scene.depth, scene.camera, ground, measured, executor);
     return {};
   }
   const SpillView view{scene.camera, ground, stereo ? stereo_focal_baseline_px_m(params.source, scene) : 0.0F};
