@@ -416,6 +416,36 @@ TEST_CASE("exact depth without labels: a car's sill low over the road is no kerb
   }
 }
 
+TEST_CASE("the bonnet of the own car is no surface: without labels, and where these call it a car, but no road") {
+  constexpr float kCamera_m = 1.2F;
+  const auto is_bonnet = [](int y) { return 0.2F / fall(y) < 1.5F && fall(y) > 0.0F; };
+  Image<float> depth(kShape, 150.0F);
+  Image<Label> labels(kShape, label::building);
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (fall(y) > 0.01F) depth(x, y) = (is_bonnet(y) ? 0.2F : kCamera_m) / fall(y);
+      if (fall(y) > 0.01F) labels(x, y) = is_bonnet(y) ? label::car : label::road;
+    }
+  }
+  REQUIRE(is_bonnet(kShape.height - 1));
+  Image<Label> road = labels;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) road(x, y) = is_bonnet(y) ? label::road : labels(x, y);
+  }
+  for (const DepthSource source : {DepthSource::network, DepthSource::exact}) {
+    const Chain guessed(depth, source, {}, {}, 90);
+    const Chain given(depth, source, labels.cview(), {}, 90);
+    const Chain none(depth, source, road.cview(), {}, 90);
+    REQUIRE(guessed.out.ground.inlier_share > 0.0F);
+    for (int y = 100; y < kShape.height; ++y) {
+      CAPTURE(y);
+      CHECK((guessed.out.surface(160, y) == 0) == is_bonnet(y));
+      CHECK((given.out.surface(160, y) == 0) == is_bonnet(y));
+      CHECK(none.out.surface(160, y) == 1);
+    }
+  }
+}
+
 TEST_CASE("without labels the road goes on as a plane below the lowest row of a laser, a car's side does not") {
   const auto side = [](int x) { return x < 60; };  // of a car, upright from 10 rows above the lowest measured one
   Image<float> depth = street();

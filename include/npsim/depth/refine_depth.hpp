@@ -36,6 +36,7 @@
 #include "npsim/depth/detail/estimated/surface_jumps.hpp"
 #include "npsim/depth/detail/fill/fill_confidence.hpp"
 #include "npsim/depth/detail/given/guessed_labels.hpp"
+#include "npsim/depth/detail/given/own_car.hpp"
 #include "npsim/depth/detail/given/unlabelled_borders.hpp"
 #include "npsim/depth/detail/given/unlabelled_ground.hpp"
 #include "npsim/depth/detail/measured/hanging_points.hpp"
@@ -172,6 +173,10 @@ template <class Executor>
   if (!out.labels_guessed) {  // else the guess has estimated it
     NPSIM_RETURN_IF_ERROR(
         estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, out.ground));
+  }
+  if (!is_laser(params, out)) {
+    const LabelSet kept = out.labels_guessed ? kNoSurfaceLabels : kGroundLabels | kNoSurfaceLabels;
+    mark_own_car(scene.depth, scene.camera, out.ground, kept, labels);
   }
   NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, given, out, measured, workspace, executor));
   if (!out.labels_guessed) {
