@@ -2,8 +2,8 @@
 // Section 3.4: the depth refinement kernel, from the depth as given to one that a mesh can be built on.
 //
 //   find the source -> guess labels where there are none -> clear outlines of plants, signs -> fit the ground plane
-//     -> drop outliers, lay markings, fill -> sharpen edges -> anchor ground -> cross-bilateral filter (3.2)
-//     -> uncertain map (3.3) -> normal-guided refinement (3.6 - 3.9)
+//     -> find the own car -> drop outliers, lay markings, fill -> sharpen edges -> anchor ground
+//     -> cross-bilateral filter (3.2) -> uncertain map (3.3) -> normal-guided refinement (3.6 - 3.9)
 //     -> faces of kerbs, or surfaces without the noise that was measured
 // The thesis has neither sharpening nor anchoring, and no kerbs. The first two, and the filter, mend what networks do
 // wrong and harm what was measured (docs/evaluation.md), so they are left out for stereo, laser and exact depth
