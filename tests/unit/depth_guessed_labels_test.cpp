@@ -259,6 +259,22 @@ TEST_CASE("guessed labels: a bumper whose ribs a laser measures at every other l
   CHECK(s.share(label::road, 205, 275, 195, 270) > 0.98);
 }
 
+TEST_CASE("guessed labels: road goes on below a laser's lowest line, not over a car below it or a black one's front") {
+  Street s;
+  const auto is_grey = [](int x, int y) { return x < 100 && y >= 200; };    // as the road
+  const auto is_black = [](int x, int y) { return x >= 380 && y >= 200; };  // seen from 430 on
+  s.paint([&](int x, int y) { return is_black(x, y) ? Vec3f{0.01F, 0.01F, 0.01F} : Vec3f{0.2F, 0.2F, 0.2F}; });
+  s.scan(9, 0, [&](int x, int y) {
+    if (is_grey(x, y)) return y < 250 ? 4.0F : 0.0F;
+    if (is_black(x, y)) return x >= 430 && y < 250 ? 4.0F : 0.0F;
+    return y < 184 || x < 100 || x >= 380 ? std::fmin(20.0F, road_m(y)) : 0.0F;
+  });
+  s.guess();
+  CHECK(s.share(label::road, 105, 375, 170, 270) == 1.0);
+  CHECK(s.share(label::building, 0, 98, 205, 240) == 1.0);
+  CHECK(s.share(label::building, 385, 480, 205, 240) == 1.0);
+}
+
 TEST_CASE("guessed labels: between a laser's lines a shade as dark as the car that casts it is road") {
   Street s;
   s.paint([](int x, int y) {

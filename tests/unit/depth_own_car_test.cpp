@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <limits>
 
 #include "fixture.hpp"
@@ -36,8 +37,9 @@ struct View {
   }
   [[nodiscard]] static float fall(int y) { return (static_cast<float>(y) + 0.5F - kCamera.cy) / kCamera.fy; }
   [[nodiscard]] static bool is_bonnet(int x, int y) { return x >= 20 && x < 220 && fall(y) > 0.125F; }  // 2 m
-  void mark(LabelSet kept = kNoSurfaceLabels) {
-    refine_detail::mark_own_car(depth.cview(), kCamera, ground, kept, labels.view());
+  void mark(LabelSet may_be = refine_detail::kGuessedBonnetLabels, ImageView<const std::uint16_t> lights = {},
+            const Intrinsics& camera = kCamera) {
+    refine_detail::mark_own_car(depth.cview(), camera, ground, may_be, lights, labels.view());
   }
   // Own: what is to be of the own car; all else keeps what it is labelled.
   template <class Own>
@@ -57,8 +59,8 @@ struct View {
 
 }  // namespace
 
-TEST_CASE("own car: a bonnet is of the own car, in metres and in any other scale; the road and a car ahead are not") {
-  for (const float scale : {1.0F, 0.2F, 7.0F}) {
+TEST_CASE("own car: a bonnet is of the own car, in metres and in scales near it; the road and a car ahead are not") {
+  for (const float scale : {1.0F, 0.7F, 7.0F}) {
     View v;
     v.depth.fill_rectangle(90, 40, 150, 84, 4.0F);           // its foot is hidden by the bonnet
     v.depth.fill_rectangle(0, 20, 12, kShape.height, 2.3F);  // beside the bonnet
@@ -69,6 +71,28 @@ TEST_CASE("own car: a bonnet is of the own car, in metres and in any other scale
     v.mark();
     v.check(View::is_bonnet);
   }
+}
+
+TEST_CASE("own car: people that stand at the bumper, and a wall close beside, keep all but the pixels at the outline") {
+  View v;
+  v.depth.fill_rectangle(100, 20, 130, 100, 2.5F);  // hides a part of the bonnet
+  v.depth.fill_rectangle(0, 20, 20, kShape.height, 1.4F);
+  const auto is_person = [](int x, int y) { return x >= 100 && x < 130 && y >= 20 && y < 100; };
+  v.mark();
+  int taken = 0;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      const bool own = v.labels(x, y) == label::ego_vehicle;
+      if (is_person(x, y) || x == 19) {
+        taken += own ? 1 : 0;
+      } else if (View::is_bonnet(x, y)) {
+        REQUIRE(own);
+      } else {
+        REQUIRE_FALSE(own);
+      }
+    }
+  }
+  CHECK(taken <= 2 * (100 - 85) + 30 + (kShape.height - 85));  // one pixel wide
 }
 
 TEST_CASE("own car: the ramp that a network draws between bonnet and road goes, the road behind it stays") {
@@ -107,7 +131,8 @@ TEST_CASE("own car: what was not measured of a bonnet, and below it, is of it") 
   v.check(View::is_bonnet);
 }
 
-TEST_CASE("own car: less than half of the lowest row, a table in a room, or the far end of a bonnet too far is none") {
+TEST_CASE(
+    "own car: half of the lowest row, a table in a room, what stands ahead or to both sides, and what is far is none") {
   View beside;
   beside.depth.fill_rectangle(0, 80, 20, kShape.height, 2.0F);
   for (int y = 80; y < kShape.height; ++y) {
@@ -126,18 +151,36 @@ TEST_CASE("own car: less than half of the lowest row, a table in a room, or the 
   room.mark();
   room.check(View::is_bonnet);
 
+  // Lorries and people ahead are upright, walls to both sides leave the middle free.
+  View lorry;
+  lorry.depth.fill_rectangle(0, 30, kShape.width, kShape.height, 1.5F);
+  lorry.mark();
+  lorry.check_none();
+  View lane;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (std::abs(x - 120) < 50 && y > 62) lane.depth(x, y) = 1.2F / View::fall(y);
+    }
+  }
+  lane.mark();
+  lane.check_none();
+
+  // The same bonnet seen by a lens of twice the length lies nearer than 2.2 heights of the camera, or farther.
   constexpr Intrinsics kTele{400, 400, 120, 60};
-  for (const float z : {2.6F, 2.7F}) {
-    View lorry;  // that stands ahead
-    lorry.depth.fill_rectangle(20, 30, 220, kShape.height, z);
-    lorry.depth.fill_rectangle(0, 0, 20, kShape.height, 200.0F);
-    lorry.depth.fill_rectangle(220, 0, kShape.width, kShape.height, 200.0F);
-    refine_detail::mark_own_car(lorry.depth.cview(), kTele, lorry.ground, kNoSurfaceLabels, lorry.labels.view());
-    CHECK(lorry.labels(120, 159) == (z < 2.65F ? label::ego_vehicle : kThing));
+  for (const float z : {2.5F, 2.8F}) {
+    View far;
+    for (int y = 0; y < kShape.height; ++y) {
+      for (int x = 0; x < kShape.width; ++x) {
+        const float fall = 0.5F * View::fall(y);
+        far.depth(x, y) = fall > 0.125F ? z * 0.2475F / fall : (fall > 0.006F ? 1.2F / fall : 200.0F);
+      }
+    }
+    far.mark(refine_detail::kGuessedBonnetLabels, {}, kTele);
+    CHECK(far.labels(120, 159) == (z < 2.64F ? label::ego_vehicle : kThing));
   }
 }
 
-TEST_CASE("own car: a kerb, the road, kept labels, and no ground") {
+TEST_CASE("own car: what is low or high, labels that tell otherwise, marked lights, robots, and no ground") {
   View low;  // .28 m above the ground
   for (int y = 0; y < kShape.height; ++y) {
     for (int x = 0; x < kShape.width; ++x) {
@@ -147,13 +190,43 @@ TEST_CASE("own car: a kerb, the road, kept labels, and no ground") {
   low.mark();
   low.check_none();
 
+  View high;  // above .9 of the camera's height
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) {
+      if (View::is_bonnet(x, y)) high.depth(x, y) = 0.1F / View::fall(y);
+    }
+  }
+  high.mark();
+  high.check_none();
+
   View labelled;
-  labelled.labels.fill_rectangle(60, 0, 100, kShape.height, label::road);
-  labelled.labels.fill_rectangle(150, 90, 160, 95, label::sky);
-  labelled.mark(kGroundLabels | kNoSurfaceLabels);
+  labelled.labels.fill_rectangle(0, 0, kShape.width, kShape.height, label::car);
+  labelled.labels.fill_rectangle(40, 0, 55, kShape.height, label::road);
+  labelled.labels.fill_rectangle(190, 90, 200, 110, label::person);
+  labelled.labels.fill_rectangle(60, 120, 65, 125, label::road);
+  labelled.depth.fill_rectangle(45, 120, 65, 125, 0.0F);
+  Image<std::uint16_t> lights(kShape, 0);
+  lights.fill_rectangle(100, 100, 110, 105, 1);
+  labelled.mark(refine_detail::kBonnetLabels, lights.cview());
   labelled.check([](int x, int y) {
-    return View::is_bonnet(x, y) && (x < 60 || x >= 100) && (x < 150 || x >= 160 || y < 90 || y >= 95);
+    const bool person = x >= 190 && x < 200 && y >= 90 && y < 110;
+    const bool hole = x >= 60 && x < 65 && y >= 120 && y < 125;
+    const bool light = x >= 100 && x < 110 && y >= 100 && y < 105;
+    return View::is_bonnet(x, y) && (x < 40 || x >= 55) && !hole && !person && !light;
   });
+
+  View told;
+  told.labels(3, 3) = label::ego_vehicle;
+  told.mark();
+  told.check([](int x, int y) { return x == 3 && y == 3; });
+
+  View robot;
+  for (int y = 0; y < kShape.height; ++y) {
+    for (int x = 0; x < kShape.width; ++x) robot.depth(x, y) *= 0.6F;
+  }
+  robot.ground.camera_height_m *= 0.6F;
+  robot.mark();
+  robot.check_none();
 
   View unknown;
   unknown.ground.inlier_share = 0.0F;
@@ -162,7 +235,7 @@ TEST_CASE("own car: a kerb, the road, kept labels, and no ground") {
 
   Image<float> one({1, 1}, 1.0F);
   Image<Label> of_one({1, 1}, kThing);
-  refine_detail::mark_own_car(one.cview(), kCamera, GroundPlane{{0, -1, 0}, 1.2F, 0.9F}, kNoSurfaceLabels,
-                              of_one.view());
+  refine_detail::mark_own_car(one.cview(), kCamera, GroundPlane{{0, -1, 0}, 1.2F, 0.9F},
+                              refine_detail::kGuessedBonnetLabels, {}, of_one.view());
   CHECK(of_one(0, 0) == kThing);
 }

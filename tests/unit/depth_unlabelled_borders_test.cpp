@@ -42,7 +42,8 @@ struct Frame {
   template <class Executor = SerialExecutor>
   [[nodiscard]] Image<float> visible(Executor executor = {}) const {
     Image<float> kept = measured;
-    refine_detail::drop_hidden_points(measured.cview(), kept.view(), executor);
+    refine_detail::drop_hidden_points(measured.cview(), refine_detail::hidden_reach_px(measured.cview()), kept.view(),
+                                      executor);
     return kept;
   }
   // Lines of a scanner, 10 rows apart, on the ground.
@@ -56,7 +57,8 @@ struct Frame {
   template <class Executor = SerialExecutor>
   [[nodiscard]] Image<float> before_ground(GroundPlane ground = kGround, Executor executor = {}) const {
     Image<float> kept = measured;
-    refine_detail::drop_hanging_points(measured.cview(), kCamera, ground, kept.view(), executor);
+    refine_detail::drop_hanging_points(measured.cview(), kCamera, ground,
+                                       refine_detail::hidden_reach_px(measured.cview()), kept.view(), executor);
     return kept;
   }
   template <class Executor = SerialExecutor>
@@ -347,13 +349,14 @@ TEST_CASE("hanging points: a rope in one line, and a tape in those of two sweeps
   };
   for (int x = 21; x < 60; x += 3) {
     hit(x, 70, 7.6F, false);  // the ground rises by .36 m
-    hit(x, 80, 4.0F, true);   // .7 m high
+    hit(x, 80, 2.9F, true);   // .9 m high
   }
-  for (int x = 90; x < 129; x += 3) hit(x, 80, 4.0F, true);
-  for (int x = 91; x < 129; x += 3) hit(x, 82, 4.0F, true);
-  for (const int y : {60, 70, 80, 90, 100}) hit(198, y, 4.0F, false);
-  hit(189, 80, 4.0F, true);                                      // a twig beside the post
+  for (int x = 90; x < 129; x += 3) hit(x, 80, 2.9F, true);
+  for (int x = 91; x < 129; x += 3) hit(x, 82, 2.9F, true);
+  for (const int y : {60, 70, 80, 90, 100}) hit(198, y, 2.9F, false);
+  hit(189, 80, 2.9F, true);                                      // a twig beside the post
   for (const int x : {210, 213, 216}) hit(x, 60, 10.5F, false);  // a box: the next line meets the ground before it
+  for (const int x : {3, 6}) hit(x, 80, 3.1F, false);            // lines are .31 m apart: a guard rail
   const Image<float> kept = f.before_ground();
   for (int y = 0; y < kShape.height; ++y) {
     for (int x = 0; x < kShape.width; ++x) {
@@ -381,7 +384,7 @@ TEST_CASE(
     int low, apart;
     float z, noise;
   };
-  for (const Bollard b : {Bollard{78, 11, 7.0F, 0.15F}, Bollard{84, 7, 2.0F, 0.0F}}) {
+  for (const Bollard b : {Bollard{78, 11, 2.7F, 0.05F}, Bollard{84, 7, 2.0F, 0.0F}}) {
     Frame f;
     f.scan_ground();
     const int middle = b.low - b.apart;
@@ -396,14 +399,76 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("hanging points: of a scanner above and behind the camera, what stands keeps its points, a near rope goes") {
+  constexpr Shape kPicture{800, 450};
+  constexpr Intrinsics kWide{633, 633, 408, 245};
+  constexpr GroundPlane kRoad{{0, -1, 0}, 1.5F, 0.9F};
+  constexpr float kHigher_m = 0.33F, kBehind_m = 0.76F;
+  struct Thing {
+    float width_m, low_m, high_m;
+    double most_lost, least_lost;  // of its points
+    float from_m, to_m;
+  };
+  // Of the rail lines graze edges.
+  for (const Thing& t :
+       {Thing{0.1F, 0.0F, 0.9F, 0.0, 0.0, 4.0F, 30.0F}, Thing{0.25F, 0.0F, 0.75F, 0.0, 0.0, 4.0F, 30.0F},
+        Thing{0.3F, 0.0F, 1.1F, 0.0, 0.0, 4.0F, 30.0F}, Thing{1.8F, 0.2F, 1.4F, 0.0, 0.0, 4.0F, 30.0F},
+        Thing{2.0F, 0.45F, 0.76F, 0.03, 0.0, 4.0F, 20.0F}, Thing{3.0F, 0.5F, 0.52F, 1.0, 0.7, 3.0F, 5.0F}}) {
+    int hit = 0;
+    int lost = 0;
+    int ground = 0;
+    for (float z = t.from_m; z < t.to_m; z += 0.37F) {
+      Image<float> depth(kPicture, 0.0F);
+      Image<std::uint8_t> of_thing(kPicture, 0);
+      for (int line = 0; line < 32; ++line) {
+        const float slope = std::tan(0.01745F * (10.67F - 1.3333F * static_cast<float>(line)));  // up
+        for (int beam = -100; beam <= 100; ++beam) {
+          const float aside = std::tan(0.01745F * 0.33F * static_cast<float>(beam));
+          const float reach = std::sqrt(1.0F + aside * aside);
+          const float to_thing = z + kBehind_m;
+          const float high_m = kRoad.camera_height_m + kHigher_m + slope * reach * to_thing;
+          const bool thing = std::fabs(aside * to_thing) < 0.5F * t.width_m && high_m >= t.low_m && high_m < t.high_m;
+          const float to_ground = slope < 0.0F ? (kRoad.camera_height_m + kHigher_m) / (-slope * reach) : 1e9F;
+          const float along = thing && to_thing < to_ground ? to_thing : to_ground;
+          if (along > 80.0F || along < kBehind_m + 0.5F) continue;
+          const float ahead = along - kBehind_m;
+          const float height_m = kHigher_m + slope * reach * along;  // above the camera
+          const auto x = static_cast<int>(std::floor(kWide.fx * aside * along / ahead + kWide.cx));
+          const auto y = static_cast<int>(std::floor(kWide.cy - kWide.fy * height_m / ahead));
+          if (!depth.view().contains(x, y) || (depth(x, y) > 0.0F && depth(x, y) < ahead)) continue;
+          depth(x, y) = ahead;
+          of_thing(x, y) = along == to_thing ? 1 : 0;
+        }
+      }
+      Image<float> kept = depth;
+      SerialExecutor serial;
+      refine_detail::drop_hanging_points(depth.cview(), kWide, kRoad, refine_detail::hidden_reach_px(depth.cview()),
+                                         kept.view(), serial);
+      for (int y = 0; y < kPicture.height; ++y) {
+        for (int x = 0; x < kPicture.width; ++x) {
+          const bool gone = depth(x, y) > 0.0F && !(kept(x, y) > 0.0F);
+          hit += of_thing(x, y);
+          lost += of_thing(x, y) != 0 && gone ? 1 : 0;
+          ground += of_thing(x, y) == 0 && gone ? 1 : 0;
+        }
+      }
+    }
+    CAPTURE(t.width_m);
+    REQUIRE(hit > 50);
+    CHECK(ground == 0);
+    CHECK(lost <= t.most_lost * hit);
+    CHECK(lost >= t.least_lost * hit);
+  }
+}
+
 TEST_CASE("hanging points: a branch before a wall, or before the sky, stays; so does one hit in every row") {
   Frame f;
   f.scan_ground();
-  for (int x = 0; x < kShape.width; x += 3) f.measured(x, 60) = x < 120 ? 8.0F : 0.0F;  // a wall, and nothing
-  for (int x = 120; x < kShape.width; x += 3) f.measured(x, 52) = f.measured(x, 46) = 0.0F;
-  f.measured(60, 70) = f.measured(180, 70) = 6.0F;
-  CHECK(f.before_ground()(60, 70) == 6.0F);
-  CHECK(f.before_ground()(180, 70) == 6.0F);
+  for (int x = 0; x < kShape.width; x += 3) f.measured(x, 70) = x < 120 ? 5.0F : 0.0F;  // a wall, and nothing
+  for (int x = 120; x < kShape.width; x += 3) f.measured(x, 60) = 0.0F;
+  for (const int x : {60, 180}) f.measured(x, 80) = 2.9F;
+  CHECK(f.before_ground()(60, 80) == 2.9F);
+  CHECK(f.before_ground()(180, 80) == 2.9F);
   Frame dense;
   for (int y = 46; y < kShape.height; ++y) {
     for (int x = 0; x < kShape.width; x += 2) dense.measured(x, y) = 300.0F / (static_cast<float>(y) - 40.0F);

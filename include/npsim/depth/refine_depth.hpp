@@ -112,8 +112,9 @@ template <class Executor>
     if (stereo) {
       return drop_unlabelled_matches(scene.image, scene.depth, spill.reach_px, measured, workspace, executor);
     }
-    drop_hidden_points(scene.depth, measured, executor);
-    drop_hanging_points(scene.depth, scene.camera, ground, measured, executor);
+    const int reach = hidden_reach_px(scene.depth);
+    drop_hidden_points(scene.depth, reach, measured, executor);
+    drop_hanging_points(scene.depth, scene.camera, ground, reach, measured, executor);
     return {};
   }
   const SpillView view{scene.camera, ground, stereo ? stereo_focal_baseline_px_m(params.source, scene) : 0.0F};
@@ -175,8 +176,8 @@ template <class Executor>
         estimate_ground(params.ground, scene.depth, scene.labels, scene.camera, workspace, out.ground));
   }
   if (!is_laser(params, out)) {
-    const LabelSet kept = out.labels_guessed ? kNoSurfaceLabels : kGroundLabels | kNoSurfaceLabels;
-    mark_own_car(scene.depth, scene.camera, out.ground, kept, labels);
+    const LabelSet may_be = out.labels_guessed ? kGuessedBonnetLabels : kBonnetLabels;
+    mark_own_car(scene.depth, scene.camera, out.ground, may_be, scene.light_index, labels);
   }
   NPSIM_RETURN_IF_ERROR(drop_mismatches(params, scene, given, out, measured, workspace, executor));
   if (!out.labels_guessed) {

@@ -46,32 +46,13 @@
 #include "npsim/depth/detail/given/small_pieces.hpp"
 #include "npsim/depth/detail/ground_level.hpp"
 #include "npsim/depth/detail/grow.hpp"
+#include "npsim/depth/detail/neighbouring_points.hpp"
 #include "npsim/geometry/ground.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {
 inline namespace NPSIM_ABI {
 namespace refine_detail {
-
-// Whether f(u) says true of one of the points in row y, up to `aside` columns beside x. It is asked from the left.
-template <class F>
-[[nodiscard]] bool any_point_in_row(ImageView<const float> depth, int x, int y, int aside, const F& f) {
-  for (int u = std::max(0, x - aside); u <= std::min(x + aside, depth.width() - 1); ++u) {
-    if (is_valid_depth(depth(u, y)) && f(u)) return true;
-  }
-  return false;
-}
-
-// From a place to the point at (x, y).
-struct Slope {
-  float rise_m, along_m;
-};
-[[nodiscard]] inline Slope slope_to(ImageView<const float> depth, const Intrinsics& camera, const GroundPlane& ground,
-                                    const Vec3f& from, int x, int y) noexcept {
-  const Vec3f way = unproject_pixel(camera, x, y, depth(x, y)) - from;
-  const float rise = dot(way, ground.up);
-  return {rise, length(way - ground.up * rise)};
-}
 
 // Whether the surface rises by less than 20 degrees along its column, both from what was measured some pixels below to
 // (x, y) and from there to what was measured above.
@@ -218,7 +199,7 @@ inline void mark_by_height(ImageView<const float> depth, const Intrinsics& camer
 // Between the points of a scanner. labels, by its points: what lies in a column between two points of the ground is
 // ground, as a thing would have hidden the farther one, and what stands low stands on the ground: it goes on down to
 // where cars end, as far as nothing else was measured. A point may lie beside the column by reach pixels if the picture
-// looks alike there: no pole stands between.
+// looks alike there: no pole stands between. Below all that was measured ground goes on where the picture looks alike.
 inline void mark_between_lines(ImageView<const Rgb8> image, ImageView<const float> depth, const Intrinsics& camera,
                                const GroundPlane& ground, ImageView<Label> labels) noexcept {
   constexpr int kLines = 10;  // so many fill the picture
@@ -243,6 +224,11 @@ inline void mark_between_lines(ImageView<const Rgb8> image, ImageView<const floa
     }
     return y;
   };
+  const auto is_lowest = [&](int x, int y) {
+    int v = y + 1;
+    while (v < depth.height() && !any_point_in_row(depth, x, v, reach, [](int) { return true; })) ++v;
+    return v >= depth.height();
+  };
   for (int y = 0; y < labels.height(); ++y) {
     for (int x = 0; x < labels.width(); ++x) {
       const float z = depth(x, y);
@@ -250,6 +236,11 @@ inline void mark_between_lines(ImageView<const Rgb8> image, ImageView<const floa
       if (labels(x, y) == label::road) {
         for (int v = ground_above(x, y) + 1; v < y; ++v) {
           if (labels(x, v) == label::unlabeled) labels(x, v) = label::road;
+        }
+        if (!is_lowest(x, y)) continue;
+        for (int v = y + 1; v < labels.height(); ++v) {
+          const bool alike = depth_detail::difference(image(x, v), image(x, y)) < kAlike;
+          if (alike && labels(x, v) == label::unlabeled) labels(x, v) = label::road;
         }
       } else if (labels(x, y) == label::building) {
         const auto high_m = [&](int v) { return height_above_ground(ground, unproject_pixel(camera, x, v, z)); };

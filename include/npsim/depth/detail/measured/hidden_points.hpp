@@ -76,10 +76,10 @@ inline constexpr std::size_t kOneSweep = 4;
   return std::max(2, std::max(depth.width() / 120, std::min(by_points, depth.width() / kMost)));
 }
 
-// measured: the shape of depth, and other memory; what is hidden becomes 0.
+// measured: the shape of depth, and other memory; what is hidden becomes 0. reach: hidden_reach_px().
 template <class Executor>
-void drop_hidden_points(ImageView<const float> depth, ImageView<float> measured, Executor& executor) noexcept {
-  const int reach = hidden_reach_px(depth);
+void drop_hidden_points(ImageView<const float> depth, int reach, ImageView<float> measured,
+                        Executor& executor) noexcept {
   if (reach == 0) return;
   for_pixels(depth.shape(), executor, [&](int x, int y) {
     if (is_valid_depth(depth(x, y)) && is_hidden(depth, reach, x, y)) measured(x, y) = 0.0F;
