@@ -8,8 +8,9 @@
 // if it sees far (a hundredth of it kOwnCarFar away, or sky: in a room it may be a table), and if the camera is
 // kOwnCarCamera_m high: what goes on the pavement sees kerbs so. The bonnet goes on from that row. A network draws its
 // outline as a ramp over some pixels: what gets farther from it by more than kOwnCarRamp of its depth in a width of the
-// picture, and stands above the ground, is none of the street either. Nor is what was not measured between it and the
-// lowest row. What stands upright on it (a star) is not found.
+// picture, and stands above the ground, is none of the street either. Nor is what lies below all that in its column:
+// holes, and what noise bends. What stands upright on it (a star) is not found. A camera outside a car may take what
+// lies flat right before it, a platform or a table, for a bonnet.
 // Cost: a pass over the lowest rows, where there is a bonnet up to 34 over the picture. Memory: none.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_OWN_CAR_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_OWN_CAR_HPP
@@ -48,7 +49,7 @@ inline void mark_own_car(ImageView<const float> depth, const Intrinsics& camera,
                          LabelSet may_be, ImageView<const std::uint16_t> light_index,
                          ImageView<Label> labels) noexcept {
   constexpr int kLowest = 16;  // of the height: what may be cut off below
-  constexpr int kApart = 128;  // of the height: rows between which something rises
+  constexpr int kApart = 32;   // of the height: rows between which something rises
   constexpr float kFoot = 0.1F;
   constexpr std::size_t kInPicture = 100;
   const int width = depth.width();
@@ -101,10 +102,8 @@ inline void mark_own_car(ImageView<const float> depth, const Intrinsics& camera,
     return is_bonnet(x, y) || (stands(x, y, kFoot) && depth(x, y) > (1.0F + ramp) * depth(from_x, from_y));
   });
   for (int x = 0; x < width; ++x) {
-    int top = height;
-    for (int y = height - 1; y >= 0 && (!is_valid_depth(depth(x, y)) || labels(x, y) == label::ego_vehicle); --y) {
-      if (labels(x, y) == label::ego_vehicle) top = y;
-    }
+    int top = 0;
+    while (top < height && labels(x, top) != label::ego_vehicle) ++top;
     for (int y = top; y < height; ++y) {
       if (is_allowed(x, y)) labels(x, y) = label::ego_vehicle;
     }
