@@ -46,10 +46,10 @@ struct Frame {
                                       executor);
     return kept;
   }
-  // Lines of a scanner, 10 rows apart, on the ground.
-  void scan_ground() {
-    for (const int y : {46, 52, 60, 70, 80, 90, 100}) {
-      for (int x = 0; x < kShape.width; x += 3) {
+  // Lines of a scanner, 10 rows apart, on the ground, down to a row.
+  void scan_ground(int last = 158) {
+    for (const int y : {46, 52, 60, 70, 80, 90, 100, 110, 120, 130, 140, 150, 158}) {
+      for (int x = 0; x < kShape.width && y <= last; x += 3) {
         measured(x, y) = kGround.camera_height_m * kCamera.fy / (static_cast<float>(y) - kCamera.cy);
       }
     }
@@ -461,7 +461,9 @@ TEST_CASE("hanging points: of a scanner above and behind the camera, what stands
   }
 }
 
-TEST_CASE("hanging points: a branch before a wall, or before the sky, stays; so does one hit in every row") {
+TEST_CASE(
+    "hanging points: a branch before a wall or the sky stays, a post whose foot no line reaches, and what is hit in "
+    "every row") {
   Frame f;
   f.scan_ground();
   for (int x = 0; x < kShape.width; x += 3) f.measured(x, 70) = x < 120 ? 5.0F : 0.0F;  // a wall, and nothing
@@ -469,6 +471,12 @@ TEST_CASE("hanging points: a branch before a wall, or before the sky, stays; so 
   for (const int x : {60, 180}) f.measured(x, 80) = 2.9F;
   CHECK(f.before_ground()(60, 80) == 2.9F);
   CHECK(f.before_ground()(180, 80) == 2.9F);
+  for (const int last : {90, 140, 150}) {  // its foot, if it has one, is at row 144
+    Frame low;
+    low.scan_ground(last);
+    low.measured(120, 80) = 2.9F;
+    CHECK(low.before_ground()(120, 80) == (last == 150 ? 0.0F : 2.9F));
+  }
   Frame dense;
   for (int y = 46; y < kShape.height; ++y) {
     for (int x = 0; x < kShape.width; x += 2) dense.measured(x, y) = 300.0F / (static_cast<float>(y) - 40.0F);

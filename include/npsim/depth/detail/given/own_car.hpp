@@ -2,15 +2,16 @@
 // The bonnet of the car that carries the camera, where labels do not tell it.
 //
 // Networks and simulators give it a depth. As a surface of the street it would take all light of the own headlamps,
-// which are in it. Bonnet is what lies flat (rises by less than 45 degrees up its column), lower than the camera by
-// kOwnCarBelow, higher above the ground than kOwnCarAbove and nearer than kOwnCarNear, all in heights of the camera:
-// depth may be of another scale. A picture shows one if that is so in nine tenths of the middle half of its lowest row,
-// if it sees far (a hundredth of it kOwnCarFar away, or sky: in a room it may be a table), and if the camera is
-// kOwnCarCamera_m high: what goes on the pavement sees kerbs so. The bonnet goes on from that row. A network draws its
-// outline as a ramp over some pixels: what gets farther from it by more than kOwnCarRamp of its depth in a width of the
-// picture, and stands above the ground, is none of the street either. Nor is what lies below all that in its column:
-// holes, and what noise bends. What stands upright on it (a star) is not found. A camera outside a car may take what
-// lies flat right before it, a platform or a table, for a bonnet.
+// which are in it. Bonnet is what lies flat (rises by less than 45 degrees to what is measured next, a 32nd to an
+// eighth of the picture further up, or has nothing there), lower than the camera by kOwnCarBelow, higher above the
+// ground than kOwnCarAbove and nearer than kOwnCarNear, all in heights of the camera: depth may be of another scale. A
+// picture shows one if that is so in nine tenths of the middle half of its lowest row, if it sees far (a hundredth of
+// it kOwnCarFar away, or sky: in a room it may be a table), and if the camera is kOwnCarCamera_m high: what goes on the
+// pavement sees kerbs so. The bonnet goes on from that row. A network draws its outline as a ramp over some pixels:
+// what gets farther from it by more than kOwnCarRamp of its depth in a width of the picture, and stands above the
+// ground, is none of the street either. Nor is what lies below all that in its column: holes, and what noise bends.
+// What stands upright on it (a star) is not found. A camera outside a car may take what lies flat right before it, a
+// platform or a table, for a bonnet.
 // Cost: a pass over the lowest rows, where there is a bonnet up to 34 over the picture. Memory: none.
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_OWN_CAR_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_OWN_CAR_HPP

@@ -8,15 +8,18 @@
 //   - next to which, above as well as below, there are points of the ground alone, kHangingThick_m apart at most: what
 //     is as thick, a guard rail, is hit by two lines;
 //   - of whose depth, within kHangingFarther, nothing else off the ground is above it, and nothing of that depth or
-//     nearer below it as far as its foot would be: a post is hit further down, however low.
+//     nearer below it as far as its foot would be, if something is measured so far down: a post is hit there, however
+//     low, unless no line comes there.
 // A scanner that stands higher than the camera sees ground past a post, which the picture shows below the post's point:
 // that alone says nothing. Points are looked for up to twice `reach` away in columns where the next of a line would be,
-// but for rows that a tape may fill.
+// but for rows that a tape may fill. Arms of barriers, chains, handrails and tubes of bicycles are as thin: they lose
+// points too, their posts do not.
 // Cost: for a point that hangs 4 `reach` rows of a 64th of the width, for others fewer. Memory: none.
 #ifndef NPSIM_DEPTH_DETAIL_MEASURED_HANGING_POINTS_HPP
 #define NPSIM_DEPTH_DETAIL_MEASURED_HANGING_POINTS_HPP
 
 #include <algorithm>
+#include <cmath>
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
@@ -71,7 +74,12 @@ inline constexpr float kHangingThick_m = 0.3F;
   };
   const int below = to_ground(1);
   const int above = below > 0 ? to_ground(-1) : 0;
-  return above > 0 && static_cast<float>(above + below) <= kHangingThick_m * pixels_per_m;
+  if (above == 0 || static_cast<float>(above + below) > kHangingThick_m * pixels_per_m) return false;
+  const int lowest = std::max(0, depth.height() - 1 - reach);  // lines end there
+  for (int v = std::min(lowest, y + static_cast<int>(std::ceil(foot))); v < depth.height(); ++v) {
+    if (any_point_in_row(depth, x, v, aside, [](int) { return true; })) return true;
+  }
+  return false;
 }
 
 // measured: the shape of depth, and other memory; what hangs free becomes 0. reach: hidden_reach_px(); 0: nothing does.
