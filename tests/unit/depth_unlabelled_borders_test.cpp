@@ -506,6 +506,10 @@ TEST_CASE("unlabelled matches: no depth, NaN, infinite and negative depth, one p
   CHECK(kept(7, 5) == -1.0F);
   CHECK(std::isnan(f.visible()(5, 5)));
   CHECK(std::isnan(f.before_ground()(5, 5)));
+  Frame near;
+  near.scan_ground();
+  near.measured(121, 60) = 1e-30F;  // infinitely many rows above its foot
+  CHECK(near.before_ground()(121, 60) == 0.0F);
   Image<Rgb8> image({1, 1}, kWall);
   Image<float> one({1, 1}, 3.0F);
   Image<float> out = one;

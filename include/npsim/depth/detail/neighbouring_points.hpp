@@ -23,6 +23,14 @@ template <class F>
   return false;
 }
 
+// Whether anything is measured in row y or below it, up to `aside` columns beside x.
+[[nodiscard]] inline bool any_point_from_row(ImageView<const float> depth, int x, int y, int aside) noexcept {
+  for (int v = y; v < depth.height(); ++v) {
+    if (any_point_in_row(depth, x, v, aside, [](int) { return true; })) return true;
+  }
+  return false;
+}
+
 // From a place to the point at (x, y).
 struct Slope {
   float rise_m, along_m;

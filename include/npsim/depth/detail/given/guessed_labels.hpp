@@ -224,11 +224,6 @@ inline void mark_between_lines(ImageView<const Rgb8> image, ImageView<const floa
     }
     return y;
   };
-  const auto is_lowest = [&](int x, int y) {
-    int v = y + 1;
-    while (v < depth.height() && !any_point_in_row(depth, x, v, reach, [](int) { return true; })) ++v;
-    return v >= depth.height();
-  };
   for (int y = 0; y < labels.height(); ++y) {
     for (int x = 0; x < labels.width(); ++x) {
       const float z = depth(x, y);
@@ -237,7 +232,7 @@ inline void mark_between_lines(ImageView<const Rgb8> image, ImageView<const floa
         for (int v = ground_above(x, y) + 1; v < y; ++v) {
           if (labels(x, v) == label::unlabeled) labels(x, v) = label::road;
         }
-        if (!is_lowest(x, y)) continue;
+        if (any_point_from_row(depth, x, y + 1, reach)) continue;
         for (int v = y + 1; v < labels.height(); ++v) {
           const bool alike = depth_detail::difference(image(x, v), image(x, y)) < kAlike;
           if (alike && labels(x, v) == label::unlabeled) labels(x, v) = label::road;

@@ -76,10 +76,8 @@ inline constexpr float kHangingThick_m = 0.3F;
   const int above = below > 0 ? to_ground(-1) : 0;
   if (above == 0 || static_cast<float>(above + below) > kHangingThick_m * pixels_per_m) return false;
   const int lowest = std::max(0, depth.height() - 1 - reach);  // lines end there
-  for (int v = std::min(lowest, y + static_cast<int>(std::ceil(foot))); v < depth.height(); ++v) {
-    if (any_point_in_row(depth, x, v, aside, [](int) { return true; })) return true;
-  }
-  return false;
+  const float foot_row = std::min(static_cast<float>(lowest), static_cast<float>(y) + std::ceil(foot));
+  return any_point_from_row(depth, x, static_cast<int>(foot_row), aside);
 }
 
 // measured: the shape of depth, and other memory; what hangs free becomes 0. reach: hidden_reach_px(); 0: nothing does.
