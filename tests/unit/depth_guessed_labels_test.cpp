@@ -434,6 +434,22 @@ TEST_CASE("guessed labels: a lawn has no holes of asphalt and asphalt no tufts, 
   CHECK(s.share(label::road, 160, 340, 170, 270) == 1.0);
 }
 
+TEST_CASE("guessed labels: brown patches and tall grass within a lawn are of it, a crate that stands there is not") {
+  const auto within = [](int x, int y, int x0) { return x >= x0 && x < x0 + 30 && y >= 195 && y < 225; };
+  Street s;
+  s.paint([&](int x, int y) {
+    return x >= 384 || within(x, y, 40) ? Vec3f{0.12F, 0.12F, 0.12F} : Vec3f{0.08F, 0.15F, 0.06F};
+  });
+  s.measure([&](int x, int y) {
+    const float above_m = within(x, y, 140) ? 0.35F : (within(x, y, 240) ? 0.9F : 0.0F);
+    return std::fmin(20.0F, (1.0F - above_m / 1.5F) * road_m(y));
+  });
+  s.guess();
+  CHECK(s.share(label::terrain, 5, 235, 180, 265) > 0.99);
+  CHECK(s.share(label::terrain, 245, 265, 200, 220) == 0.0);
+  CHECK(s.share(label::road, 400, 475, 180, 265) == 1.0);
+}
+
 TEST_CASE(
     "guessed labels: flecks of sun are no ballast, near, far or beside some, whose stones are told up to its border") {
   constexpr float kFleck_m = 0.4F;

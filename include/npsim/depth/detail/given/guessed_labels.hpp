@@ -15,6 +15,7 @@
 //   plants   of what stands, where it looks like leaves (given/plant_look.hpp) and no scanner finds it smooth
 //            (given/scan_roughness.hpp): what is likely to, what may and hangs together with it, and small pieces
 //            within.
+//            What looks so and is low, within soil, is tall grass: soil (given/meadows.hpp).
 //   building all else. Cars, poles and people too: the planes that belong to that label are fitted to what is plane.
 //            For materials alone those that stand apart are told from buildings later (depth/things.hpp).
 // Cost: some 20 passes over the picture and those of the looks; of a scanner what is within half a metre of each low
@@ -37,6 +38,7 @@
 #include "npsim/core/workspace.hpp"
 #include "npsim/depth/depth_source.hpp"
 #include "npsim/depth/detail/given/ground_kinds.hpp"
+#include "npsim/depth/detail/given/meadows.hpp"
 #include "npsim/depth/detail/given/picture_paths.hpp"
 #include "npsim/depth/detail/given/plant_look.hpp"
 #include "npsim/depth/detail/given/reduced_picture.hpp"
@@ -385,6 +387,7 @@ template <class Executor>
 [[nodiscard]] constexpr std::size_t guess_labels_workspace_bytes(Shape shape) noexcept {
   const std::size_t pixels = shape.pixels();
   return max_of((1 + kWindowMeanPlanes) * allocation_bytes<float>(pixels), ground_kinds_workspace_bytes(shape),
+                tell_meadows_workspace_bytes(shape),
                 allocation_bytes<float>(pixels) + allocation_bytes<std::uint8_t>(pixels) +
                     max_of(plant_look_workspace_bytes(shape), close_pieces_bytes(shape),
                            allocation_bytes<float>(pixels) + scan_roughness_workspace_bytes(shape))) +
@@ -410,7 +413,8 @@ template <class Executor>
     NPSIM_RETURN_IF_ERROR(spread_seeds(image, labels, workspace));
     NPSIM_RETURN_IF_ERROR(tell_ground_kinds(image, labels, workspace, executor));
   }
-  return tell_plants(image, depth, camera, lines ? &noise : nullptr, labels, workspace, executor);
+  NPSIM_RETURN_IF_ERROR(tell_plants(image, depth, camera, lines ? &noise : nullptr, labels, workspace, executor));
+  return has_ground ? tell_meadows(depth, camera, ground, labels, workspace) : Status{};
 }
 
 }  // namespace refine_detail
