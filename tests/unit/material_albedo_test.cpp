@@ -295,6 +295,31 @@ TEST_CASE("deep shade bluer than at its edge becomes as grey as the road in the 
   }
 }
 
+TEST_CASE(
+    "the rim of a shadow that more of a blue sky lights is no paint that the sun beside it lights, dark blue is") {
+  const auto rim = [](int x, int y) { return x >= 245 && x < 260 && y > 160; };
+  const auto lane = [](int x, int y) { return x >= 340 && x < 360 && y > 160; };
+  for (const float lighter : {1.6F, 4.0F}) {  // by .7 and 2 octaves; the shade lies 4.1 below the sun
+    CAPTURE(lighter);
+    Picture p = shaded_road(
+        {0.055F, 0.06F, 0.065F},
+        [&](int x, int y, Vec3f shade) {
+          return rim(x, y) ? shade * Vec3f{0.73F, 1.0F, 1.37F} * lighter : shade;
+        },
+        [&](int x, int y) {
+          return Vec3f{0.24F, 0.24F, 0.24F} * (lane(x, y) ? Vec3f{0.3F, 0.4F, 0.6F} : Vec3f{1, 1, 1});
+        });
+    REQUIRE(p.run().ok());
+    REQUIRE(p.report.shadow);
+    CHECK(p.sun[p.i(300, 230)] > 0.95F);
+    CHECK(p.sun[p.i(350, 230)] > 0.95F);
+    for (int x = 245; x < 254; ++x) {
+      CAPTURE(x);
+      CHECK(p.sun[p.i(x, 230)] < 0.2F);
+    }
+  }
+}
+
 TEST_CASE("a blue lane in the shade keeps its hue, and the asphalt beside it") {
   for (const float blue : {0.4F, 1.0F, 1.6F}) {  // log2(blue / red) of the lane
     CAPTURE(blue);

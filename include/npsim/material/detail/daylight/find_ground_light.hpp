@@ -6,7 +6,7 @@
 //    on a cloudy day are not the sun (stripes.hpp). No shadow found: the ground is left as it is, so that overcast
 //    scenes do not change.
 // 2. Posterior of each pixel, then mean field: neighbours that no edge of the picture separates share their light.
-//    Coloured paint says nothing of it, and lies in that of the ground around it; so does a bright stripe that is as
+//    Coloured paint says nothing of it, and lies in that of the ground around it (but for blue shade); so does a bright stripe that is as
 //    blue as the shadow, in that of the ground beside it: white paint in the shadow is as bright as asphalt in the sun.
 //    Where the sun is hardly yellower than the shadow, most of it may be such paint, wider than a stripe: its pieces
 //    that are stripes for the most part are none of it, and steps 1 to 3 begin again.
@@ -80,13 +80,14 @@ struct GroundLightParams {
 inline constexpr std::size_t kFindGroundLightPlanes = kGroundLightPlanes + 2 + 2 + kGuidedFilterPlanes;
 static_assert(kGuidedFilterPlanes == 6 && kWindowMeanPlanes == 2 && kGroundLevelPlanes <= 2 + kGuidedFilterPlanes);
 
-// Log odds of sun against shadow.
+// Log odds of sun against shadow, and the most of them.
+inline constexpr float kSure = 8.0F;
 [[nodiscard]] inline float sun_odds(const LightMixtureParams& p, const LightMixture& m, float y, float c) noexcept {
   constexpr float kPaintColour = 0.2F;  // log2(blue / red): white paint is yellowish or bluish
   constexpr float kTiny = 1e-6F;
   const Likelihood l = likelihood(p, m, y, c, kPaintColour);
-  return clamp_to(kLn2 * (log2_of(l.sun + l.sun_paint + kTiny) - log2_of(l.shadow + l.shadow_paint + kTiny)), -8.0F,
-                  8.0F);
+  return clamp_to(kLn2 * (log2_of(l.sun + l.sun_paint + kTiny) - log2_of(l.shadow + l.shadow_paint + kTiny)), -kSure,
+                  kSure);
 }
 
 // Coloured paint: no light makes asphalt of it, and by its luminance it may lie in either.
@@ -94,6 +95,13 @@ static_assert(kGuidedFilterPlanes == 6 && kWindowMeanPlanes == 2 && kGroundLevel
   constexpr float kFar = 4.0F;  // spreads
   const float off = kFar * m.sigma_c;
   return y > m.sun_y - m.drop && (c < m.sun_c - off || c > m.sun_c + m.bluer + off);
+}
+
+// What is blue and darker than blue paint in the sun lies in the shade, paint or not: below a clear sky open shade is
+// bluer than other shade.
+[[nodiscard]] inline bool is_blue_shade(const LightMixture& m, float y, float c) noexcept {
+  constexpr float kDarkest = 1.5F;  // log2 of asphalt's albedo over that of blue paint, at most
+  return is_coloured(m, y, c) && c > m.sun_c + m.bluer && y < m.sun_y - kDarkest;
 }
 
 // The lights of `lead` on another material: only its own level and colour are free. A kind that lies in one light alone
@@ -171,7 +179,7 @@ inline void fit_lights(const GroundLightParams& p, const Picture& picture, Image
 }
 
 // Of coloured ground and stripes, in GroundLight::coloured; 0: plain.
-inline constexpr std::uint8_t kWaitsForLight = 1, kStripeWaits = 2, kLitByNeighbours = 3;
+inline constexpr std::uint8_t kWaitsForLight = 1, kStripeWaits = 2, kLightTold = 3;
 
 // Step 2 on ground that waits: its light is that of what is plain within around_px, then that of what has waited beside
 // it, so that edges of shadows stay as sharp as they are on the ground beside paint. A stripe between sun and shade
@@ -207,7 +215,7 @@ Status light_by_neighbours(std::uint8_t waiting, float around_px, const Picture&
         if (out.coloured(x, y) != waiting || sun < 0.5F * kNone) continue;
         goes_on = true;
         const bool told = waiting != kStripeWaits || squares(x, y) - sun * sun < kOneLight;
-        out.coloured(x, y) = told ? kLitByNeighbours : std::uint8_t{0};
+        out.coloured(x, y) = told ? kLightTold : std::uint8_t{0};
         if (told) out.sun(x, y) = clamp_to(sun, 0.0F, 1.0F);
       }
     }
@@ -231,12 +239,14 @@ Status shadow_field(const GroundLightParams& p, const Picture& picture, ImageVie
     if (kind < kGroundRegions) {
       const LightMixture& m = out.mixture[kind];
       o = m.known ? sun_odds(p.mixture, m, smooth_y(x, y), smooth_c(x, y)) : 0.0F;
-      if (kind == kRails) o = 8.0F;  // between stones and sleepers it is dark in any light
+      if (kind == kRails) o = kSure;  // between stones and sleepers it is dark in any light
       // Paint in the shadow is blue as the shadow is, which long gaps of it are not.
       const bool blue = m.known && smooth_c(x, y) > m.sun_c + 0.5F * m.bluer;
       if (stripe(x, y) == kBrightStripe && blue) out.coloured(x, y) = kStripeWaits;
       if (kind == kRoad && m.known && is_coloured(m, smooth_y(x, y), smooth_c(x, y))) {
-        out.coloured(x, y) = kWaitsForLight;
+        const bool shade = is_blue_shade(m, smooth_y(x, y), smooth_c(x, y));
+        out.coloured(x, y) = shade ? kLightTold : kWaitsForLight;
+        if (shade) o = -kSure;
       }
     }
     odds(x, y) = o;
