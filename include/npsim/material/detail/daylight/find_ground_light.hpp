@@ -6,8 +6,9 @@
 //    on a cloudy day are not the sun (stripes.hpp). No shadow found: the ground is left as it is, so that overcast
 //    scenes do not change.
 // 2. Posterior of each pixel, then mean field: neighbours that no edge of the picture separates share their light.
-//    Coloured paint says nothing of it, and lies in that of the ground around it (but for blue shade); so does a bright stripe that is as
-//    blue as the shadow, in that of the ground beside it: white paint in the shadow is as bright as asphalt in the sun.
+//    Coloured paint says nothing of it, and lies in that of the ground around it, unless it is too dark for blue paint
+//    in the sun; so does a bright stripe that is as blue as the shadow, in that of the ground beside it: white paint
+//    in the shadow is as bright as asphalt in the sun.
 //    Where the sun is hardly yellower than the shadow, most of it may be such paint, wider than a stripe: its pieces
 //    that are stripes for the most part are none of it, and steps 1 to 3 begin again.
 // 3. The ratio of lights, per channel, is measured where it shows best: means on either side of shadows' edges, the
