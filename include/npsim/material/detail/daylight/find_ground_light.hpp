@@ -98,11 +98,11 @@ inline constexpr float kSure = 8.0F;
   return y > m.sun_y - m.drop && (c < m.sun_c - off || c > m.sun_c + m.bluer + off);
 }
 
-// What is blue and darker than blue paint in the sun lies in the shade, paint or not: below a clear sky open shade is
-// bluer than other shade.
+// Of coloured ground: what is blue and darker than blue paint in the sun lies in the shade, paint or not: below a clear
+// sky open shade is bluer than other shade.
 [[nodiscard]] inline bool is_blue_shade(const LightMixture& m, float y, float c) noexcept {
   constexpr float kDarkest = 1.5F;  // log2 of asphalt's albedo over that of blue paint, at most
-  return is_coloured(m, y, c) && c > m.sun_c + m.bluer && y < m.sun_y - kDarkest;
+  return c > m.sun_c + m.bluer && y < m.sun_y - kDarkest;
 }
 
 // The lights of `lead` on another material: only its own level and colour are free. A kind that lies in one light alone
