@@ -6,9 +6,9 @@
 //    on a cloudy day are not the sun (stripes.hpp). No shadow found: the ground is left as it is, so that overcast
 //    scenes do not change.
 // 2. Posterior of each pixel, then mean field: neighbours that no edge of the picture separates share their light.
-//    Coloured paint says nothing of it, and lies in that of the ground around it, unless it is too dark for blue paint
-//    in the sun; so does a bright stripe that is as blue as the shadow, in that of the ground beside it: white paint
-//    in the shadow is as bright as asphalt in the sun.
+//    Coloured paint says nothing of it, and lies in that of the ground around it, unless it is the blue rim of a
+//    shadow; so does a bright stripe that is as blue as the shadow, in that of the ground beside it: white paint in
+//    the shadow is as bright as asphalt in the sun.
 //    Where the sun is hardly yellower than the shadow, most of it may be such paint, wider than a stripe: its pieces
 //    that are stripes for the most part are none of it, and steps 1 to 3 begin again.
 // 3. The ratio of lights, per channel, is measured where it shows best: means on either side of shadows' edges, the
@@ -81,8 +81,9 @@ struct GroundLightParams {
 inline constexpr std::size_t kFindGroundLightPlanes = kGroundLightPlanes + 2 + 2 + kGuidedFilterPlanes;
 static_assert(kGuidedFilterPlanes == 6 && kWindowMeanPlanes == 2 && kGroundLevelPlanes <= 2 + kGuidedFilterPlanes);
 
-// Log odds of sun against shadow, and the most of them.
-inline constexpr float kSure = 8.0F;
+inline constexpr float kSure = 8.0F;  // log odds, at most
+
+// Log odds of sun against shadow.
 [[nodiscard]] inline float sun_odds(const LightMixtureParams& p, const LightMixture& m, float y, float c) noexcept {
   constexpr float kPaintColour = 0.2F;  // log2(blue / red): white paint is yellowish or bluish
   constexpr float kTiny = 1e-6F;
@@ -98,11 +99,11 @@ inline constexpr float kSure = 8.0F;
   return y > m.sun_y - m.drop && (c < m.sun_c - off || c > m.sun_c + m.bluer + off);
 }
 
-// Of coloured ground: what is blue and darker than blue paint in the sun lies in the shade, paint or not: below a clear
-// sky open shade is bluer than other shade.
-[[nodiscard]] inline bool is_blue_shade(const LightMixture& m, float y, float c) noexcept {
-  constexpr float kDarkest = 1.5F;  // log2 of asphalt's albedo over that of blue paint, at most
-  return c > m.sun_c + m.bluer && y < m.sun_y - kDarkest;
+// Of coloured ground: as blue and dark as the rim of a shadow below a clear sky, where most of that is seen. Few blue
+// paints in the sun are so dark.
+[[nodiscard]] inline bool is_dark_blue(const LightMixture& m, float y, float c) noexcept {
+  constexpr float kDarker = 1.5F;  // octaves below asphalt in the sun
+  return c > m.sun_c + m.bluer && y < m.sun_y - kDarker;
 }
 
 // The lights of `lead` on another material: only its own level and colour are free. A kind that lies in one light alone
@@ -180,7 +181,32 @@ inline void fit_lights(const GroundLightParams& p, const Picture& picture, Image
 }
 
 // Of coloured ground and stripes, in GroundLight::coloured; 0: plain.
-inline constexpr std::uint8_t kWaitsForLight = 1, kStripeWaits = 2, kLightTold = 3;
+inline constexpr std::uint8_t kWaitsForLight = 1, kStripeWaits = 2, kLightTold = 3, kDarkBlue = 4;
+
+// Whether a pixel's light is known by itself or by its neighbours.
+[[nodiscard]] inline bool is_light_known(const Picture& picture, const GroundLight& g, int x, int y) noexcept {
+  const std::uint8_t state = g.coloured(x, y);
+  return picture.is_ground(x, y) && (state == 0 || state == kLightTold);
+}
+
+// Step 2 on dark blue ground: with shade within around_px it is the rim of a shadow; all else waits as paint does, and
+// so does the most of a wide blue lane that a shadow crosses. `around` is scratch.
+template <class Executor>
+Status tell_blue_rims(float around_px, const Picture& picture, Workspace& workspace, Plane around, GroundLight& out,
+                      Executor& executor) {
+  constexpr float kNone = 1.0F;
+  constexpr float kSomeShade = 0.9F;  // mean share of the sun
+  const auto known = [&](int x, int y) { return is_light_known(picture, out, x, y) ? 1.0F : 0.0F; };
+  NPSIM_RETURN_IF_ERROR(
+      window_mean(known, out.sun, picture.radius(around_px), 0.0F, kNone, workspace, around, executor));
+  for_pixels(picture.shape(), executor, [&](int x, int y) {
+    if (out.coloured(x, y) != kDarkBlue) return;
+    const bool rim = around(x, y) < kSomeShade;
+    out.coloured(x, y) = rim ? kLightTold : kWaitsForLight;
+    if (rim) out.sun(x, y) = 0.0F;
+  });
+  return {};
+}
 
 // Step 2 on ground that waits: its light is that of what is plain within around_px, then that of what has waited beside
 // it, so that edges of shadows stay as sharp as they are on the ground beside paint. A stripe between sun and shade
@@ -195,10 +221,7 @@ Status light_by_neighbours(std::uint8_t waiting, float around_px, const Picture&
   Plane squares;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(picture.shape(), squares));
   const int radius = picture.radius(around_px);
-  const auto known = [&](int x, int y) {
-    const std::uint8_t state = out.coloured(x, y);
-    return picture.is_ground(x, y) && state != kWaitsForLight && state != kStripeWaits ? 1.0F : 0.0F;
-  };
+  const auto known = [&](int x, int y) { return is_light_known(picture, out, x, y) ? 1.0F : 0.0F; };
   const auto square = [&](int x, int y) { return out.sun(x, y) * out.sun(x, y); };
   bool goes_on = false;
   for (int y = 0; y < picture.shape().height; ++y) {
@@ -245,9 +268,7 @@ Status shadow_field(const GroundLightParams& p, const Picture& picture, ImageVie
       const bool blue = m.known && smooth_c(x, y) > m.sun_c + 0.5F * m.bluer;
       if (stripe(x, y) == kBrightStripe && blue) out.coloured(x, y) = kStripeWaits;
       if (kind == kRoad && m.known && is_coloured(m, smooth_y(x, y), smooth_c(x, y))) {
-        const bool shade = is_blue_shade(m, smooth_y(x, y), smooth_c(x, y));
-        out.coloured(x, y) = shade ? kLightTold : kWaitsForLight;
-        if (shade) o = -kSure;
+        out.coloured(x, y) = is_dark_blue(m, smooth_y(x, y), smooth_c(x, y)) ? kDarkBlue : kWaitsForLight;
       }
     }
     odds(x, y) = o;
@@ -255,6 +276,7 @@ Status shadow_field(const GroundLightParams& p, const Picture& picture, ImageVie
   });
   NPSIM_RETURN_IF_ERROR(mean_field(p.field, ground, smooth_y, odds, picture, workspace, out.sun, executor));
   NPSIM_RETURN_IF_ERROR(light_by_neighbours(kStripeWaits, p.beside_px, picture, workspace, odds, out, executor));
+  NPSIM_RETURN_IF_ERROR(tell_blue_rims(p.around_px, picture, workspace, odds, out, executor));
   return light_by_neighbours(kWaitsForLight, p.around_px, picture, workspace, odds, out, executor);
 }
 
