@@ -15,7 +15,7 @@
 //   plants   of what stands, where it looks like leaves (given/plant_look.hpp) and no scanner finds it smooth
 //            (given/scan_roughness.hpp): what is likely to, what may and hangs together with it, and small pieces
 //            within.
-//            What looks so and is low, within soil, is tall grass: soil (given/meadows.hpp).
+//            What is low and has soil all around it is grass, whatever it looks like: soil (given/meadows.hpp).
 //   building all else. Cars, poles and people too: the planes that belong to that label are fitted to what is plane.
 //            For materials alone those that stand apart are told from buildings later (depth/things.hpp).
 // Cost: some 20 passes over the picture and those of the looks; of a scanner what is within half a metre of each low

@@ -3,16 +3,20 @@
 //
 // Grass is rough: some of its points lie higher than ground may and as steep above each other as those of what stands,
 // and its shaded and dry places are not green. Each becomes a patch of another kind within the meadow, which reflects
-// and faces the lamps as that does. What has soil all around it in the picture, but for its border, and less width than
-// kWidest of it, becomes soil unless it stands: more than a fifth of its points lie kTallGrass_m above the mean of the
-// soil around; on soil that rises away from the camera by one in ten, .6 m. What was measured nowhere stays as it is.
-// Cost: one pass, and for each such piece two over the box around it. Memory: tell_meadows_workspace_bytes().
+// and faces the lamps as that does. Patches have soil all around them in the picture, but for its border, and less
+// than 1 / kNarrow of its width. Within them what hangs together and has one label becomes soil unless it stands, with
+// more than a fifth of its points kTallGrass_m above the soil around at their own distance (a line through that soil's
+// heights), or is ground and longer than kLongest_m, as paths and roads are. So a person on dry grass stays, and an
+// upright thing of less than .38 m passes for grass. What may be higher than its points tell, as its top would be that
+// far above all of them were it upright, stays.
+// Cost: four passes, and for each label of a patch two over the box around it. Memory: tell_meadows_workspace_bytes().
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_MEADOWS_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_MEADOWS_HPP
 
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
@@ -20,6 +24,7 @@
 #include "npsim/core/status.hpp"
 #include "npsim/core/workspace.hpp"
 #include "npsim/geometry/ground.hpp"
+#include "npsim/labels/boxes.hpp"
 #include "npsim/labels/cityscapes.hpp"
 
 namespace npsim {
@@ -27,69 +32,131 @@ inline namespace NPSIM_ABI {
 namespace refine_detail {
 
 [[nodiscard]] constexpr std::size_t tell_meadows_workspace_bytes(Shape shape) noexcept {
-  return allocation_bytes<std::uint8_t>(shape.pixels()) + allocation_bytes<std::uint32_t>(shape.pixels());
+  return 2 * allocation_bytes<std::uint8_t>(shape.pixels()) + allocation_bytes<std::uint32_t>(shape.pixels());
 }
+
+// Heights of soil above the ground plane by distance: the line of least squares, or the mean of soil at one distance.
+class SoilLine {
+ public:
+  void add(float z, float height_m) noexcept {
+    const auto x = static_cast<double>(z);
+    const auto y = static_cast<double>(height_m);
+    count_ += 1.0;
+    x_ += x;
+    y_ += y;
+    xx_ += x * x;
+    xy_ += x * y;
+  }
+  // No number where there is no soil.
+  [[nodiscard]] float at(float z) const noexcept {
+    constexpr double kOneDistance = 1e-4;  // relative variance
+    if (!(count_ > 0.0)) return std::numeric_limits<float>::quiet_NaN();
+    const double x = x_ / count_;
+    const double spread = xx_ / count_ - x * x;
+    const double slope = spread > kOneDistance * x * x ? (xy_ - x * y_) / (count_ * spread) : 0.0;
+    return static_cast<float>(y_ / count_ + slope * (static_cast<double>(z) - x));
+  }
+
+ private:
+  double count_ = 0.0, x_ = 0.0, y_ = 0.0, xx_ = 0.0, xy_ = 0.0;
+};
 
 // depth: as measured. labels: guessed; in place.
 [[nodiscard]] inline Status tell_meadows(ImageView<const float> depth, const Intrinsics& camera,
                                          const GroundPlane& ground, ImageView<Label> labels, Workspace& workspace) {
-  constexpr int kWidest = 6;  // pieces as wide as the picture is
-  constexpr float kTallGrass_m = 0.4F;
-  constexpr int kFew = 5;  // one point in so many may lie higher
-  const int width = labels.width();
-  const int height = labels.height();
+  constexpr int kNarrow = 6;
+  constexpr float kTallGrass_m = 0.3F;
+  constexpr std::size_t kFew = 5;     // one point in so many may lie higher
+  constexpr float kLongest_m = 4.0F;  // along the depth
+  constexpr std::uint8_t kPatch = 1, kGrass = 2;
+  const Shape shape = labels.shape();
   const WorkspaceScope scope(workspace);
-  ImageView<std::uint8_t> open;
+  ImageView<std::uint8_t> open, patch;
   Span<std::uint32_t> list;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(labels.shape(), open));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(labels.shape().pixels(), list));
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) open(x, y) = labels(x, y) == label::terrain ? 0 : 1;
-  }
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, open));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, patch));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), list));
+  const auto box_of = [&](Span<const std::uint32_t> piece) {
+    LabelBox box{shape.width, shape.height, -1, -1, piece.size()};
+    for (const std::uint32_t i : piece) {
+      const auto [x, y] = place_of(i, shape.width);
+      box.left = std::min(box.left, x);
+      box.right = std::max(box.right, x);
+      box.top = std::min(box.top, y);
+      box.bottom = std::max(box.bottom, y);
+    }
+    return box;
+  };
+  const auto for_pieces = [&](auto&& f) {
+    for (int y = 0; y < shape.height; ++y) {
+      for (int x = 0; x < shape.width; ++x) {
+        if (open(x, y) != 0) f(Span<const std::uint32_t>(list.sub(0, take_piece(open, x, y, list))));
+      }
+    }
+  };
+  const auto mark = [&](Span<const std::uint32_t> piece, std::uint8_t as) {
+    for (const std::uint32_t i : piece) {
+      const auto [x, y] = place_of(i, shape.width);
+      patch(x, y) = as;
+    }
+  };
   const auto above_m = [&](int x, int y) {
     return height_above_ground(ground, unproject_pixel(camera, x, y, depth(x, y)));
   };
-  const int margin = std::max(1, width / 128);
-  const auto is_grass = [&](Span<const std::uint32_t> piece) {
-    int x0 = width, x1 = 0, y0 = height, y1 = 0;
-    for (const std::uint32_t i : piece) {
-      const auto [x, y] = place_of(i, width);
-      x0 = std::min(x0, x);
-      x1 = std::max(x1, x);
-      y0 = std::min(y0, y);
-      y1 = std::max(y1, y);
-    }
-    if (x1 - x0 + 1 >= width / kWidest) return false;
-    float sum_m = 0.0F;
-    int around = 0;
-    for (int y = std::max(0, y0 - margin); y <= std::min(height - 1, y1 + margin); ++y) {
-      for (int x = std::max(0, x0 - margin); x <= std::min(width - 1, x1 + margin); ++x) {
-        if (labels(x, y) != label::terrain || !is_valid_depth(depth(x, y))) continue;
-        sum_m += above_m(x, y);
-        ++around;
+  const int margin = std::max(1, shape.width / 128);
+  const auto soil_around = [&](const LabelBox& box) {
+    SoilLine soil;
+    for (int y = std::max(0, box.top - margin); y <= std::min(shape.height - 1, box.bottom + margin); ++y) {
+      for (int x = std::max(0, box.left - margin); x <= std::min(shape.width - 1, box.right + margin); ++x) {
+        if (labels(x, y) == label::terrain && is_valid_depth(depth(x, y))) soil.add(depth(x, y), above_m(x, y));
       }
     }
-    if (around == 0) return false;
-    const float soil_m = sum_m / static_cast<float>(around);
-    int count = 0;
-    int high = 0;
-    for (const std::uint32_t i : piece) {
-      const auto [x, y] = place_of(i, width);
-      if (!is_valid_depth(depth(x, y))) continue;
-      ++count;
-      high += above_m(x, y) - soil_m > kTallGrass_m ? 1 : 0;
-    }
-    return count > 0 && kFew * high <= count;
+    return soil;
   };
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      if (open(x, y) == 0) continue;
-      const Span<const std::uint32_t> piece = list.sub(0, take_piece(open, x, y, list));
-      if (!is_grass(piece)) continue;
-      for (const std::uint32_t i : piece) {
-        const auto [u, v] = place_of(i, width);
-        labels(u, v) = label::terrain;
-      }
+  const auto is_grass = [&](Span<const std::uint32_t> piece) {
+    const LabelBox box = box_of(piece);
+    const SoilLine soil = soil_around(box);
+    const auto [first_x, first_y] = place_of(piece[0], shape.width);
+    const bool is_ground = kGroundLabels.contains(labels(first_x, first_y));
+    bool is_told = false;  // its height: at the foot of all that stands is a low point
+    std::size_t count = 0;
+    std::size_t high = 0;
+    float nearest = std::numeric_limits<float>::infinity();
+    float farthest = 0.0F;
+    for (const std::uint32_t i : piece) {
+      const auto [x, y] = place_of(i, shape.width);
+      const float z = depth(x, y);
+      if (!is_valid_depth(z)) continue;
+      is_told = is_told || static_cast<float>(y - box.top) * z <= kTallGrass_m * camera.fy;
+      ++count;
+      high += above_m(x, y) - soil.at(z) <= kTallGrass_m ? 0U : 1U;  // so is what has no height
+      nearest = std::min(nearest, z);
+      farthest = std::max(farthest, z);
+    }
+    if (is_ground && farthest - nearest > kLongest_m) return false;
+    return is_told && kFew * high <= count;
+  };
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      open(x, y) = labels(x, y) == label::terrain ? 0 : 1;
+      patch(x, y) = 0;
+    }
+  }
+  for_pieces([&](Span<const std::uint32_t> piece) {
+    const LabelBox box = box_of(piece);
+    if (box.right - box.left + 1 < shape.width / kNarrow) mark(piece, kPatch);
+  });
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      open(x, y) = patch(x, y) == kPatch ? static_cast<std::uint8_t>(labels(x, y) + 1) : std::uint8_t{0};
+    }
+  }
+  for_pieces([&](Span<const std::uint32_t> piece) {
+    if (is_grass(piece)) mark(piece, kGrass);
+  });
+  for (int y = 0; y < shape.height; ++y) {
+    for (int x = 0; x < shape.width; ++x) {
+      if (patch(x, y) == kGrass) labels(x, y) = label::terrain;
     }
   }
   return {};
