@@ -163,11 +163,34 @@ TEST_CASE("meadows: what becomes soil lifts no soil around what comes later; soi
   Meadow m;
   m.stand(label::building, 200, 216, 6.0F, 1.2F);
   for (int y = 120; y < 240; ++y) {
-    if (m.labels(230, y) == label::terrain) m.depth(217, y) = 3e38F;
+    m.depth(217, y) = 3e38F;
   }
   const Image<Label> before = m.labels;
   m.tell();
   CHECK(m.all_of(before));
+}
+
+TEST_CASE("meadows: no wrong point hides a dog, tells that a thing is low or makes a path of dry grass") {
+  for (const float wrong_m : {9.0F, 30.0F, 100.0F, 1e4F, 1e10F}) {
+    CAPTURE(wrong_m);
+    Meadow m;
+    m.stand(label::building, 200, 226, 6.0F, 0.5F);
+    const Image<Label> before = m.labels;
+    m.depth(228, 155) = wrong_m;
+    m.tell();
+    CHECK(m.all_of(before));
+  }
+  Meadow m;
+  m.put(label::road, 0.0F, 100, 130, 150, 170);
+  m.depth(110, 160) = 60.0F;
+  m.put(label::building, 0.1F, 300, 315, 110, 150);
+  for (int y = 110; y < 148; ++y) {
+    for (int x = 300; x < 315; ++x) m.depth(x, y) = 0.0F;
+  }
+  m.depth(307, 130) = 0.5F;
+  m.tell();
+  CHECK(m.all(label::terrain, 100, 130, 150, 170));
+  CHECK(m.all(label::building, 300, 315, 110, 150));
 }
 
 TEST_CASE("meadows: the border of the picture cuts none; what touches a road, hedge or both sides of it stays") {

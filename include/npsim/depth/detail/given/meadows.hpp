@@ -9,7 +9,8 @@
 // heights), or is ground and longer than kLongest_m, as paths and roads are. So a person on dry grass stays, and an
 // upright thing of less than .38 m passes for grass. What may be higher than its points tell, as its top would be that
 // far above all of them were it upright, stays.
-// Cost: four passes, and for each label of a patch two over the box around it. Memory: tell_meadows_workspace_bytes().
+// Points half as far again as a piece's median tell nothing of soil and lengths, and count as high.
+// Cost: five passes, and for each label of a patch one over the box around it. Memory: tell_meadows_workspace_bytes().
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_MEADOWS_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_MEADOWS_HPP
 
@@ -18,6 +19,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "npsim/core/algorithm.hpp"
 #include "npsim/core/camera.hpp"
 #include "npsim/core/image_view.hpp"
 #include "npsim/core/span.hpp"
@@ -32,7 +34,8 @@ inline namespace NPSIM_ABI {
 namespace refine_detail {
 
 [[nodiscard]] constexpr std::size_t tell_meadows_workspace_bytes(Shape shape) noexcept {
-  return 2 * allocation_bytes<std::uint8_t>(shape.pixels()) + allocation_bytes<std::uint32_t>(shape.pixels());
+  return 2 * allocation_bytes<std::uint8_t>(shape.pixels()) + allocation_bytes<std::uint32_t>(shape.pixels()) +
+         allocation_bytes<float>(shape.pixels());
 }
 
 // Heights of soil above the ground plane by distance: the line of least squares, or the mean of soil at one distance.
@@ -67,15 +70,18 @@ class SoilLine {
   constexpr int kNarrow = 6;
   constexpr float kTallGrass_m = 0.3F;
   constexpr std::size_t kFew = 5;     // one point in so many may lie higher
+  constexpr float kNear = 1.5F;       // farther from the median distance of a piece, or nearer, points may be wrong
   constexpr float kLongest_m = 4.0F;  // along the depth
   constexpr std::uint8_t kPatch = 1, kGrass = 2;
   const Shape shape = labels.shape();
   const WorkspaceScope scope(workspace);
   ImageView<std::uint8_t> open, patch;
   Span<std::uint32_t> list;
+  Span<float> distances;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, open));
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, patch));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), list));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), distances));
   const auto box_of = [&](Span<const std::uint32_t> piece) {
     LabelBox box{shape.width, shape.height, -1, -1, piece.size()};
     for (const std::uint32_t i : piece) {
@@ -104,18 +110,31 @@ class SoilLine {
     return height_above_ground(ground, unproject_pixel(camera, x, y, depth(x, y)));
   };
   const int margin = std::max(1, shape.width / 128);
-  const auto soil_around = [&](const LabelBox& box) {
+  // Of a piece's points. 0: it has none.
+  const auto median_distance = [&](Span<const std::uint32_t> piece) {
+    std::size_t count = 0;
+    for (const std::uint32_t i : piece) {
+      const auto [x, y] = place_of(i, shape.width);
+      if (is_valid_depth(depth(x, y))) distances[count++] = depth(x, y);
+    }
+    if (count == 0) return 0.0F;
+    select_nth(distances.data(), distances.data() + count / 2, distances.data() + count);
+    return distances[count / 2];
+  };
+  const auto soil_around = [&](const LabelBox& box, const auto& is_near) {
     SoilLine soil;
     for (int y = std::max(0, box.top - margin); y <= std::min(shape.height - 1, box.bottom + margin); ++y) {
       for (int x = std::max(0, box.left - margin); x <= std::min(shape.width - 1, box.right + margin); ++x) {
-        if (labels(x, y) == label::terrain && is_valid_depth(depth(x, y))) soil.add(depth(x, y), above_m(x, y));
+        if (labels(x, y) == label::terrain && is_near(depth(x, y))) soil.add(depth(x, y), above_m(x, y));
       }
     }
     return soil;
   };
   const auto is_grass = [&](Span<const std::uint32_t> piece) {
     const LabelBox box = box_of(piece);
-    const SoilLine soil = soil_around(box);
+    const float median = median_distance(piece);
+    const auto is_near = [&](float z) { return is_valid_depth(z) && z <= kNear * median && median <= kNear * z; };
+    const SoilLine soil = soil_around(box, is_near);
     const auto [first_x, first_y] = place_of(piece[0], shape.width);
     const bool is_ground = kGroundLabels.contains(labels(first_x, first_y));
     bool is_told = false;  // its height: at the foot of all that stands is a low point
@@ -127,9 +146,10 @@ class SoilLine {
       const auto [x, y] = place_of(i, shape.width);
       const float z = depth(x, y);
       if (!is_valid_depth(z)) continue;
-      is_told = is_told || static_cast<float>(y - box.top) * z <= kTallGrass_m * camera.fy;
       ++count;
-      high += above_m(x, y) - soil.at(z) <= kTallGrass_m ? 0U : 1U;  // so is what has no height
+      if (!is_near(z) || !(above_m(x, y) - soil.at(z) <= kTallGrass_m)) ++high;  // so is what has no height
+      if (!is_near(z)) continue;
+      is_told = is_told || static_cast<float>(y - box.top) * z <= kTallGrass_m * camera.fy;
       nearest = std::min(nearest, z);
       farthest = std::max(farthest, z);
     }
