@@ -3,12 +3,16 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <array>
+#include <cstdint>
 #include <numeric>
 #include <type_traits>
+#include <vector>
 
 using npsim::ImageView;
 using npsim::Shape;
+using npsim::Span;
 
 static_assert(std::is_trivially_copyable_v<ImageView<float>>);
 static_assert(std::is_convertible_v<ImageView<float>, ImageView<const float>>);
@@ -82,4 +86,20 @@ TEST_CASE("contains: the border belongs to it, one beyond does not") {
   CHECK_FALSE(view.contains(2, 2));
   CHECK_FALSE(view.contains(-1, 0));
   CHECK_FALSE(view.contains(0, -1));
+}
+
+TEST_CASE("pieces: corners join none, values part neighbours, and each is listed once in the order of rows") {
+  constexpr Shape kShape{4, 3};
+  std::array<std::uint8_t, 12> open = {1, 0, 2, 2,  //
+                                       0, 1, 1, 2,  //
+                                       3, 0, 1, 0};
+  std::array<std::uint32_t, 12> list{};
+  std::vector<std::vector<std::uint32_t>> pieces;
+  npsim::for_pieces(ImageView<std::uint8_t>(open.data(), kShape), Span<std::uint32_t>(list.data(), list.size()),
+                    [&](Span<const std::uint32_t> piece) {
+                      pieces.emplace_back(piece.begin(), piece.end());
+                      std::sort(pieces.back().begin(), pieces.back().end());
+                    });
+  CHECK(pieces == std::vector<std::vector<std::uint32_t>>{{0}, {2, 3, 7}, {5, 6, 10}, {8}});
+  CHECK(std::all_of(open.begin(), open.end(), [](std::uint8_t v) { return v == 0; }));
 }

@@ -52,6 +52,11 @@ struct Meadow {
       }
     }
   }
+  void hide(int x0, int x1, int y0, int y1) {  // from what measures
+    for (int y = y0; y < y1; ++y) {
+      for (int x = x0; x < x1; ++x) depth(x, y) = 0.0F;
+    }
+  }
   void tell() {
     npsim_test::Scratch scratch(refine_detail::tell_meadows_workspace_bytes(kShape) + kWorkspaceAlignment);
     REQUIRE(refine_detail::tell_meadows(depth.cview(), kCamera, kGround, labels.view(), scratch.workspace()).ok());
@@ -121,14 +126,10 @@ TEST_CASE(
   m.put(label::road, 0.0F, 150, 220, 155, 205);
   m.stand(label::building, 180, 190, 6.0F, 0.8F);
   m.put(label::building, 0.35F, 300, 320, 120, 170);
-  for (int y = 120; y < 170; ++y) {
-    for (int x = 300; x < 320; ++x) m.depth(x, y) = 0.0F;
-  }
+  m.hide(300, 320, 120, 170);
   m.depth(310, 140) = m.at(140, 0.1F);
   m.put(label::vegetation, 0.1F, 340, 360, 140, 170);
-  for (int y = 140; y < 170; ++y) {
-    for (int x = 340; x < 360; ++x) m.depth(x, y) = 0.0F;
-  }
+  m.hide(340, 360, 140, 170);
   m.depth(345, 158) = m.at(158, 0.1F);
   m.tell();
   CHECK(m.all(label::terrain, 150, 180, 155, 205));
@@ -184,9 +185,7 @@ TEST_CASE("meadows: no wrong point hides a dog, tells that a thing is low or mak
   m.put(label::road, 0.0F, 100, 130, 150, 170);
   m.depth(110, 160) = 60.0F;
   m.put(label::building, 0.1F, 300, 315, 110, 150);
-  for (int y = 110; y < 148; ++y) {
-    for (int x = 300; x < 315; ++x) m.depth(x, y) = 0.0F;
-  }
+  m.hide(300, 315, 110, 148);
   m.depth(307, 130) = 0.5F;
   m.tell();
   CHECK(m.all(label::terrain, 100, 130, 150, 170));

@@ -146,6 +146,16 @@ template <class Joined>
   return take_piece(open, x, y, list, [](int, int, int, int) { return true; });
 }
 
+// f(piece) of all pieces, each as take_piece() lists it, in the order of their first pixels; all of `open` becomes 0.
+template <class F>
+void for_pieces(ImageView<std::uint8_t> open, Span<std::uint32_t> list, const F& f) {
+  for (int y = 0; y < open.height(); ++y) {
+    for (int x = 0; x < open.width(); ++x) {
+      if (open(x, y) != 0) f(Span<const std::uint32_t>(list.data(), take_piece(open, x, y, list)));
+    }
+  }
+}
+
 }  // namespace NPSIM_ABI
 }  // namespace npsim
 

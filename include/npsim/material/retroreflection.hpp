@@ -177,11 +177,7 @@ struct Pieces {
   // f(pixels) of each piece, which is open no more.
   template <class F>
   void take(const F& f) const {
-    for (int y = 0; y < open.height(); ++y) {
-      for (int x = 0; x < open.width(); ++x) {
-        if (open(x, y) != 0) f(Span<const std::uint32_t>(list.data(), take_piece(open, x, y, list)));
-      }
-    }
+    for_pieces(open, list, f);
   }
 };
 

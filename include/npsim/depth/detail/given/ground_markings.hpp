@@ -136,15 +136,11 @@ struct MarkingHalf {
       open(x, y) = depth_detail::kTakenToStand.contains(labels(x, y)) ? labels(x, y) : std::uint8_t{0};
     }
   }
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      if (open(x, y) == 0) continue;
-      const Span<const std::uint32_t> piece = list.sub(0, take_piece(open, x, y, list));
-      if (!depth_detail::lies_on_ground(scene, shape.width, piece)) continue;
-      const Label l = depth_detail::ground_beside(labels, piece);
-      for (const std::uint32_t p : piece) labels(place_of(p, shape.width)) = l;
-    }
-  }
+  for_pieces(open, list, [&](Span<const std::uint32_t> piece) {
+    if (!depth_detail::lies_on_ground(scene, shape.width, piece)) return;
+    const Label l = depth_detail::ground_beside(labels, piece);
+    for (const std::uint32_t p : piece) labels(place_of(p, shape.width)) = l;
+  });
   return {};
 }
 

@@ -6,11 +6,11 @@
 // and faces the lamps as that does. Patches have soil all around them in the picture, but for its border, and less
 // than 1 / kNarrow of its width. Within them what hangs together and has one label becomes soil unless it stands, with
 // more than a fifth of its points kTallGrass_m above the soil around at their own distance (a line through that soil's
-// heights), or is ground and longer than kLongest_m, as paths and roads are. So a person on dry grass stays, and an
-// upright thing of less than .38 m passes for grass. What may be higher than its points tell, as its top would be that
-// far above all of them were it upright, stays.
-// Points half as far again as a piece's median tell nothing of soil and lengths, and count as high.
-// Cost: five passes, and for each label of a patch one over the box around it. Memory: tell_meadows_workspace_bytes().
+// heights), or is ground and longer than kLongest_m, as roads are. So a person on dry grass stays, and an upright
+// thing of less than .38 m passes for grass. What may be higher than its points tell, as its top would be that far
+// above all of them were it upright, stays. Points half as far again as a piece's median, or that much nearer, tell
+// nothing of soil and lengths, and count as high.
+// Cost: four passes, and for each label of a patch one over the box around it. Memory: tell_meadows_workspace_bytes().
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_MEADOWS_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_MEADOWS_HPP
 
@@ -72,7 +72,6 @@ class SoilLine {
   constexpr std::size_t kFew = 5;     // one point in so many may lie higher
   constexpr float kNear = 1.5F;       // farther from the median distance of a piece, or nearer, points may be wrong
   constexpr float kLongest_m = 4.0F;  // along the depth
-  constexpr std::uint8_t kPatch = 1, kGrass = 2;
   const Shape shape = labels.shape();
   const WorkspaceScope scope(workspace);
   ImageView<std::uint8_t> open, patch;
@@ -93,19 +92,6 @@ class SoilLine {
     }
     return box;
   };
-  const auto for_pieces = [&](auto&& f) {
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        if (open(x, y) != 0) f(Span<const std::uint32_t>(list.sub(0, take_piece(open, x, y, list))));
-      }
-    }
-  };
-  const auto mark = [&](Span<const std::uint32_t> piece, std::uint8_t as) {
-    for (const std::uint32_t i : piece) {
-      const auto [x, y] = place_of(i, shape.width);
-      patch(x, y) = as;
-    }
-  };
   const auto above_m = [&](int x, int y) {
     return height_above_ground(ground, unproject_pixel(camera, x, y, depth(x, y)));
   };
@@ -114,8 +100,8 @@ class SoilLine {
   const auto median_distance = [&](Span<const std::uint32_t> piece) {
     std::size_t count = 0;
     for (const std::uint32_t i : piece) {
-      const auto [x, y] = place_of(i, shape.width);
-      if (is_valid_depth(depth(x, y))) distances[count++] = depth(x, y);
+      const float z = depth(place_of(i, shape.width));
+      if (is_valid_depth(z)) distances[count++] = z;
     }
     if (count == 0) return 0.0F;
     select_nth(distances.data(), distances.data() + count / 2, distances.data() + count);
@@ -135,8 +121,7 @@ class SoilLine {
     const float median = median_distance(piece);
     const auto is_near = [&](float z) { return is_valid_depth(z) && z <= kNear * median && median <= kNear * z; };
     const SoilLine soil = soil_around(box, is_near);
-    const auto [first_x, first_y] = place_of(piece[0], shape.width);
-    const bool is_ground = kGroundLabels.contains(labels(first_x, first_y));
+    const bool is_ground = kGroundLabels.contains(labels(place_of(piece[0], shape.width)));
     bool is_told = false;  // its height: at the foot of all that stands is a low point
     std::size_t count = 0;
     std::size_t high = 0;
@@ -162,21 +147,22 @@ class SoilLine {
       patch(x, y) = 0;
     }
   }
-  for_pieces([&](Span<const std::uint32_t> piece) {
+  for_pieces(open, list, [&](Span<const std::uint32_t> piece) {
     const LabelBox box = box_of(piece);
-    if (box.right - box.left + 1 < shape.width / kNarrow) mark(piece, kPatch);
-  });
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      open(x, y) = patch(x, y) == kPatch ? static_cast<std::uint8_t>(labels(x, y) + 1) : std::uint8_t{0};
+    if (box.right - box.left + 1 >= shape.width / kNarrow) return;
+    for (const std::uint32_t i : piece) {
+      const PixelPlace at = place_of(i, shape.width);
+      patch(at) = static_cast<std::uint8_t>(labels(at) + 1);
     }
-  }
-  for_pieces([&](Span<const std::uint32_t> piece) {
-    if (is_grass(piece)) mark(piece, kGrass);
+  });
+  const ImageView<std::uint8_t> grass = open;  // all 0
+  for_pieces(patch, list, [&](Span<const std::uint32_t> piece) {
+    if (!is_grass(piece)) return;
+    for (const std::uint32_t i : piece) grass(place_of(i, shape.width)) = 1;
   });
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
-      if (patch(x, y) == kGrass) labels(x, y) = label::terrain;
+      if (grass(x, y) != 0) labels(x, y) = label::terrain;
     }
   }
   return {};

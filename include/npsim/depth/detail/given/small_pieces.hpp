@@ -26,34 +26,28 @@ template <class T, class Is, class Counts>
                                   Workspace& workspace) {
   const WorkspaceScope scope(workspace);
   ImageView<std::uint8_t> open;
-  Span<std::uint32_t> piece;
+  Span<std::uint32_t> list;
   NPSIM_RETURN_IF_ERROR(workspace.allocate_image(map.shape(), open));
-  NPSIM_RETURN_IF_ERROR(workspace.allocate(map.shape().pixels(), piece));
+  NPSIM_RETURN_IF_ERROR(workspace.allocate(map.shape().pixels(), list));
   for (int y = 0; y < map.height(); ++y) {
     for (int x = 0; x < map.width(); ++x) open(x, y) = is(map(x, y)) ? 1 : 0;
   }
-  for (int y = 0; y < map.height(); ++y) {
-    for (int x = 0; x < map.width(); ++x) {
-      if (open(x, y) == 0) continue;
-      const std::size_t count = take_piece(open, x, y, piece);
-      if (count >= small) continue;
-      int around = 0;
-      int alike = 0;
-      const auto look = [&](int u, int v) {
-        if (!map.contains(u, v) || is(map(u, v)) || !counts(map(u, v))) return;
-        ++around;
-        alike += map(u, v) == value ? 1 : 0;
-      };
-      for (std::size_t i = 0; i < count; ++i) {
-        const auto [u, v] = place_of(piece[i], map.width());
-        for_neighbours(u, v, look);
-      }
-      for (std::size_t i = 0; 2 * alike > around && i < count; ++i) {
-        const auto [u, v] = place_of(piece[i], map.width());
-        map(u, v) = value;
-      }
+  for_pieces(open, list, [&](Span<const std::uint32_t> piece) {
+    if (piece.size() >= small) return;
+    int around = 0;
+    int alike = 0;
+    const auto look = [&](int u, int v) {
+      if (!map.contains(u, v) || is(map(u, v)) || !counts(map(u, v))) return;
+      ++around;
+      alike += map(u, v) == value ? 1 : 0;
+    };
+    for (const std::uint32_t i : piece) {
+      const auto [u, v] = place_of(i, map.width());
+      for_neighbours(u, v, look);
     }
-  }
+    if (2 * alike <= around) return;
+    for (const std::uint32_t i : piece) map(place_of(i, map.width())) = value;
+  });
   return {};
 }
 

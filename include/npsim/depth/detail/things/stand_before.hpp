@@ -90,13 +90,7 @@ struct StandBeforeParams {
     for (int y = 0; y < shape.height; ++y) {
       for (int x = 0; x < shape.width; ++x) open(x, y) = kind.contains(labels(x, y)) ? 1 : 0;
     }
-    for (int y = 0; y < shape.height; ++y) {
-      for (int x = 0; x < shape.width; ++x) {
-        if (open(x, y) == 0) continue;
-        const std::size_t count = take_piece(open, x, y, list);
-        bring_before(Span<const std::uint32_t>(list.data(), count), kind);
-      }
-    }
+    for_pieces(open, list, [&](Span<const std::uint32_t> piece) { bring_before(piece, kind); });
   }
   return {};
 }

@@ -190,8 +190,8 @@ inline constexpr std::uint8_t kWaitsForLight = 1, kStripeWaits = 2, kLightTold =
 }
 
 // Step 2 on dark blue ground: a piece of it that lies on shade about as much as on ground in the sun is the rim of a
-// shadow, as a whole; all else waits as paint does. So does a lane that a shadow, or a dark joint, touches at one side
-// or end; one between sun and shade cannot be told from a rim. `around` is scratch.
+// shadow, as a whole; all else waits as paint does. So does a lane that a shadow touches at its end, or a narrow one at
+// its side; one between sun and shade cannot be told from a rim. `around` is scratch.
 template <class Executor>
 Status tell_blue_rims(float around_px, const Picture& picture, Workspace& workspace, Plane around, GroundLight& out,
                       Executor& executor) {
@@ -202,28 +202,24 @@ Status tell_blue_rims(float around_px, const Picture& picture, Workspace& worksp
       window_mean(known, out.sun, picture.radius(around_px), 0.0F, kNone, workspace, around, executor));
   const Shape shape = picture.shape();
   const WorkspaceScope scope(workspace);
-  ImageView<std::uint8_t> open;
   Span<std::uint32_t> list;
-  NPSIM_RETURN_IF_ERROR(workspace.allocate_image(shape, open));
   NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), list));
-  for_pixels(shape, executor, [&](int x, int y) { open(x, y) = out.coloured(x, y) == kDarkBlue ? 1 : 0; });
   for (int y = 0; y < shape.height; ++y) {
     for (int x = 0; x < shape.width; ++x) {
-      if (open(x, y) == 0) continue;
-      const std::size_t size = take_piece(open, x, y, list);
+      if (out.coloured(x, y) != kDarkBlue) continue;
+      const Span<const std::uint32_t> piece = list.sub(0, take_piece(out.coloured, x, y, list));
       double sum = 0.0;
       double count = 0.0;
-      for (const std::uint32_t i : list.sub(0, size)) {
-        const auto [u, v] = place_of(i, shape.width);
-        if (around(u, v) < 0.5F * kNone) continue;
-        sum += static_cast<double>(around(u, v));
+      for (const std::uint32_t i : piece) {
+        const float sun = around(place_of(i, shape.width));
+        if (sun < 0.5F * kNone) continue;
+        sum += static_cast<double>(sun);
         count += 1.0;
       }
       const bool rim = count > 0.0 && sum < kHalfInSun * count;
-      for (const std::uint32_t i : list.sub(0, size)) {
-        const auto [u, v] = place_of(i, shape.width);
-        out.coloured(u, v) = rim ? kLightTold : kWaitsForLight;
-        if (rim) out.sun(u, v) = 0.0F;
+      for (const std::uint32_t i : piece) {
+        out.coloured(place_of(i, shape.width)) = rim ? kLightTold : kWaitsForLight;
+        if (rim) out.sun(place_of(i, shape.width)) = 0.0F;
       }
     }
   }

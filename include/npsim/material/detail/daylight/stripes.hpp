@@ -131,21 +131,17 @@ Status grow_stripes(const StripeParams& p, const Picture& picture, const Bright&
   NPSIM_RETURN_IF_ERROR(workspace.allocate(shape.pixels(), list));
   for_pixels(shape, executor, [&](int x, int y) { open(x, y) = bright(x, y) ? 1 : 0; });
   grown = false;
-  for (int y = 0; y < shape.height; ++y) {
-    for (int x = 0; x < shape.width; ++x) {
-      if (open(x, y) == 0) continue;
-      const Span<const std::uint32_t> piece = list.sub(0, take_piece(open, x, y, list));
-      std::size_t painted = 0, plain = 0;
-      for (const std::uint32_t i : piece) {
-        const std::uint8_t kind = stripe(place_of(i, shape.width));
-        painted += kind == kBrightStripe ? 1U : 0U;
-        plain += kind == 0 ? 1U : 0U;
-      }
-      if (painted <= plain || plain == 0) continue;
-      for (const std::uint32_t i : piece) stripe(place_of(i, shape.width)) = kBrightStripe;
-      grown = true;
+  for_pieces(open, list, [&](Span<const std::uint32_t> piece) {
+    std::size_t painted = 0, plain = 0;
+    for (const std::uint32_t i : piece) {
+      const std::uint8_t kind = stripe(place_of(i, shape.width));
+      painted += kind == kBrightStripe ? 1U : 0U;
+      plain += kind == 0 ? 1U : 0U;
     }
-  }
+    if (painted <= plain || plain == 0) return;
+    for (const std::uint32_t i : piece) stripe(place_of(i, shape.width)) = kBrightStripe;
+    grown = true;
+  });
   return grown ? mark_stripe_borders(p, picture, workspace, stripe, executor) : Status();
 }
 
