@@ -144,10 +144,12 @@ TEST_CASE("meadows: a path and a lane seen between two meadows are longer than p
   m.put(label::road, 0.0F, 100, 160, 120, kShape.height);
   m.put(label::rail_track, 0.0F, 250, 300, 108, 135);  // 8 to 12.5 m
   m.put(label::road, 0.0F, 350, 400, 150, 180);        // 5 to 6.7 m
+  m.put(label::road, 0.0F, 170, 230, 122, 255);        // 3 to 9.7 m: half of it far from its median
   m.tell();
   CHECK(m.all(label::road, 100, 160, 120, kShape.height));
   CHECK(m.all(label::rail_track, 250, 300, 108, 135));
   CHECK(m.all(label::terrain, 350, 400, 150, 180));
+  CHECK(m.all(label::road, 170, 230, 122, 255));
 }
 
 TEST_CASE("meadows: what becomes soil lifts no soil around what comes later; soil of no height tells nothing") {

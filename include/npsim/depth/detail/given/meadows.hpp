@@ -9,7 +9,7 @@
 // heights), or is ground and longer than kLongest_m, as roads are. So a person on dry grass stays, and an upright
 // thing of less than .38 m passes for grass. What may be higher than its points tell, as its top would be that far
 // above all of them were it upright, stays. Points half as far again as a piece's median, or that much nearer, tell
-// nothing of soil and lengths, and count as high.
+// nothing of soil, and count as high; lengths leave out a twentieth of the points at either end.
 // Cost: four passes, and for each label of a patch one over the box around it. Memory: tell_meadows_workspace_bytes().
 #ifndef NPSIM_DEPTH_DETAIL_GIVEN_MEADOWS_HPP
 #define NPSIM_DEPTH_DETAIL_GIVEN_MEADOWS_HPP
@@ -69,9 +69,10 @@ class SoilLine {
                                          const GroundPlane& ground, ImageView<Label> labels, Workspace& workspace) {
   constexpr int kNarrow = 6;
   constexpr float kTallGrass_m = 0.3F;
-  constexpr std::size_t kFew = 5;     // one point in so many may lie higher
-  constexpr float kNear = 1.5F;       // farther from the median distance of a piece, or nearer, points may be wrong
-  constexpr float kLongest_m = 4.0F;  // along the depth
+  constexpr std::size_t kFew = 5;  // one point in so many may lie higher
+  constexpr float kNear = 1.5F;    // farther from the median distance of a piece, or nearer, points may be wrong
+  constexpr float kLongest_m = 4.0F;
+  constexpr std::size_t kWrong = 20;  // one point in so many at either end may be wrong where a length is told
   const Shape shape = labels.shape();
   const WorkspaceScope scope(workspace);
   ImageView<std::uint8_t> open, patch;
@@ -96,16 +97,23 @@ class SoilLine {
     return height_above_ground(ground, unproject_pixel(camera, x, y, depth(x, y)));
   };
   const int margin = std::max(1, shape.width / 128);
-  // Of a piece's points. 0: it has none.
-  const auto median_distance = [&](Span<const std::uint32_t> piece) {
+  struct Reach {
+    float median = 0.0F;  // 0: no point is valid
+    float length = 0.0F;  // along the depth, between the twentieths of all points
+  };
+  const auto reach_of = [&](Span<const std::uint32_t> piece) -> Reach {
     std::size_t count = 0;
     for (const std::uint32_t i : piece) {
       const float z = depth(place_of(i, shape.width));
       if (is_valid_depth(z)) distances[count++] = z;
     }
-    if (count == 0) return 0.0F;
-    select_nth(distances.data(), distances.data() + count / 2, distances.data() + count);
-    return distances[count / 2];
+    if (count == 0) return {};
+    const auto nth = [&](std::size_t n) {
+      select_nth(distances.data(), distances.data() + n, distances.data() + count);
+      return distances[n];
+    };
+    const std::size_t few = count / kWrong;
+    return {nth(count / 2), nth(count - 1 - few) - nth(few)};
   };
   const auto soil_around = [&](const LabelBox& box, const auto& is_near) {
     SoilLine soil;
@@ -118,27 +126,23 @@ class SoilLine {
   };
   const auto is_grass = [&](Span<const std::uint32_t> piece) {
     const LabelBox box = box_of(piece);
-    const float median = median_distance(piece);
+    const Reach reach = reach_of(piece);
+    const bool is_ground = kGroundLabels.contains(labels(place_of(piece[0], shape.width)));
+    if (is_ground && reach.length > kLongest_m) return false;
+    const float median = reach.median;
     const auto is_near = [&](float z) { return is_valid_depth(z) && z <= kNear * median && median <= kNear * z; };
     const SoilLine soil = soil_around(box, is_near);
-    const bool is_ground = kGroundLabels.contains(labels(place_of(piece[0], shape.width)));
     bool is_told = false;  // its height: at the foot of all that stands is a low point
     std::size_t count = 0;
     std::size_t high = 0;
-    float nearest = std::numeric_limits<float>::infinity();
-    float farthest = 0.0F;
     for (const std::uint32_t i : piece) {
       const auto [x, y] = place_of(i, shape.width);
       const float z = depth(x, y);
       if (!is_valid_depth(z)) continue;
       ++count;
       if (!is_near(z) || !(above_m(x, y) - soil.at(z) <= kTallGrass_m)) ++high;  // so is what has no height
-      if (!is_near(z)) continue;
-      is_told = is_told || static_cast<float>(y - box.top) * z <= kTallGrass_m * camera.fy;
-      nearest = std::min(nearest, z);
-      farthest = std::max(farthest, z);
+      is_told = is_told || (is_near(z) && static_cast<float>(y - box.top) * z <= kTallGrass_m * camera.fy);
     }
-    if (is_ground && farthest - nearest > kLongest_m) return false;
     return is_told && kFew * high <= count;
   };
   for (int y = 0; y < shape.height; ++y) {
