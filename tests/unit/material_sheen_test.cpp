@@ -129,6 +129,38 @@ TEST_CASE("what paint mirrors of a cloudy day is not in its albedo: black stays 
   CHECK(red.x == doctest::Approx(0.12F).epsilon(0.25));
 }
 
+TEST_CASE(
+    "black paint that turns away from the sun mirrors the sunlit road before it, which is brighter than the paint") {
+  const float paints[] = {0.02F, 0.3F, 0.2F, 0.3F};
+  const Vec3f sky{0.13F, 0.155F, 0.21F};  // light of the shade over that of the sun
+  // In the shade left of the first of the trucks the road is as dark as the sky alone lights it.
+  Picture p = level_road([&](float across, float) {
+    return across < -2.0F ? sky * 0.24F : Vec3f{0.24F, 0.24F, 0.24F};
+  });
+  p.instances.assign(p.shape.pixels(), 0);
+  Ground ground;
+  for (int k = 0; k < 4; ++k) {
+    for (int y = 140; y < 200; ++y) {
+      for (int x = 200 + 68 * k; x < 260 + 68 * k; ++x) {
+        const std::size_t i = p.i(x, y);
+        p.labels[i] = label::truck;
+        p.instances[i] = static_cast<std::uint16_t>(1 + k);
+        ground.depth[i] = 8.0F;
+        ground.normals[i] = {0, 0, -1};
+        constexpr float kMirrored = 0.04F;
+        const Vec3f light = (sky * 0.5F + Vec3f{0.1F, 0.1F, 0.1F}) * (1.0F - kMirrored);
+        const Vec3f seen = (light * paints[k] + Vec3f{0.1F, 0.1F, 0.1F} * kMirrored) * 2.4F;
+        p.day[i] = {encode(seen.x), encode(seen.y), encode(seen.z)};
+      }
+    }
+  }
+  REQUIRE(ground.run(p, true).ok());
+  REQUIRE(p.report.shadow);
+  const auto of = [&](int k) { return mean(p, 210 + 68 * k, 250 + 68 * k, 150, 190); };
+  CHECK(of(0) < 0.03);  // looks like .043
+  CHECK(of(1) == doctest::Approx(0.3).epsilon(0.2));
+}
+
 TEST_CASE("of the cast of a road that mirrors the sky the stated share is left") {
   Picture p = level_road([](float, float) { return Vec3f{0.102F, 0.12F, 0.15F}; });
   REQUIRE(Ground().run(p, true).ok());

@@ -272,3 +272,41 @@ TEST_CASE("things that face a sun at the side come out like those that face away
     CHECK(p.sun[p.i(35 + 50 * 4, 130)] == doctest::Approx(side > 0.0F ? 1.0 : 0.0).epsilon(0.1));
   }
 }
+
+TEST_CASE(
+    "a face that looks into a low sun has more light than the ground, one that looks away the street's; both keep "
+    "their paint") {
+  for (const Vec3f& sun : {Vec3f{0.35F, -0.6F, -0.72F}, Vec3f{0.5F, -0.75F, -0.43F}, Vec3f{-0.5F, -0.6F, 0.6F}}) {
+    CAPTURE(sun.x);
+    Day day;
+    day.sun = sun;
+    Picture p = canyon(day);
+    const Vec3f towards = normalized(sun);
+    constexpr float kPaint[] = {0.06F, 0.3F, 0.6F};
+    for (int k = 0; k < 3; ++k) {
+      for (int y = 145; y < 185; ++y) {
+        for (int x = 250 + 60 * k; x < 280 + 60 * k; ++x) {
+          const std::size_t i = p.i(x, y);
+          RandomStream r(7, RandomPurpose::test, 0, 0, static_cast<std::uint32_t>(y * kWidth + x), 0);
+          const float direct = std::fmax(-towards.z, 0.0F) / -towards.y;
+          const auto light = [&](float sky) { return (1.0F - sky) * direct + 0.5F * sky + 0.1F; };
+          const Vec3f seen =
+              Vec3f{light(kSky.x), light(kSky.y), light(kSky.z)} * (kPaint[k] * 1.5F * (0.9F + 0.2F * r.uniform()));
+          p.labels[i] = label::person;
+          p.normals[i] = {0, 0, -1};
+          p.day[i] = {encode(seen.x), encode(seen.y), encode(seen.z)};
+        }
+      }
+    }
+    REQUIRE(p.run().ok());
+    for (int k = 0; k < 3; ++k) {
+      CAPTURE(k);
+      double sum = 0.0;
+      for (int y = 150; y < 180; ++y) {
+        for (int x = 255 + 60 * k; x < 275 + 60 * k; ++x) sum += static_cast<double>(luminance(p.albedo[p.i(x, y)]));
+      }
+      const double told = sum / 600.0 / static_cast<double>(kPaint[k]);
+      CHECK(std::fabs(std::log2(told)) < 0.65);
+    }
+  }
+}

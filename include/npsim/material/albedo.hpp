@@ -297,10 +297,17 @@ Status light_objects(const StandingLightParams& p, Context& c, Workspace& worksp
     float sun = place(x, y);
     if (picture.region(x, y) == kOther)
       sun += (1.0F - sun) * clamp_to((c.working_height(x, y) - p.low_m) / (p.high_m - p.low_m), 0.0F, 1.0F);
-    const float upward = clamp_to(dot(normal(x, y), c.scene.ground.up), 0.0F, 1.0F);
-    if (c.ground.shadow) sun *= faces.share(seen_face(normal(x, y)));
-    c.light(x, y) = c.scale + log_light(sun, c.ground.ratio_y) + (1.0F - upward) * upright;
-    c.sun(x, y) = sun;
+    if (!c.ground.shadow) {
+      const float upward = clamp_to(dot(normal(x, y), c.scene.ground.up), 0.0F, 1.0F);
+      c.light(x, y) = c.scale + (1.0F - upward) * upright;
+      c.sun(x, y) = sun;
+      return;
+    }
+    const Vec3f face = seen_face(normal(x, y));
+    c.ground.sun(x, y) = place(x, y);
+    sun *= faces.direct(face);
+    c.light(x, y) = c.scale + c.day.log_light(face, sun * c.day.sine());
+    c.sun(x, y) = std::min(sun, 1.0F);
   });
   heights_of_objects(c.scene, picture, c.objects);
   return {};
@@ -308,12 +315,18 @@ Status light_objects(const StandingLightParams& p, Context& c, Workspace& worksp
 
 // Of four working pixels around a pixel of the photograph, those of its own region.
 struct Light {
-  float level, sun, pane, tint;
+  float level, sun;
+  float street;  // share of the sun on the ground, of things: where they stand
+  float pane = 0.0F, tint = 0.0F;
 };
+
+[[nodiscard]] inline Light working_light(const Context& c, int x, int y) noexcept {
+  return {c.light(x, y), c.sun(x, y), c.ground.sun(x, y), c.pane(x, y), c.ground.tint(x, y)};
+}
 
 [[nodiscard]] inline Light light_at(const Context& c, int x, int y, std::uint8_t region) noexcept {
   const Picture& picture = c.picture;
-  if (picture.factor == 1) return {c.light(x, y), c.sun(x, y), c.pane(x, y), c.ground.tint(x, y)};
+  if (picture.factor == 1) return working_light(c, x, y);
   const float inverse = 1.0F / static_cast<float>(picture.factor);
   const float fx = (static_cast<float>(x) + 0.5F) * inverse - 0.5F;
   const float fy = (static_cast<float>(y) + 0.5F) * inverse - 0.5F;
@@ -328,23 +341,16 @@ struct Light {
       const float wx = 1.0F - std::fabs(fx - static_cast<float>(x0 + i));
       const float wy = 1.0F - std::fabs(fy - static_cast<float>(y0 + j));
       const float w = wx * wy * (picture.region(u, v) == region ? 1.0F : 1e-4F);
-      sum.level += w * c.light(u, v);
-      sum.sun += w * c.sun(u, v);
-      sum.pane += w * c.pane(u, v);
-      sum.tint += w * c.ground.tint(u, v);
+      const Light own = working_light(c, u, v);
+      sum.level += w * own.level;
+      sum.sun += w * own.sun;
+      sum.street += w * own.street;
+      sum.pane += w * own.pane;
+      sum.tint += w * own.tint;
       weight += w;
     }
   }
-  return {sum.level / weight, sum.sun / weight, sum.pane / weight, sum.tint / weight};
-}
-
-// log2 albedo of a car's pixel: panes are dark whatever they mirror, and so is what is darker than paint towards the
-// bottom, tyres and the gap under the sills.
-[[nodiscard]] inline float paint_or_glass(float log_albedo, float paint, float down, float pane) noexcept {
-  constexpr float kDarkParts = -4.6F;  // log2 of .04
-  const float tyres = is_no_paint(paint - log_albedo) * clamp_to((down - kTyresFrom) / (1.0F - kTyresFrom), 0.0F, 1.0F);
-  const float dark = std::min(kDarkParts, paint);
-  return log_albedo + std::max(pane, tyres) * (dark - log_albedo);
+  return {sum.level / weight, sum.sun / weight, sum.street / weight, sum.pane / weight, sum.tint / weight};
 }
 
 // Albedo over the photograph's linear light, which has the luminance `level` over albedo (log2), a share of sun, and is
@@ -363,7 +369,7 @@ struct Light {
 
 // Step 6 for things: what is left of the albedo `a` that gain_of gives a pixel of the photograph, without what it
 // mirrors.
-[[nodiscard]] inline Vec3f without_mirrored(const Context& c, Label label, int x, int y, float level, float sun,
+[[nodiscard]] inline Vec3f without_mirrored(const Context& c, Label label, int x, int y, const Light& at,
                                             const Vec3f& a) noexcept {
   if (!c.sheen) return a;
   const Vec3f sight = normalized(unproject_pixel(c.scene.camera, x, y, 1.0F));
@@ -372,10 +378,10 @@ struct Light {
   float light[3];
   for (int i = 0; i < 3; ++i) {
     const float of_sky = c.ground.shadow ? exp2_of(-ratio[i]) : 1.0F;
-    const float of_street = c.ground.shadow ? exp2_of(log_light(sun, ratio[i])) : 1.0F;
+    const float of_street = c.ground.shadow ? exp2_of(log_light(at.street, ratio[i])) : 1.0F;
     light[i] = exp2_of(c.scale + c.cast[i]) * (m.sky * of_sky + m.street * of_street);
   }
-  return taken_off(a, Vec3f{light[0], light[1], light[2]} * gain_of(c, level, sun)) / m.through;
+  return taken_off(a, Vec3f{light[0], light[1], light[2]} * gain_of(c, at.level, at.sun)) / m.through;
 }
 
 // The paint of objects, and the panes of cars, without what they mirror.
@@ -392,7 +398,8 @@ Status tell_paint(Context& c, Workspace& workspace, Executor& executor) {
     bare(x, y) = 0.0F;
     if (c.objects.of(s, u, v) == 0) return;
     const float seen = exp2_of(c.picture.log_y(x, y) - c.light(x, y));
-    const Vec3f own = without_mirrored(c, s.labels(u, v), u, v, c.light(x, y), c.sun(x, y), {seen, seen, seen});
+    const Vec3f own =
+        without_mirrored(c, s.labels(u, v), u, v, {c.light(x, y), c.sun(x, y), c.ground.sun(x, y)}, {seen, seen, seen});
     bare(x, y) = c.picture.log_y(x, y) - log2_of(std::max(luminance(own), kNothing));
   });
   paint_of_objects(s, c.picture, bare, c.objects);
@@ -585,7 +592,7 @@ void write_albedo(const Context& c, const AlbedoEstimate& out, Executor& executo
       a = without_sheen(road, a, contrast_of_ground(c, s.labels.empty() ? label::road : label, x, y, light.sun));
     } else if (region == kVehicle || region == kOther) {
       const float looks = luminance(a);
-      a = without_mirrored(c, label, x, y, light.level, light.sun, a);
+      a = without_mirrored(c, label, x, y, light, a);
       if (looks > 0.0F) trust = std::min(trust, std::max(luminance(a), 0.0F) / (kTold * looks));
     }
     const std::size_t object = c.objects.of(s, x, y);

@@ -25,10 +25,10 @@ struct GroundLight {
   LightMixture mixture[kGroundRegions];  // of the kinds that the picture has enough of
   Vec3f ratio;                           // log2 of sunlit over shadowed light, per channel
   float ratio_y = 0.0F;                  // of luminance
-  Plane sun;                             // share of the sun, 0..1, on the ground
-  Plane level;                           // log2: what is left of the light, relative to the road's level
-  Plane tint;                            // log2(blue / red): how much bluer than by `ratio` it is, 0 or more
-  ImageView<std::uint8_t> coloured;      // not 0 on paint that its neighbours light; read where there is a shadow
+  Plane sun;    // share of the sun, 0..1, on the ground; of things, once they are lit: where they stand
+  Plane level;  // log2: what is left of the light, relative to the road's level
+  Plane tint;   // log2(blue / red): how much bluer than by `ratio` it is, 0 or more
+  ImageView<std::uint8_t> coloured;  // not 0 on paint that its neighbours light; read where there is a shadow
 };
 
 inline constexpr std::size_t kGroundLightPlanes = 3;

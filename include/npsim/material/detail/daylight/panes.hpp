@@ -11,6 +11,7 @@
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_PANES_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_PANES_HPP
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -83,6 +84,15 @@ Status find_panes(const PaneParams& p, const AlbedoScene& s, const Picture& pict
   }
   if (!any) return {};
   return mean_field(p.field, inside, picture.log_y, odds, picture, workspace, pane, executor);
+}
+
+// log2 albedo of a car's pixel: panes are dark whatever they mirror, and so is what is darker than paint towards the
+// bottom, tyres and the gap under the sills.
+[[nodiscard]] inline float paint_or_glass(float log_albedo, float paint, float down, float pane) noexcept {
+  constexpr float kDarkParts = -4.6F;  // log2 of .04
+  const float tyres = is_no_paint(paint - log_albedo) * clamp_to((down - kTyresFrom) / (1.0F - kTyresFrom), 0.0F, 1.0F);
+  const float dark = std::min(kDarkParts, paint);
+  return log_albedo + std::max(pane, tyres) * (dark - log_albedo);
 }
 
 }  // namespace daylight_detail

@@ -37,9 +37,9 @@ struct StandingLightParams {
   // What stands in the shadow may rise out of it: between these heights its light becomes that of the sun.
   float low_m = 1.5F;
   float high_m = 4.5F;
-  // log2 of the light of upright faces over that of level ground. On a sunny day the sun, or the lower sky and what it
-  // shines on; under clouds .40 of the sky's (CIE overcast) and what the ground throws back. A street that shows no
-  // shadow counts as cloudy.
+  // log2 of the light of upright faces over that of level ground, where no shadow shows the sun. Under clouds, which it
+  // then counts as, .40 of the sky's (CIE overcast) and what the ground throws back; where light is left alone, as on a
+  // sunny day.
   float upright = -0.5F;
   float upright_cloudy = -1.15F;
 };

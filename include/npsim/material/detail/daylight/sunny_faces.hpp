@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which faces of things the sun reaches, where it shines on the ground around them.
+// How much of the sun the faces of things receive, where it shines on the ground around them.
 //
 // Against the sun, what a photograph shows of a sign, a person or a car is its shaded side, and is as dark there as
 // black paint in the sun. One thing alone does not tell which; all that stand in the sun share its direction. Their
 // albedos are those of paint, cloth and sheet metal or, fewer of them, of tyres, panes and black paint. So each
-// direction of sun.hpp's grid says how likely their luminance is, as it does for walls. A face gets the share of the
-// sun that the likely directions let it: half of it where no thing tells, and hardly more or less where few do. Where
-// walls have told the sun, directions near theirs are the likelier ones from the start.
+// direction of sun.hpp's grid says how likely their luminance is, as it does for walls. The logarithm of a face's light
+// is the mean of those that the directions give it, as likely as they are: more than level ground has where a low sun
+// shines on it, the sky's and the street's where it faces away. Where walls have told the sun, directions near theirs
+// are the likelier ones from the start.
 // Roofs and bonnets see the sun from everywhere.
+// Error: things of .06 to .6 that face a sun of 37 to 49 degrees or away from it come out .70 to .79 of that.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUNNY_FACES_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUNNY_FACES_HPP
 
@@ -34,10 +36,11 @@ inline constexpr int kFaceTurns = 32;  // directions of upright faces that are t
 
 struct SunnyFaces {
   Sun sun;
-  std::array<float, kFaceTurns> upright{};  // share of the sun, by the turn of the normal from `ahead` to the right
+  // Light of the sun over that on level ground, by the turn of the normal from `ahead` to the right.
+  std::array<float, kFaceTurns> upright{};
 
-  // Share of the sun that reaches a face, 0..1.
-  [[nodiscard]] float share(const Vec3f& normal) const noexcept {
+  // Light of the sun on a face, over that on level ground.
+  [[nodiscard]] float direct(const Vec3f& normal) const noexcept {
     constexpr float kPerTurn = static_cast<float>(kFaceTurns) / 6.2831853F;
     const float upward = clamp_to(dot(normal, sun.up), 0.0F, 1.0F);
     const float turn = std::atan2(dot(normal, sun.right()), dot(normal, sun.ahead)) * kPerTurn;
@@ -61,9 +64,8 @@ struct SunnyFaces {
 template <class InSun, class Normal, class Executor>
 Status find_sunny_faces(const Picture& picture, const InSun& in_sun, const Normal& normal, float scale, const Sun& sun,
                         Workspace& workspace, SunnyFaces& out, Executor& executor) {
-  constexpr float kBlock_px = 24.0F;    // at 960 px width: things are alike within
-  constexpr float kWallsError = 0.25F;  // rad
-  constexpr float kSoft = 5.0F;         // of the border between lit and turned away: .1 of a cosine either way
+  constexpr float kBlock_px = 64.0F;    // at 960 px width: things are alike within, as walls are
+  constexpr float kWallsError = 0.17F;  // rad: sun.hpp's
   const WorkspaceScope scope(workspace);
   out.sun = sun;
   const SunGrid grid(sun);
@@ -88,11 +90,15 @@ Status find_sunny_faces(const Picture& picture, const InSun& in_sun, const Norma
   for (int k = 0; k < kFaceTurns; ++k) {
     const float turn = 6.2831853F * static_cast<float>(k) / static_cast<float>(kFaceTurns);
     const Vec3f turned = sun.ahead * std::cos(turn) + sun.right() * std::sin(turn);
-    float share = 0.0F;
+    float mean = 0.0F;  // of the logarithm, as that of the albedo is to be told
     for (std::size_t i = 0; i < grid.count; ++i) {
-      share += weight[i] * clamp_to(0.5F + kSoft * dot(turned, grid.direction[i]), 0.0F, 1.0F) / total;
+      Sun likely = sun;
+      likely.direction = grid.direction[i];
+      mean += weight[i] / total * likely.log_light(turned, likely.cosine(turned));
     }
-    out.upright[static_cast<std::size_t>(k)] = share;
+    const float shade = sun.log_light(turned, 0.0F);
+    out.upright[static_cast<std::size_t>(k)] =
+        std::max(exp2_of(mean / sun.stretch) - exp2_of(shade / sun.stretch), 0.0F) / (1.0F - sun.sky);
   }
   return {};
 }
