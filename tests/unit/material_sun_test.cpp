@@ -244,8 +244,10 @@ TEST_CASE("what is seen against the sun is as bright as from its sunny side, and
     }
     CHECK(sunny.sun[sunny.i(240, 120)] > 0.8F);
     CHECK(against.sun[against.i(240, 120)] < 0.2F);
-    // What stands in the shadow is not asked.
+    // What stands in the shadow is not asked; half of what the street throws back to it comes from the shadow.
     CHECK(std::fabs(std::log2(mean_of_thing(against, 0) / mean_of_thing(sunny, 0))) < 0.1);
+    const double shade = 0.6 * 0.13 / (0.5 * 0.13 + 0.1 * (1.0 - 0.5 * 0.87));  // of its light over what it counts as
+    CHECK(mean_of_thing(sunny, 0) == doctest::Approx(0.3 * shade).epsilon(0.05));
   }
 }
 

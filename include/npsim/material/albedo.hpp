@@ -286,6 +286,7 @@ Status light_objects(const StandingLightParams& p, Context& c, Workspace& worksp
   const auto normal = normals_of(c);
   const bool cloudy = c.params.remove_light && !c.ground.shadow;
   const float upright = !c.by_road ? 0.0F : (cloudy ? p.upright_cloudy : p.upright);
+  constexpr float kAround = 0.5F;  // of what the street throws back comes from around a thing, in the same light as it
   SunnyFaces faces;
   if (c.ground.shadow) {
     constexpr float kInSun = 0.9F;
@@ -304,9 +305,12 @@ Status light_objects(const StandingLightParams& p, Context& c, Workspace& worksp
       return;
     }
     const Vec3f face = seen_face(normal(x, y));
-    c.ground.sun(x, y) = place(x, y);
+    const float street = place(x, y);
+    Sun day = c.day;
+    day.thrown *= 1.0F - kAround * (1.0F - day.sky) * (1.0F - street);
     sun *= faces.direct(face);
-    c.light(x, y) = c.scale + c.day.log_light(face, sun * c.day.sine());
+    c.light(x, y) = c.scale + day.log_light(face, sun * day.sine());
+    c.ground.sun(x, y) = street;
     c.sun(x, y) = std::min(sun, 1.0F);
   });
   heights_of_objects(c.scene, picture, c.objects);
