@@ -306,10 +306,10 @@ Status light_objects(const StandingLightParams& p, Context& c, Workspace& worksp
     }
     const Vec3f face = seen_face(normal(x, y));
     const float street = place(x, y);
-    Sun day = c.day;
-    day.thrown *= 1.0F - kAround * (1.0F - day.sky) * (1.0F - street);
+    Sun local = c.day;
+    local.thrown *= 1.0F - kAround * (1.0F - local.sky) * (1.0F - street);
     sun *= faces.direct(face);
-    c.light(x, y) = c.scale + day.log_light(face, sun * day.sine());
+    c.light(x, y) = c.scale + local.log_light(face, sun * local.sine());
     c.ground.sun(x, y) = street;
     c.sun(x, y) = std::min(sun, 1.0F);
   });

@@ -4,12 +4,13 @@
 // Against the sun, what a photograph shows of a sign, a person or a car is its shaded side, and is as dark there as
 // black paint in the sun. One thing alone does not tell which; all that stand in the sun share its direction. Their
 // albedos are those of paint, cloth and sheet metal or, fewer of them, of tyres, panes and black paint. So each
-// direction of sun.hpp's grid says how likely their luminance is, as it does for walls. The logarithm of a face's light
-// is the mean of those that the directions give it, as likely as they are: more than level ground has where a low sun
-// shines on it, the sky's and the street's where it faces away. Where walls have told the sun, directions near theirs
-// are the likelier ones from the start.
+// direction of sun.hpp's grid says how likely their luminance is, as it does for walls. The sun's light on a face is
+// the mean of what the directions give it, as likely as they are: more than level ground has where a low sun shines on
+// it, none where it faces away. Where walls have told the sun, directions near theirs are the likelier ones from the
+// start.
 // Roofs and bonnets see the sun from everywhere.
-// Error: things of .06 to .6 that face a sun of 37 to 49 degrees or away from it come out .70 to .79 of that.
+// Error: things of .06 to .6 come out within .65 of an octave where they face a sun that walls have told, within one
+// where they look away from a sun that they do not tell.
 #ifndef NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUNNY_FACES_HPP
 #define NPSIM_MATERIAL_DETAIL_DAYLIGHT_SUNNY_FACES_HPP
 
@@ -65,6 +66,7 @@ template <class InSun, class Normal, class Executor>
 Status find_sunny_faces(const Picture& picture, const InSun& in_sun, const Normal& normal, float scale, const Sun& sun,
                         Workspace& workspace, SunnyFaces& out, Executor& executor) {
   constexpr float kBlock_px = 64.0F;    // at 960 px width: things are alike within, as walls are
+  constexpr float kMost = 1.5F;         // what low suns give would outweigh all others
   constexpr float kWallsError = 0.17F;  // rad: sun.hpp's
   const WorkspaceScope scope(workspace);
   out.sun = sun;
@@ -90,15 +92,12 @@ Status find_sunny_faces(const Picture& picture, const InSun& in_sun, const Norma
   for (int k = 0; k < kFaceTurns; ++k) {
     const float turn = 6.2831853F * static_cast<float>(k) / static_cast<float>(kFaceTurns);
     const Vec3f turned = sun.ahead * std::cos(turn) + sun.right() * std::sin(turn);
-    float mean = 0.0F;  // of the logarithm, as that of the albedo is to be told
+    float mean = 0.0F;
     for (std::size_t i = 0; i < grid.count; ++i) {
-      Sun likely = sun;
-      likely.direction = grid.direction[i];
-      mean += weight[i] / total * likely.log_light(turned, likely.cosine(turned));
+      const float sine = dot(sun.up, grid.direction[i]);
+      mean += weight[i] / total * std::min(std::max(dot(turned, grid.direction[i]), 0.0F) / sine, kMost);
     }
-    const float shade = sun.log_light(turned, 0.0F);
-    out.upright[static_cast<std::size_t>(k)] =
-        std::max(exp2_of(mean / sun.stretch) - exp2_of(shade / sun.stretch), 0.0F) / (1.0F - sun.sky);
+    out.upright[static_cast<std::size_t>(k)] = mean;
   }
   return {};
 }
